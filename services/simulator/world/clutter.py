@@ -25,7 +25,7 @@ def clutter(builder: Builder, rng: Generator, frame: Frame) -> None:
 
 def _drum(solid: Solid, paint: Paint) -> None:
     for yaw in (0, np.pi / 6, np.pi / 3):
-        solid.cuboid((0, 0, 0.44), (0.27, 0.072 * 3.6, 0.44), paint, yaw=yaw)
+        solid.cuboid((0, 0, 0.44), (0.27, 0.26, 0.44), paint, yaw=yaw)
 
 
 def _cabinet(solid: Solid, paint: Paint) -> None:

@@ -68,17 +68,19 @@ def _finish(seed: int, rng: Generator, builder: Builder, half_x: float, half_y: 
 
 def _hall(builder: Builder, rng: Generator, half_x: float, half_y: float) -> None:
     solid = builder.background(Frame())
-    solid.cuboid((0, 0, -0.1), (half_x, half_y, 0.1), Paint(Material.FLOOR, (1, 1, 1), int(rng.integers(1 << 16))))
+    reach_x, reach_y = half_x + 0.2, half_y + 0.2
+    solid.cuboid((0, 0, -0.1), (reach_x, reach_y, 0.1), Paint(Material.FLOOR, (1, 1, 1), int(rng.integers(1 << 16))))
     colour = shade_of(rng, WALL_COLOURS[int(rng.integers(len(WALL_COLOURS)))])
     wall = Paint(Material.WALL, colour, int(rng.integers(1 << 16)))
     band_paint = shade_of(rng, (colour, (0.3, 0.35, 0.45), (0.75, 0.65, 0.2))[int(rng.integers(3))])
     band = Paint(Material.PLAIN, band_paint)
     for x, y, long_x, long_y in ((1, 0, 0, 1), (-1, 0, 0, 1), (0, 1, 1, 0), (0, -1, 1, 0)):
         centre = (x * (half_x + 0.1), y * (half_y + 0.1), HEIGHT / 2)
-        solid.cuboid(centre, (half_x * long_x + 0.1, half_y * long_y + 0.1, HEIGHT / 2), wall)
+        solid.cuboid(centre, (reach_x * long_x + 0.1, reach_y * long_y + 0.1, HEIGHT / 2 + 0.2), wall)
         skirting = (x * half_x, y * half_y, 0.5)
         solid.cuboid(skirting, (half_x * long_x + 0.02, half_y * long_y + 0.02, 0.5), band)
-    solid.cuboid((0, 0, HEIGHT + 0.1), (half_x, half_y, 0.1), Paint(Material.CEILING, (1, 1, 1), int(rng.integers(2))))
+    roof = Paint(Material.CEILING, (1, 1, 1), int(rng.integers(2)))
+    solid.cuboid((0, 0, HEIGHT + 0.1), (reach_x, reach_y, 0.1), roof)
     for x in np.arange(2 - half_x, half_x, 4.0):
         solid.cuboid((float(x), 0, HEIGHT - 0.25), (0.1, half_y, 0.2), Paint(Material.METAL, (0.45, 0.46, 0.5)))
 

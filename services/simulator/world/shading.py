@@ -58,7 +58,7 @@ class Shader:
         slots = self._visible.slots[top:bottom]
         empty = slots < 0
         index = np.maximum(slots, 0).astype(np.intp)
-        depth = 1 / np.maximum(self._visible.inverse_depth[top:bottom], 1e-6)
+        depth = 1 / np.where(empty, np.float32(1), self._visible.inverse_depth[top:bottom])
         rows = np.arange(top, bottom, dtype=np.float32)[:, None]
         columns = np.arange(slots.shape[1], dtype=np.float32)
         u, v, light = (
