@@ -133,12 +133,14 @@ def _wrong_file(path: Path, reason: str, cause: Exception | None = None) -> NoRe
 def _first_mistake(error: ValidationError) -> str:
     mistakes = sorted(error.errors(include_url=False), key=lambda mistake: mistake["type"] != "extra_forbidden")
     mistake = mistakes[0]  # a misspelt name first: it explains why another setting is missing
+    reason = mistake["msg"].removeprefix("Value error, ")
+    if not mistake["loc"]:  # settings that do not go together: the reason names them
+        return reason
     place = [str(part) for part in mistake["loc"]]
-    name = "--" + ".".join([place[0].replace("_", "-"), *place[1:]]) if place else "settings"
+    name = "--" + ".".join([place[0].replace("_", "-"), *place[1:]])
     match mistake["type"]:
         case "missing":
             return f"{name} is required (or {ENV_PREFIX}{place[0].upper()}, or in the file that --config names)"
         case "extra_forbidden":
             return f"{place[0]!r} is not a setting"
-    value = repr(mistake["input"])
-    return f"{name} {value[:80]}: {mistake['msg'].removeprefix('Value error, ')}"
+    return f"{name} {repr(mistake['input'])[:80]}: {reason}"
