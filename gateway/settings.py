@@ -57,7 +57,7 @@ class GatewaySettings(BusSettings):
         Field(
             default_factory=host_name,
             min_length=1,
-            description="name or address at which other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
+            description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
         ),
     ]
     cameras: Annotated[
