@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from bus.api import LATEST, Bus, Publisher, QoS, Sample
+from bus import LATEST, Bus, Publisher, QoS, Sample
 from bus.shared_demand import SharedDemand, while_wanted
 from schemas import codec
 from schemas.detections import ClassList, Detections, class_list

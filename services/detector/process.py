@@ -4,7 +4,7 @@ import asyncio
 import logging
 from concurrent.futures import ThreadPoolExecutor
 
-from bus.zenoh_bus import open_bus
+from bus import open_bus
 from services.detector.settings import DetectorSettings
 from services.detector.ultralytics_model import load
 from services.detector.worker import Worker

@@ -5,7 +5,7 @@ import logging
 import time
 from concurrent.futures import Executor
 
-from bus.api import Bus, QoS
+from bus import Bus, QoS
 from schemas import codec, keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError

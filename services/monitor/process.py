@@ -7,9 +7,8 @@ from collections.abc import Callable
 
 from rich.console import Console
 
-from bus.api import QUEUE, Bus, Sample
+from bus import QUEUE, Bus, Sample, open_bus
 from bus.clock import clock_id
-from bus.zenoh_bus import open_bus
 from schemas import codec, keys
 from schemas.detections import ClassList
 from schemas.errors import SchemaError

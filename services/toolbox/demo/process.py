@@ -11,9 +11,8 @@ from typing import Final
 
 from rich.console import Console
 
+from bus import BusSettings, open_bus
 from bus.clock import clock_id
-from bus.settings import BusSettings
-from bus.zenoh_bus import open_bus
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
