@@ -1,6 +1,7 @@
 """The demo's processes: started together, their words shown, none left behind."""
 
 import asyncio
+import os
 import shutil
 import signal
 import sys
@@ -14,6 +15,10 @@ STOP_S: Final = 1.8
 """How long a process may take to end in order before it is killed; with what follows it stays under 3 s."""
 
 MAX_LINE: Final = 64 * 1024
+
+
+OWN_SETTINGS: Final = ("FLEETSIGHT_", "ROS_")
+"""The demo's processes are set by it alone, whatever this shell is set up for."""
 
 
 class ChildFailedError(Exception):
@@ -58,6 +63,7 @@ async def child(name: str, arguments: Sequence[str], say: Callable[[str], None])
         stdout=PIPE,
         stderr=PIPE,
         limit=MAX_LINE,
+        env={name: value for name, value in os.environ.items() if not name.startswith(OWN_SETTINGS)},
         start_new_session=True,
     )
     started = Child(name, process)

@@ -60,7 +60,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     """Return each process's command line by its name; the robots' ROS masters listen at `master_port` and following."""
     model = ["--model", settings.model] if settings.model else []
     simulator = [
-        *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--json"),
+        *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
         *("--master-port", str(master_port)),
     ]
     gateways = {
