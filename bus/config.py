@@ -7,6 +7,9 @@ from bus.settings import BusSettings
 OPEN_TIMEOUT_MS: Final = 1_000
 """How long one attempt to connect may take."""
 
+MAX_BLOCKED_MS: Final = 1_000
+"""How long a link may refuse a declaration before it counts as lost; short of the deadline for closing."""
+
 MAX_MESSAGE_BYTES: Final = 128 * 1024 * 1024
 """What a link takes in at most as one message."""
 
@@ -17,6 +20,7 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
     Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
     """
     lease_ms = round(settings.lease_s * 1000)
+    blocked_us = min(lease_ms, MAX_BLOCKED_MS) * 1_000
     return {
         "mode": settings.mode,
         "connect": {
@@ -34,7 +38,7 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
                 "tx": {
                     "lease": lease_ms,
                     "keep_alive": 4,
-                    "queue": {"congestion_control": {"block": {"wait_before_close": lease_ms * 1000}}},
+                    "queue": {"congestion_control": {"block": {"wait_before_close": blocked_us}}},
                 },
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},
             },

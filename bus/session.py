@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Final, Protocol
 
 import zenoh
@@ -15,6 +16,7 @@ from zenoh.handlers import Callback
 
 from bus.config import session_config
 from bus.errors import BusError
+from bus.linger import shorten
 from bus.settings import BusSettings
 
 RETRY_S: Final = 0.5
@@ -111,8 +113,7 @@ class SessionThread:
             self._retry_at = time.monotonic() + RETRY_S
             return
         self._retry_at = None
-        if self._settings.mode == "client":
-            self._session.info.declare_transport_events_listener(Callback(self._on_link, indirect=False), history=True)
+        self._session.info.declare_link_events_listener(Callback(self._on_link, indirect=False), history=True)
         for declaration in list(self._kept):
             try:
                 self._declare(declaration)
@@ -123,11 +124,19 @@ class SessionThread:
     def _where(self) -> str:
         return ", ".join(self._settings.connect) or "any address found by scouting"
 
-    def _on_link(self, event: zenoh.TransportEvent) -> None:
-        if event.kind == zenoh.SampleKind.PUT:
-            _log.info("connected to router %s", event.transport.zid)
-        elif not self._stopped:
-            _log.warning("lost router %s, waiting for one at %s", event.transport.zid, self._where)
+    def _on_link(self, event: zenoh.LinkEvent) -> None:
+        """Have the session's thread act on it; this one is Zenoh's."""
+        act = self._link_up if event.kind == zenoh.SampleKind.PUT else self._link_down
+        self._jobs.put(partial(act, event.link.src, event.link.dst))
+
+    def _link_up(self, own: str, other: str) -> None:
+        shorten(own)
+        if self._settings.mode == "client":
+            _log.info("connected to the router at %s", other)
+
+    def _link_down(self, _own: str, other: str) -> None:
+        if self._settings.mode == "client" and not self._stopped:
+            _log.warning("lost the router at %s, waiting for one at %s", other, self._where)
 
     def _declare(self, declaration: Declaration) -> None:
         self._kept[declaration] = None
@@ -152,6 +161,9 @@ class SessionThread:
         self._stopped = True
         for declaration in list(self._kept):
             self._undeclare(declaration)
-        if self._session is not None:
-            self._session.close()
+        try:
+            if self._session is not None:
+                self._session.close()
+        except zenoh.ZError as error:
+            _log.warning("the session did not close cleanly: %s", error)
         then()

@@ -8,12 +8,9 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_val
 _ENDPOINT: Final = re.compile(
     r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9A-Fa-f:.]+\]|[^\s\[\]/:?#]+):(?P<port>\d{1,5})(?:[?#]\S*)?"
 )
-_SOCKET_FILE: Final = re.compile(r"unixsock-stream/[^\s?#]+(?:[?#]\S*)?")
 
 
 def _endpoint(value: str) -> str:
-    if _SOCKET_FILE.fullmatch(value):
-        return value
     match = _ENDPOINT.fullmatch(value)
     if match is None or int(match["port"]) > 65535:
         raise ValueError(f"{value!r} is no endpoint; write it like tcp/192.168.0.1:7447")

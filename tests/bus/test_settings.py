@@ -13,7 +13,6 @@ from bus import BusSettings
         "quic/10.0.0.1:1",
         "tcp/10.0.0.1:7447#iface=eth0",
         "udp/10.0.0.1:7447?rel=0",
-        "unixsock-stream//run/fleet.sock",
     ],
 )
 def test_an_endpoint_is_taken_as_it_is(endpoint: str) -> None:
