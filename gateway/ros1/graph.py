@@ -15,6 +15,7 @@ class Replaced:
 
     name: str
     uri: str
+    published: tuple[str, ...]
 
 
 class Registry:
@@ -46,14 +47,14 @@ class Registry:
             self.remove(key, node, self._entries[key][node])
         return keys
 
-    def clear(self, key: str) -> None:
-        self._entries.pop(key, None)
-
     def has_node(self, node: str) -> bool:
         return any(node in nodes for nodes in self._entries.values())
 
     def keys(self) -> list[str]:
         return list(self._entries)
+
+    def nodes(self, key: str) -> list[str]:
+        return list(self._entries.get(key, {}))
 
     def uris(self, key: str) -> list[str]:
         return list(self._entries.get(key, {}).values())
@@ -87,13 +88,14 @@ class Graph:
         self.nodes[node] = uri
         if old is None or old == uri:
             return None
-        for registry in self._registries:
-            registry.remove_node(node)
-        return Replaced(node, old)
+        published = self.publishers.remove_node(node)
+        self.subscribers.remove_node(node)
+        self.services.remove_node(node)
+        return Replaced(node, old, tuple(published))
 
     def leave(self, node: str) -> None:
         """Forget a node that has no registration left."""
-        if not any(registry.has_node(node) for registry in self._registries):
+        if not any(book.has_node(node) for book in (self.publishers, self.subscribers, self.services)):
             self.nodes.pop(node, None)
 
     def set_type(self, topic: str, type_name: str, *, authoritative: bool) -> None:
@@ -103,7 +105,3 @@ class Graph:
                 self.topic_types.setdefault(topic, type_name)
         elif authoritative or topic not in self.topic_types:
             self.topic_types[topic] = type_name
-
-    @property
-    def _registries(self) -> tuple[Registry, Registry, Registry]:
-        return self.publishers, self.subscribers, self.services

@@ -33,9 +33,7 @@ class ParameterTree:
         """
         value: Any = self._root
         for part in _parts(key):
-            if not isinstance(value, dict):
-                raise LookupError(key)
-            value = value[part]
+            value = _inside(value)[part]
         return value
 
     def has(self, key: str) -> bool:
@@ -71,10 +69,7 @@ class ParameterTree:
         parts = _parts(key)
         if not parts:
             raise LookupError("the root of the parameters cannot be deleted")
-        namespace = self.get(_join(parts[:-1]))
-        if not isinstance(namespace, dict):
-            raise LookupError(key)
-        del namespace[parts[-1]]
+        del _inside(self.get(_join(parts[:-1])))[parts[-1]]
         return self._updates(_join(parts), {}, "")
 
     def names(self) -> list[str]:
@@ -146,6 +141,11 @@ def _parts(key: str) -> list[str]:
 
 def _join(parts: list[str]) -> str:
     return "/" + "/".join(parts)
+
+
+def _inside(value: Any) -> dict[str, Any]:
+    """Return the namespace that a value is; a plain value has nothing inside."""
+    return value if isinstance(value, dict) else {}
 
 
 def _is_within(key: str, namespace: str) -> bool:

@@ -56,7 +56,7 @@ class TcprosServer:
         address = listen_address(self._host)
         family = socket.AF_INET6 if ":" in address else socket.AF_INET
         self._listener = socket.create_server((address, 0), family=family, backlog=64)
-        self._listener.setblocking(False)
+        self._listener.settimeout(0)
         self._port = self._listener.getsockname()[1]
         self._accepting = self._scope.start(self._accept(self._listener), "TCPROS listener")
         return self
