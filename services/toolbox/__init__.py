@@ -1,0 +1,1 @@
+"""The command line: one console command, a subcommand per process, settings from options, environment and file."""

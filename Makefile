@@ -1,0 +1,41 @@
+# The two commands are `make demo` and `make test`; both set up .venv first and reuse it.
+SHELL := /bin/bash
+BIN := .venv/bin
+SECONDS ?=
+ROBOTS ?= 3
+
+.PHONY: demo test lint types tests ros bench clean help
+
+help:  ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
+
+demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
+	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
+
+test: .venv/.test ros lint types tests  ## install what the tests need and run every check
+
+lint:
+	@echo "[check] format, lint, import rules"
+	@$(BIN)/ruff format --check --quiet .
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/lint-imports --no-logo --no-timings
+
+types:
+	@echo "[check] types"
+	@$(BIN)/mypy
+
+tests:
+	@echo "[check] tests"
+	@$(BIN)/python -m pytest
+
+ros:
+	@tests/integration/install-ros.sh
+
+bench: .venv/.test ros  ## measure the gateway against a rospy one, side by side
+	@$(BIN)/python -m benchmarks.gateway
+
+clean:  ## remove the virtual environment and caches
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+
+.venv/.%: pyproject.toml constraints.txt
+	@deploy/venv.sh $*

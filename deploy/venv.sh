@@ -1,0 +1,62 @@
+#!/usr/bin/env bash
+# Make .venv in the checkout, or reuse it, and install fleetsight with the extra named by the argument.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+extra=$1
+log=.venv/install-$extra.log
+
+say() { printf '[setup] %s\n' "$*"; }
+fail() { printf '[setup] %s\n' "$*" >&2; exit 1; }
+
+find_python() {
+    local name
+    for name in ${PYTHON:-python3 python3.14 python3.13 python3.12 python3.11}; do
+        if "$name" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+            command -v "$name"
+            return
+        fi
+    done
+    fail "no Python 3.11 or newer found; install one, or name it: make PYTHON=/path/to/python3 ..."
+}
+
+as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi; }
+
+# Run a slow command and keep one line on the screen that says how it gets on.
+with_progress() {
+    local what=$1 began=$SECONDS every=15 pid
+    shift
+    "$@" >"$log" 2>&1 &
+    pid=$!
+    trap 'kill $pid 2>/dev/null; exit 130' INT TERM
+    [ -t 1 ] && every=1
+    while kill -0 "$pid" 2>/dev/null; do
+        sleep 1
+        if (((SECONDS - began) % every == 0)); then
+            local line
+            line=$(printf '[setup] %s: %d s, %s' "$what" $((SECONDS - began)) "$(tail -n 1 "$log" | cut -c 1-60)")
+            if [ -t 1 ]; then printf '\r\033[K%s' "$line"; else printf '%s\n' "$line"; fi
+        fi
+    done
+    trap - INT TERM
+    [ -t 1 ] && printf '\r\033[K'
+    if ! wait "$pid"; then
+        tail -n 20 "$log" >&2
+        fail "$what failed; the whole log is in $log"
+    fi
+    say "$what: done in $((SECONDS - began)) s"
+}
+
+if ! [ -x .venv/bin/python ]; then
+    python=$(find_python)
+    say "making .venv with $("$python" --version)"
+    if ! "$python" -m venv .venv 2>/dev/null; then
+        say "this Python cannot make virtual environments yet: installing Debian's python3-venv"
+        as_root apt-get install -y --no-install-recommends python3-venv >/dev/null 2>&1 ||
+            fail "could not install it; run: apt-get install python3-venv"
+        rm -rf .venv
+        "$python" -m venv .venv
+    fi
+fi
+export PIP_CONSTRAINT=$PWD/constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1
+with_progress "installing fleetsight[$extra] (PyTorch alone is some GB)" .venv/bin/python -m pip install --editable ".[$extra]"
+touch ".venv/.$extra"

@@ -1,0 +1,85 @@
+"""What can go wrong when speaking ROS 1.
+
+Ros1Error
+├── InvalidNameError        not a legal graph resource name
+├── WireError               bytes that are not the protocol
+│   ├── HeaderError         a connection header
+│   ├── TcprosError         a TCPROS stream after or around its header
+│   └── XmlRpcError         an XML-RPC body, or a value that cannot become one
+├── MessageError            bytes that are not a message of the given type, or the reverse
+│   └── UnknownTypeError    a message type without a known definition
+├── LinkRefusedError        the peer of a TCPROS connection answered `error=`
+├── TypeMismatchError       the publisher's type or md5sum is not the expected one
+└── CallError               a call of the master or slave API did not succeed
+    ├── UnreachableError    no answer: refused, timed out, closed, or not HTTP's 200
+    ├── FaultError          an XML-RPC fault
+    └── StatusError         an answer whose status code is not success
+"""
+
+from __future__ import annotations
+
+
+class Ros1Error(Exception):
+    """Base class of all errors of this package."""
+
+
+class InvalidNameError(Ros1Error):
+    """Not a legal graph resource name."""
+
+
+class WireError(Ros1Error):
+    """Bytes that are not the protocol."""
+
+
+class HeaderError(WireError):
+    """A connection header that is malformed or over a limit."""
+
+
+class TcprosError(WireError):
+    """A TCPROS stream that is malformed or over a limit."""
+
+
+class XmlRpcError(WireError):
+    """An XML-RPC body that is malformed or over a limit, or a value that XML-RPC cannot carry."""
+
+
+class MessageError(Ros1Error):
+    """Bytes that are not a message of the given type, or a message that cannot be serialised."""
+
+
+class UnknownTypeError(MessageError):
+    """A message type without a known definition."""
+
+
+class LinkRefusedError(Ros1Error):
+    """The peer answered the connection header with `error=`."""
+
+
+class TypeMismatchError(Ros1Error):
+    """The publisher's type or md5sum is not the expected one."""
+
+
+class CallError(Ros1Error):
+    """A call of the master or slave API did not succeed."""
+
+
+class UnreachableError(CallError):
+    """No answer: connection refused, timed out, closed early, or not HTTP's 200."""
+
+
+class FaultError(CallError):
+    """The peer answered with an XML-RPC fault."""
+
+    def __init__(self, code: int, message: str) -> None:
+        super().__init__(f"fault {code}: {message}")
+        self.code = code
+
+
+class StatusError(CallError):
+    """The peer answered with ROS's status code 0 (failure) or -1 (error)."""
+
+    def __init__(self, code: int, reason: str, value: object = 0) -> None:
+        super().__init__(f"status {code}: {reason}")
+        self.code = code
+        self.reason = reason
+        self.value = value

@@ -1,0 +1,23 @@
+"""Which address to listen on, given the name that others are told."""
+
+from __future__ import annotations
+
+import ipaddress
+
+
+def listen_address(host: str) -> str:
+    """Return the loopback for a loopback host, else every interface: a robot's public name may not be a local one."""
+    if host == "localhost":
+        return "127.0.0.1"
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return "0.0.0.0"  # noqa: S104 - what ROS_HOSTNAME asks for
+    if address.is_loopback:
+        return host
+    return "::" if address.version == 6 else "0.0.0.0"  # noqa: S104 - what ROS_IP asks for
+
+
+def uri_host(host: str) -> str:
+    """Return the host as it is written inside a URI."""
+    return f"[{host}]" if ":" in host else host

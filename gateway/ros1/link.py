@@ -1,0 +1,97 @@
+"""The socket under one subscriber connection."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from typing import TYPE_CHECKING
+
+from gateway.ros1.errors import Ros1Error, UnreachableError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent
+
+# A robot that drives out of the network sends no FIN: notice it after about 25 s.
+_KEEPALIVE = ((socket.TCP_KEEPIDLE, 10), (socket.TCP_KEEPINTVL, 5), (socket.TCP_KEEPCNT, 3))
+
+
+async def run_link(
+    address: tuple[str, int],
+    connection: SubscriberConnection,
+    on_event: Callable[[SubscriberEvent], None],
+    *,
+    handshake_timeout: float,
+) -> None:
+    """Connect and hand over events until the publisher closes the stream.
+
+    Raises:
+        UnreachableError: no connection, or no header, within `handshake_timeout` seconds.
+        Ros1Error: what the connection or `on_event` raised.
+
+    """
+    link = _Link(connection, on_event)
+    loop = asyncio.get_running_loop()
+    try:
+        async with asyncio.timeout(handshake_timeout):
+            await loop.create_connection(lambda: link, *address)
+            await link.first_event.wait()
+    except (TimeoutError, OSError) as error:
+        await link.abort()
+        raise UnreachableError(f"no TCPROS connection to {address[0]}:{address[1]}: {error!r}") from error
+    except BaseException:
+        await link.abort()
+        raise
+    try:
+        await link.lost.wait()
+    finally:
+        await link.abort()
+    if link.error is not None:
+        raise link.error
+
+
+class _Link(asyncio.BufferedProtocol):
+    def __init__(self, connection: SubscriberConnection, on_event: Callable[[SubscriberEvent], None]) -> None:
+        self.first_event = asyncio.Event()
+        self.lost = asyncio.Event()
+        self.error: Ros1Error | None = None
+        self._connection = connection
+        self._on_event = on_event
+        self._transport: asyncio.Transport | None = None
+
+    async def abort(self) -> None:
+        """Close the socket at once; returns when it is closed."""
+        if self._transport is not None:
+            self._transport.abort()
+            await self.lost.wait()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)  # noqa: S101 - what create_connection makes
+        self._transport = transport
+        raw = transport.get_extra_info("socket")
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in _KEEPALIVE:
+            raw.setsockopt(socket.IPPROTO_TCP, option, value)
+        transport.write(self._connection.opening)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if exc is not None and self.error is None:
+            self.error = UnreachableError(f"connection lost: {exc}")
+        self.lost.set()
+        self.first_event.set()
+
+    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 - the length prefix knows better
+        return self._connection.get_buffer()
+
+    def buffer_updated(self, nbytes: int) -> None:
+        if self.error is not None:
+            return
+        try:
+            for event in self._connection.buffer_updated(nbytes):
+                self._on_event(event)
+                self.first_event.set()
+        except Ros1Error as error:
+            self.error = error
+            if self._transport is not None:
+                self._transport.abort()

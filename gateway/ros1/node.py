@@ -1,0 +1,240 @@
+"""A ROS 1 node: one name at one master, with subscriptions and publications."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from random import Random
+from typing import TYPE_CHECKING, Any, Self
+
+from gateway.ros1.errors import Ros1Error
+from gateway.ros1.master import MasterClient
+from gateway.ros1.messages import message_type
+from gateway.ros1.names import resolve, validate_global, validate_type
+from gateway.ros1.publisher import Publication
+from gateway.ros1.registrar import Registrar
+from gateway.ros1.registrations import Registration, Role
+from gateway.ros1.slave import SlaveApi
+from gateway.ros1.subscriber import Message, Subscription
+from gateway.ros1.tasks import TaskScope, cancel_and_wait
+from gateway.ros1.tcpros_server import TcprosServer
+from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES, Offer
+from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc_server import XmlRpcServer
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+    from types import TracebackType
+
+_log = logging.getLogger(__name__)
+
+
+class Node:
+    """Enter it to come up; the master may be absent and may come and go. Leaving unregisters, within a deadline.
+
+    Args:
+        name: global and unique: a master shuts down the older of two nodes of one name.
+        master_uri: where the master answers, such as `http://robot:11311`.
+        host: the name or address under which others reach this node.
+        poll_interval: seconds between looks at the master.
+        timeout: seconds for each call, connection and handshake.
+        exit_timeout: seconds for unregistering.
+        rng: jitters reconnects.
+
+    Raises:
+        InvalidNameError: the name is not global and legal.
+
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        master_uri: str,
+        host: str = "127.0.0.1",
+        poll_interval: float = 3.0,
+        timeout: float = 5.0,
+        exit_timeout: float = 2.0,
+        rng: Random | None = None,
+    ) -> None:
+        self.name = validate_global(name)
+        self.shutdown_requested = asyncio.Event()
+        self._timeout = timeout
+        self._exit_timeout = exit_timeout
+        self._rng = rng or Random()  # noqa: S311 - jitter, no secret
+        self._client = XmlRpcClient(timeout=timeout)
+        self.master = MasterClient(self._client, uri=master_uri, caller_id=name)
+        self._scope = TaskScope()
+        self._subscriptions: dict[str, Subscription] = {}
+        self._publications: dict[str, Publication] = {}
+        self._registrar = Registrar(master=self.master, node=name, lists=self, interval=poll_interval)
+        self._slave = XmlRpcServer(SlaveApi(self), host=host, timeout=timeout)
+        self._tcpros = TcprosServer(
+            callerid=name, host=host, publications=self._publications, scope=self._scope, timeout=timeout
+        )
+        self._stack = AsyncExitStack()
+
+    @property
+    def uri(self) -> str:
+        """The slave API's URI; known once entered."""
+        return self._slave.uri
+
+    async def __aenter__(self) -> Self:
+        async with AsyncExitStack() as stack:
+            await stack.enter_async_context(self._client)
+            await stack.enter_async_context(self._scope)
+            await stack.enter_async_context(self._slave)
+            await stack.enter_async_context(self._tcpros)
+            registering = self._scope.start(self._registrar.run(self.uri), "registrar")
+            stack.push_async_callback(self._unregister, registering)
+            self._stack = stack.pop_all()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        await self._stack.__aexit__(kind, error, traceback)
+
+    async def _unregister(self, registering: asyncio.Task[None]) -> None:
+        await cancel_and_wait({registering})
+        with suppress(TimeoutError):
+            async with asyncio.timeout(self._exit_timeout):
+                await self._registrar.finish()
+
+    @asynccontextmanager
+    async def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        on_message: Callable[[Message], None],
+        *,
+        max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+    ) -> AsyncIterator[Subscription]:
+        """Receive a topic; type `*` takes the first publisher's type.
+
+        `on_message` is called on the event loop for every whole message and must not block. What it raises is
+        logged and counted. A node has one subscription of a topic at a time.
+
+        Raises:
+            InvalidNameError, UnknownTypeError: the topic or the type.
+            Ros1Error: the topic is subscribed already.
+
+        """
+        topic = resolve(topic, self.name)
+        if topic in self._subscriptions:
+            raise Ros1Error(f"{self.name} subscribes to {topic} already")
+        subscription = Subscription(
+            callerid=self.name,
+            topic=topic,
+            expected=message_type(type_name).topic_type,
+            on_message=on_message,
+            client=self._client,
+            scope=self._scope,
+            rng=self._rng,
+            timeout=self._timeout,
+            max_message_bytes=max_message_bytes,
+        )
+        registration = Registration(Role.SUBSCRIBER, topic, type_name)
+        self._subscriptions[topic] = subscription
+        self._want(registration)
+        try:
+            yield subscription
+        finally:
+            del self._subscriptions[topic]
+            links = subscription.close()
+            self._registrar.release(registration)
+            await self._settle()
+            await cancel_and_wait(links)
+
+    @asynccontextmanager
+    async def advertise(
+        self, topic: str, type_name: str, *, latch: bool = False, queue_size: int = 1
+    ) -> AsyncIterator[Publication]:
+        """Publish a topic; at most `queue_size` messages wait for each subscriber, the newest win.
+
+        Raises:
+            InvalidNameError, UnknownTypeError: the topic or the type; `*` cannot be advertised.
+            Ros1Error: the topic is advertised already.
+
+        """
+        topic = resolve(topic, self.name)
+        if topic in self._publications:
+            raise Ros1Error(f"{self.name} publishes {topic} already")
+        kind = message_type(validate_type(type_name))
+        publication = Publication(Offer(topic, kind.topic_type, kind.definition, latch), queue_size=queue_size)
+        registration = Registration(Role.PUBLISHER, topic, type_name)
+        self._publications[topic] = publication
+        self._want(registration)
+        try:
+            yield publication
+        finally:
+            del self._publications[topic]
+            publication.close()
+            self._registrar.release(registration)
+            await self._settle()
+
+    def _want(self, registration: Registration) -> None:
+        if not self.shutdown_requested.is_set():
+            self._registrar.want(registration)
+
+    async def _settle(self) -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(self._exit_timeout):
+                await self._registrar.settle()
+
+    # What the slave API and the registrar ask of a node.
+
+    @property
+    def master_uri(self) -> str:
+        return self.master.uri
+
+    @property
+    def tcpros_address(self) -> tuple[str, int]:
+        return self._tcpros.address
+
+    def publications(self) -> dict[str, str]:
+        """Return message type names by topic."""
+        return {topic: publication.offer.type.name for topic, publication in self._publications.items()}
+
+    def subscriptions(self) -> dict[str, str]:
+        """Return message type names by topic."""
+        return {topic: subscription.type.name for topic, subscription in self._subscriptions.items()}
+
+    def publishers_updated(self, topic: str, uris: Sequence[str]) -> None:
+        """Take the master's whole list of a topic's publishers."""
+        if topic in self._subscriptions:
+            self._subscriptions[topic].update_count += 1
+            self.publishers_registered(topic, uris)
+
+    def publishers_registered(self, topic: str, uris: Sequence[str]) -> None:
+        """Take the list that answers a registration."""
+        if topic in self._subscriptions:
+            self._subscriptions[topic].publishers_updated(uris)
+
+    def update_count(self, topic: str) -> int:
+        """Return how many publisherUpdate calls the topic had."""
+        return self._subscriptions[topic].update_count if topic in self._subscriptions else 0
+
+    def known_publishers(self) -> Mapping[str, int]:
+        """Return how many publishers are known by topic."""
+        return {topic: len(subscription.publisher_uris) for topic, subscription in self._subscriptions.items()}
+
+    def shutdown(self, reason: str) -> None:
+        """Give up all registrations and leave it to the owner of the node to end it."""
+        _log.error("%s is asked to shut down: %s", self.name, reason)
+        self._registrar.release_all()
+        self.shutdown_requested.set()
+
+    def bus_stats(self) -> list[Any]:
+        """Return ROS's `[publish stats, subscribe stats, service stats]`."""
+        return [
+            [p.bus_stats() for p in self._publications.values()],
+            [s.bus_stats() for s in self._subscriptions.values()],
+            [],
+        ]
+
+    def bus_info(self) -> list[Any]:
+        """Return ROS's list of `[id, destination, direction, transport, topic, connected]`."""
+        outward = [row for publication in self._publications.values() for row in publication.bus_info()]
+        return outward + [row for subscription in self._subscriptions.values() for row in subscription.bus_info()]

@@ -1,0 +1,145 @@
+"""Keeps a node registered: at a master that is not there yet, is restarted, or loses an update."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from gateway.ros1.errors import CallError, Ros1Error, UnreachableError
+from gateway.ros1.registrations import Registration, Registrations, Role
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
+    from typing import Protocol
+
+    from gateway.ros1.master import MasterClient
+
+    class PublisherLists(Protocol):
+        """The node's knowledge of who publishes."""
+
+        def update_count(self, topic: str) -> int:
+            """Return how many publisherUpdate calls the topic had."""
+
+        def publishers_registered(self, topic: str, uris: Sequence[str]) -> None: ...
+
+        def known_publishers(self) -> Mapping[str, int]:
+            """Return how many publishers are known by topic."""
+
+
+_log = logging.getLogger(__name__)
+
+
+class Registrar:
+    """The only one that registers and unregisters, so that calls never overtake each other."""
+
+    def __init__(self, *, master: MasterClient, node: str, lists: PublisherLists, interval: float) -> None:
+        self._master = master
+        self._lists = lists
+        self._interval = interval
+        self._registrations = Registrations(node)
+        self._caller_api = ""
+        self._wake = asyncio.Event()
+        self._waiters: list[asyncio.Future[None]] = []
+        self._master_answers: bool | None = None
+        self._refused: set[Registration] = set()
+
+    def want(self, registration: Registration) -> None:
+        self._registrations.wanted.add(registration)
+        self._wake.set()
+
+    def release(self, registration: Registration) -> None:
+        self._registrations.wanted.discard(registration)
+        self._wake.set()
+
+    def release_all(self) -> None:
+        self._registrations.wanted.clear()
+        self._wake.set()
+
+    async def settle(self) -> None:
+        """Return when everything wanted or released so far has been tried once."""
+        waiter = asyncio.get_running_loop().create_future()
+        self._waiters.append(waiter)
+        self._wake.set()
+        await waiter
+
+    async def run(self, caller_api: str) -> None:
+        """Register `caller_api`, the node's slave URI, for what is wanted, until cancelled."""
+        self._caller_api = caller_api
+        compare = False
+        while True:
+            self._wake.clear()
+            waiters, self._waiters = self._waiters, []
+            await self._attempt(compare=compare)
+            for waiter in waiters:
+                if not waiter.done():
+                    waiter.set_result(None)
+            compare = not await self._woken()
+
+    async def finish(self) -> None:
+        """Unregister everything; to be called after `run` has ended."""
+        self._registrations.wanted.clear()
+        await self._attempt(compare=False)
+
+    async def _woken(self) -> bool:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(self._interval):
+                await self._wake.wait()
+                return True
+        return False
+
+    async def _attempt(self, *, compare: bool) -> None:
+        try:
+            if compare:
+                state = await self._master.get_system_state()
+                self._registrations.compare(state, self._lists.known_publishers())
+            await self._apply()
+        except Ros1Error as error:
+            if self._master_answers is not False:
+                _log.warning("waiting for the ROS master at %s: %s", self._master.uri, error)
+            self._master_answers = False
+        else:
+            if self._master_answers is False:
+                _log.info("the ROS master at %s answers", self._master.uri)
+            self._master_answers = True
+
+    async def _apply(self) -> None:
+        changes = self._registrations.plan()
+        for registration in changes.unregister:
+            await self._one(self._unregister, registration)
+        for registration in changes.register:
+            self._registrations.registering(registration)
+            await self._one(self._register, registration)
+
+    async def _one(self, call: Callable[[Registration], Awaitable[None]], registration: Registration) -> None:
+        """Make one call; a master that refuses it does not keep the others from being made."""
+        try:
+            await call(registration)
+        except UnreachableError:
+            raise
+        except CallError as error:
+            if registration not in self._refused:
+                _log.error("the ROS master refuses %s %s: %s", registration.role.value, registration.topic, error)
+            self._refused.add(registration)
+        else:
+            self._refused.discard(registration)
+
+    async def _register(self, registration: Registration) -> None:
+        topic, type_name = registration.topic, registration.type_name
+        if registration.role is Role.PUBLISHER:
+            await self._master.register_publisher(topic, type_name, self._caller_api)
+        else:
+            before = self._lists.update_count(topic)
+            uris = await self._master.register_subscriber(topic, type_name, self._caller_api)
+            # A publisherUpdate that came in the meantime is newer than this answer.
+            if self._lists.update_count(topic) == before:
+                self._lists.publishers_registered(topic, uris)
+        self._registrations.registered(registration)
+
+    async def _unregister(self, registration: Registration) -> None:
+        if registration.role is Role.PUBLISHER:
+            await self._master.unregister_publisher(registration.topic, self._caller_api)
+        else:
+            await self._master.unregister_subscriber(registration.topic, self._caller_api)
+        self._registrations.unregistered(registration)

@@ -1,0 +1,80 @@
+"""What a node wants to be registered as, and what must be called so that the master agrees: decided without I/O."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gateway.ros1.master import SystemState
+
+
+class Role(Enum):
+    PUBLISHER = "publisher"
+    SUBSCRIBER = "subscriber"
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    role: Role
+    topic: str
+    type_name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Calls to make, in this order."""
+
+    unregister: tuple[Registration, ...]
+    register: tuple[Registration, ...]
+
+
+class Registrations:
+    """Tracks which registrations are wanted, and which the master may hold.
+
+    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered.
+    """
+
+    def __init__(self, node: str) -> None:
+        self._node = node
+        self.wanted: set[Registration] = set()
+        self.held: set[Registration] = set()
+        self._confirmed: set[Registration] = set()
+
+    def plan(self) -> Changes:
+        """Return what to call now."""
+        return Changes(
+            unregister=tuple(self.held - self.wanted),
+            register=tuple(self.wanted - self._confirmed),
+        )
+
+    def registering(self, registration: Registration) -> None:
+        self.held.add(registration)
+
+    def registered(self, registration: Registration) -> None:
+        self._confirmed.add(registration)
+
+    def unregistered(self, registration: Registration) -> None:
+        self.held.discard(registration)
+        self._confirmed.discard(registration)
+
+    def compare(self, state: SystemState, known_publishers: Mapping[str, int]) -> None:
+        """Forget what the master does not confirm, and subscriptions that know of another number of publishers."""
+        self._confirmed = {
+            registration
+            for registration in self._confirmed
+            if self._listed(registration, state) and not _stale(registration, state, known_publishers)
+        }
+
+    def _listed(self, registration: Registration, state: SystemState) -> bool:
+        by_topic = state.publishers if registration.role is Role.PUBLISHER else state.subscribers
+        return self._node in by_topic.get(registration.topic, ())
+
+
+def _stale(registration: Registration, state: SystemState, known_publishers: Mapping[str, int]) -> bool:
+    if registration.role is Role.PUBLISHER:
+        return False
+    return len(state.publishers.get(registration.topic, ())) != known_publishers.get(registration.topic, 0)

@@ -1,0 +1,244 @@
+"""One topic's subscription: a link to every publisher that the master lists, each on its own."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from gateway.ros1.backoff import Backoff
+from gateway.ros1.errors import (
+    FaultError,
+    LinkRefusedError,
+    Ros1Error,
+    StatusError,
+    TypeMismatchError,
+    UnreachableError,
+)
+from gateway.ros1.link import run_link
+from gateway.ros1.wire.tcpros import (
+    ANY,
+    DEFAULT_MAX_MESSAGE_BYTES,
+    MessageReceived,
+    PublisherAccepted,
+    SubscriberConnection,
+    SubscriberEvent,
+    TopicType,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from random import Random
+
+    from gateway.ros1.tasks import TaskScope
+    from gateway.ros1.xmlrpc_client import XmlRpcClient
+
+_log = logging.getLogger(__name__)
+MAX_PUBLISHERS = 256
+
+
+class LinkFailure(StrEnum):
+    """Why a link to a publisher ended."""
+
+    UNREACHABLE = "unreachable"
+    REFUSED = "refused"
+    MISMATCH = "type mismatch"
+    PROTOCOL = "protocol error"
+    CLOSED = "closed by the publisher"
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One serialised message in a buffer of its own, and who sent it."""
+
+    data: bytes | bytearray | memoryview
+    uri: str
+    publisher: PublisherAccepted
+
+    @property
+    def callerid(self) -> str:
+        return self.publisher.callerid
+
+
+@dataclass(slots=True)
+class LinkCounters:
+    """What one publisher's link saw."""
+
+    messages: int = 0
+    bytes: int = 0
+    connected: bool = False
+    failures: Counter[LinkFailure] = field(default_factory=Counter)
+
+
+@dataclass(slots=True)
+class SubscriptionCounters:
+    """What a subscription saw; `links` holds the publishers that the master lists now, by slave URI."""
+
+    messages: int = 0
+    bytes: int = 0
+    callback_errors: int = 0
+    failures: Counter[LinkFailure] = field(default_factory=Counter)
+    links: dict[str, LinkCounters] = field(default_factory=dict)
+
+
+class Subscription:
+    """Keeps a link to every listed publisher; `on_message` sees every whole message, on the event loop."""
+
+    def __init__(
+        self,
+        *,
+        callerid: str,
+        topic: str,
+        expected: TopicType,
+        on_message: Callable[[Message], None],
+        client: XmlRpcClient,
+        scope: TaskScope,
+        rng: Random,
+        timeout: float,
+        max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+    ) -> None:
+        self.topic = topic
+        self.counters = SubscriptionCounters()
+        self.type = expected
+        self._max_message_bytes = max_message_bytes
+        self._callerid = callerid
+        self._on_message = on_message
+        self._client = client
+        self._scope = scope
+        self._rng = rng
+        self._timeout = timeout
+        self.update_count = 0
+        self._links: dict[str, asyncio.Task[None]] = {}
+
+    @property
+    def publisher_uris(self) -> frozenset[str]:
+        return frozenset(self._links)
+
+    def publishers_updated(self, uris: Iterable[str]) -> None:
+        """Follow the master's whole list: drop the links that are not in it, start those that are new."""
+        listed = dict.fromkeys(uris)
+        for uri in self._links.keys() - listed:
+            self._links.pop(uri).cancel()
+            del self.counters.links[uri]
+        for uri in [uri for uri in listed if uri not in self._links]:
+            if len(self._links) >= MAX_PUBLISHERS:
+                _log.warning("%s: more than %d publishers, the rest is ignored", self.topic, MAX_PUBLISHERS)
+                return
+            self.counters.links[uri] = LinkCounters()
+            self._links[uri] = self._scope.start(self._keep_link(uri), f"{self.topic} from {uri}")
+
+    def close(self) -> set[asyncio.Task[None]]:
+        """Drop every link; return the tasks that are ending."""
+        tasks = set(self._links.values())
+        self.publishers_updated(())
+        return tasks
+
+    def bus_stats(self) -> list[Any]:
+        """Return `[topic, [[id, bytes, messages, drop estimate, connected]...]]`."""
+        links = enumerate(self.counters.links.values())
+        return [
+            self.topic,
+            [[i, link.bytes, link.messages, -1, link.connected] for i, link in links],
+        ]
+
+    def bus_info(self) -> list[Any]:
+        """Return `[id, publisher, direction, transport, topic, connected]` of each link."""
+        links = enumerate(self.counters.links.items())
+        return [[i, uri, "i", "TCPROS", self.topic, link.connected] for i, (uri, link) in links]
+
+    async def _keep_link(self, uri: str) -> None:
+        counters = self.counters.links[uri]
+        backoff = Backoff(self._rng)
+        while True:
+            before = counters.messages
+            failure, reason = await self._run_link(uri, counters)
+            counters.connected = False
+            if counters.messages > before:
+                backoff.reset()
+            counters.failures[failure] += 1
+            self.counters.failures[failure] += 1
+            level = logging.WARNING if counters.failures[failure] == 1 else logging.DEBUG
+            _log.log(level, "%s from %s: %s: %s", self.topic, uri, failure, reason)
+            await asyncio.sleep(backoff.next_delay())
+
+    async def _run_link(self, uri: str, counters: LinkCounters) -> tuple[LinkFailure, object]:
+        """Return why the link ended."""
+        try:
+            address = await self._request_topic(uri)
+            connection = SubscriberConnection(
+                callerid=self._callerid,
+                topic=self.topic,
+                expected=self.type,
+                max_message_bytes=self._max_message_bytes,
+            )
+            sink = _Sink(self, uri, counters)
+            await run_link(address, connection, sink, handshake_timeout=self._timeout)
+        except Ros1Error as error:
+            return _failure_of(error), error
+        return LinkFailure.CLOSED, "end of stream"
+
+    async def _request_topic(self, uri: str) -> tuple[str, int]:
+        answer = await self._client.call(uri, "requestTopic", self._callerid, self.topic, [["TCPROS"]])
+        match answer:
+            case ["TCPROS", str(host), int(port)] if host and 0 < port < 65536:
+                return host, port
+            case _:
+                raise UnreachableError(f"{uri} offers {str(answer)[:80]!r} instead of TCPROS")
+
+    def settle(self, found: TopicType) -> None:
+        """Take a publisher's type; the first one settles what a subscription to any type expects.
+
+        Raises:
+            TypeMismatchError: another publisher settled another type.
+
+        """
+        if ANY not in (self.type.name, self.type.md5sum) and self.type != found:
+            raise TypeMismatchError(f"{self.topic} was {self.type.name}, this publisher has {found.name}")
+        self.type = found
+
+    def deliver(self, message: Message) -> None:
+        """Count a message and hand it over."""
+        self.counters.messages += 1
+        self.counters.bytes += len(message.data)
+        try:
+            self._on_message(message)
+        except Exception:  # noqa: BLE001 - whatever the caller's code raises, the link goes on
+            self.counters.callback_errors += 1
+            if self.counters.callback_errors == 1:
+                _log.exception("%s from %s: the callback failed", self.topic, message.uri)
+
+
+class _Sink:
+    """Turns one connection's events into the subscription's messages."""
+
+    def __init__(self, subscription: Subscription, uri: str, counters: LinkCounters) -> None:
+        self._subscription = subscription
+        self._uri = uri
+        self._counters = counters
+        self._publisher: PublisherAccepted | None = None
+
+    def __call__(self, event: SubscriberEvent) -> None:
+        match event:
+            case PublisherAccepted():
+                self._subscription.settle(event.type)
+                self._publisher = event
+                self._counters.connected = True
+            case MessageReceived(data) if self._publisher is not None:
+                self._counters.messages += 1
+                self._counters.bytes += len(data)
+                self._subscription.deliver(Message(data, self._uri, self._publisher))
+
+
+def _failure_of(error: Ros1Error) -> LinkFailure:
+    match error:
+        case TypeMismatchError():
+            return LinkFailure.MISMATCH
+        case LinkRefusedError() | FaultError() | StatusError():
+            return LinkFailure.REFUSED
+        case UnreachableError():
+            return LinkFailure.UNREACHABLE
+        case _:
+            return LinkFailure.PROTOCOL

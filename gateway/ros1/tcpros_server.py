@@ -1,0 +1,121 @@
+"""Accepts subscribers' TCPROS connections and hands each to the publication it asks for."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from typing import TYPE_CHECKING, Self
+
+from gateway.ros1.errors import TcprosError, WireError
+from gateway.ros1.hosts import listen_address
+from gateway.ros1.tasks import cancel_and_wait
+from gateway.ros1.wire.tcpros import PublisherConnection, SubscriberRefused
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from types import TracebackType
+
+    from gateway.ros1.publisher import Publication
+    from gateway.ros1.tasks import TaskScope
+    from gateway.ros1.wire.tcpros import PublisherEvent
+
+_log = logging.getLogger(__name__)
+_MAX_CONNECTIONS = 256
+_RETRY_ACCEPT_S = 0.5
+
+
+class TcprosServer:
+    """One listener for all publications of a node; its tasks live in the node's scope."""
+
+    def __init__(
+        self,
+        *,
+        callerid: str,
+        host: str,
+        publications: Mapping[str, Publication],
+        scope: TaskScope,
+        timeout: float,
+    ) -> None:
+        self._callerid = callerid
+        self._host = host
+        self._publications = publications
+        self._scope = scope
+        self._timeout = timeout
+        self._connections: set[asyncio.Task[None]] = set()
+        self._listener: socket.socket | None = None
+        self._accepting: asyncio.Task[None] | None = None
+        self._port = 0
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Where subscribers connect; known once entered."""
+        return self._host, self._port
+
+    async def __aenter__(self) -> Self:
+        address = listen_address(self._host)
+        family = socket.AF_INET6 if ":" in address else socket.AF_INET
+        self._listener = socket.create_server((address, 0), family=family, backlog=64)
+        self._listener.settimeout(0)
+        self._port = self._listener.getsockname()[1]
+        self._accepting = self._scope.start(self._accept(self._listener), "TCPROS listener")
+        return self
+
+    async def __aexit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
+    ) -> None:
+        tasks = set(self._connections)
+        if self._accepting is not None:
+            tasks.add(self._accepting)
+        await cancel_and_wait(tasks)
+
+    async def _accept(self, listener: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        with listener:
+            while True:
+                try:
+                    connection, peer = await loop.sock_accept(listener)
+                except OSError as error:
+                    _log.warning("cannot accept a subscriber: %s", error)
+                    await asyncio.sleep(_RETRY_ACCEPT_S)
+                    continue
+                self._start(connection, f"{peer[0]}:{peer[1]}")
+
+    def _start(self, connection: socket.socket, peer: str) -> None:
+        if len(self._connections) >= _MAX_CONNECTIONS:
+            _log.warning("%s is turned away: %d subscribers already", peer, _MAX_CONNECTIONS)
+            connection.close()
+            return
+        task = self._scope.start(self._serve(connection, peer), f"subscriber {peer}")
+        self._connections.add(task)
+        task.add_done_callback(self._connections.discard)
+        task.add_done_callback(lambda _: connection.close())
+
+    async def _serve(self, connection: socket.socket, peer: str) -> None:
+        try:
+            async with asyncio.timeout(self._timeout):
+                event = await self._handshake(connection)
+        except (WireError, OSError) as error:
+            _log.warning("%s is no subscriber: %r", peer, error)
+            return
+        if isinstance(event, SubscriberRefused):
+            _log.warning("%s is refused: %s", peer, event.reason)
+            return
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(event.tcp_nodelay))
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        publication = self._publications.get(event.topic)
+        if publication is not None:
+            await publication.serve(connection, event)
+
+    async def _handshake(self, connection: socket.socket) -> PublisherEvent:
+        """Return how the subscriber's header is answered; a refusal is sent already."""
+        loop = asyncio.get_running_loop()
+        offers = {topic: publication.offer for topic, publication in self._publications.items()}
+        protocol = PublisherConnection(callerid=self._callerid, offers=offers)
+        while data := await loop.sock_recv(connection, 4096):
+            event = protocol.receive_data(data)
+            if isinstance(event, SubscriberRefused):
+                await loop.sock_sendall(connection, event.reply)
+            if event is not None:
+                return event
+        raise TcprosError("the connection ended before the header did")

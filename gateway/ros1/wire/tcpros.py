@@ -1,0 +1,237 @@
+"""TCPROS without I/O: the subscriber's and the publisher's side of one topic connection.
+
+A connection object belongs to one socket and is never used for a second one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+from gateway.ros1.errors import LinkRefusedError, TcprosError, TypeMismatchError
+from gateway.ros1.wire.framing import FrameReceiver
+from gateway.ros1.wire.header import LENGTH, MAX_HEADER_BYTES, decode_header, encode_header
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+ANY = "*"
+DEFAULT_MAX_MESSAGE_BYTES = 64 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class TopicType:
+    """A message type as two peers compare it; `*` stands for any."""
+
+    name: str
+    md5sum: str
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """What a publisher says about its topic."""
+
+    topic: str
+    type: TopicType
+    definition: str
+    latching: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PublisherAccepted:
+    """The publisher's header arrived and fits; messages follow."""
+
+    callerid: str
+    type: TopicType
+    definition: str
+    latching: bool
+
+
+@dataclass(frozen=True, slots=True)
+class MessageReceived:
+    """One whole serialised message, in a buffer of its own."""
+
+    data: bytearray
+
+
+@dataclass(frozen=True, slots=True)
+class SubscriberAccepted:
+    """A subscriber's header arrived and fits one of the offers; `reply` is to be sent before any message."""
+
+    callerid: str
+    topic: str
+    tcp_nodelay: bool
+    reply: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SubscriberRefused:
+    """A subscriber's header does not fit: send `reply`, then close."""
+
+    reason: str
+    reply: bytes
+
+
+SubscriberEvent: TypeAlias = PublisherAccepted | MessageReceived
+PublisherEvent: TypeAlias = SubscriberAccepted | SubscriberRefused
+
+
+class SubscriberConnection:
+    """The subscriber's side: send `opening`, then feed what arrives.
+
+    Bytes go in through `receive_data`, or without a copy through `get_buffer` and `buffer_updated`.
+    """
+
+    def __init__(
+        self,
+        *,
+        callerid: str,
+        topic: str,
+        expected: TopicType,
+        max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+    ) -> None:
+        self.opening = encode_header(
+            {
+                "callerid": callerid,
+                "topic": topic,
+                "md5sum": expected.md5sum,
+                "type": expected.name,
+                "tcp_nodelay": "1",
+            }
+        )
+        self._topic = topic
+        self._expected = expected
+        self._max_message_bytes = max_message_bytes
+        self._accepted = False
+        self._frames = FrameReceiver(MAX_HEADER_BYTES)
+
+    def get_buffer(self) -> memoryview:
+        """Return where the next received bytes belong; never empty."""
+        return self._frames.get_buffer()
+
+    def buffer_updated(self, count: int) -> list[SubscriberEvent]:
+        """Take `count` bytes written to the start of the last `get_buffer`.
+
+        Raises:
+            HeaderError, TcprosError: the publisher does not speak TCPROS, or a limit is passed.
+            LinkRefusedError: the publisher answered `error=`.
+            TypeMismatchError: the publisher's type or md5sum is not the expected one.
+
+        """
+        events: list[SubscriberEvent] = []
+        self._frames.buffer_updated(count)
+        while (frame := self._frames.next_frame()) is not None:
+            if self._accepted:
+                events.append(MessageReceived(frame))
+            else:
+                events.append(self._accept(decode_header(frame)))
+                self._accepted = True
+                self._frames.max_frame_bytes = self._max_message_bytes
+        return events
+
+    def receive_data(self, data: bytes) -> list[SubscriberEvent]:
+        """Take received bytes; raises like `buffer_updated`."""
+        events: list[SubscriberEvent] = []
+        rest = memoryview(data)
+        while rest:
+            buffer = self.get_buffer()
+            count = min(len(buffer), len(rest))
+            buffer[:count] = rest[:count]
+            rest = rest[count:]
+            events += self.buffer_updated(count)
+        return events
+
+    def _accept(self, fields: Mapping[str, str]) -> PublisherAccepted:
+        if "error" in fields:
+            raise LinkRefusedError(fields["error"])
+        if missing := [key for key in ("type", "md5sum") if key not in fields]:
+            raise TcprosError(f"publisher's header lacks {' and '.join(missing)}")
+        found = TopicType(fields["type"], fields["md5sum"])
+        if not _fits(self._expected, found):
+            raise TypeMismatchError(
+                f"{self._topic} is {found.name} [{found.md5sum}], "
+                f"expected {self._expected.name} [{self._expected.md5sum}]"
+            )
+        return PublisherAccepted(
+            callerid=fields.get("callerid", ""),
+            type=found,
+            definition=fields.get("message_definition", ""),
+            latching=fields.get("latching") == "1",
+        )
+
+
+def _fits(expected: TopicType, found: TopicType) -> bool:
+    concrete = ANY not in (found.name, found.md5sum)
+    return concrete and expected.name in (ANY, found.name) and expected.md5sum in (ANY, found.md5sum)
+
+
+class PublisherConnection:
+    """The publisher's side: feed what arrives until one event comes; later bytes are ignored."""
+
+    def __init__(self, *, callerid: str, offers: Mapping[str, Offer]) -> None:
+        self._callerid = callerid
+        self._offers = offers
+        self._answered = False
+        self._frames = FrameReceiver(MAX_HEADER_BYTES)
+
+    def receive_data(self, data: bytes) -> PublisherEvent | None:
+        """Take received bytes.
+
+        Raises:
+            HeaderError, TcprosError: the subscriber does not speak TCPROS, or a limit is passed.
+
+        """
+        rest = memoryview(data)
+        while rest and not self._answered:
+            buffer = self._frames.get_buffer()
+            count = min(len(buffer), len(rest))
+            buffer[:count] = rest[:count]
+            rest = rest[count:]
+            self._frames.buffer_updated(count)
+            frame = self._frames.next_frame()
+            if frame is not None:
+                self._answered = True
+                return self._answer(decode_header(frame))
+        return None
+
+    def _answer(self, fields: Mapping[str, str]) -> PublisherEvent:
+        reason = self._objection(fields)
+        if reason is not None:
+            return SubscriberRefused(reason, encode_header({"error": reason}))
+        offer = self._offers[fields["topic"]]
+        reply = encode_header(
+            {
+                "callerid": self._callerid,
+                "topic": offer.topic,
+                "type": offer.type.name,
+                "md5sum": offer.type.md5sum,
+                "message_definition": offer.definition,
+                "latching": "1" if offer.latching else "0",
+            }
+        )
+        return SubscriberAccepted(fields["callerid"], offer.topic, fields.get("tcp_nodelay") == "1", reply)
+
+    def _objection(self, fields: Mapping[str, str]) -> str | None:
+        if "service" in fields:
+            return f"{self._callerid} offers no services"
+        if missing := [key for key in ("topic", "md5sum", "callerid") if key not in fields]:
+            return f"header lacks {' and '.join(missing)}"
+        offer = self._offers.get(fields["topic"])
+        if offer is None:
+            return f"{self._callerid} does not publish {fields['topic'][:200]}"
+        wanted = TopicType(fields.get("type", ANY), fields["md5sum"])
+        if not _fits(wanted, offer.type):
+            return f"{offer.topic} is {offer.type.name} [{offer.type.md5sum}]"
+        return None
+
+
+def message_prefix(size: int) -> bytes:
+    """Return the length prefix of a message of `size` bytes.
+
+    Raises:
+        TcprosError: a length prefix cannot say that many.
+
+    """
+    if size > 0xFFFFFFFF:
+        raise TcprosError(f"message of {size} bytes does not fit a 4-byte length")
+    return LENGTH.pack(size)

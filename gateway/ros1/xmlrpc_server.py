@@ -1,0 +1,117 @@
+"""Serves ROS's XML-RPC APIs: bounded bodies, a deadline for every request, one answer at a time decided in no time."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+from aiohttp import web
+
+from gateway.ros1.errors import StatusError, WireError, XmlRpcError
+from gateway.ros1.hosts import listen_address, uri_host
+from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Body, Decoder, Fault, MethodCall, MethodResponse, encode
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+_log = logging.getLogger(__name__)
+_CHUNK_BYTES = 64 << 10
+_MAX_CONCURRENT = 256
+
+
+class Api(Protocol):
+    """What answers calls; must not block."""
+
+    def call(self, method: str, params: tuple[Any, ...]) -> tuple[str, Any]:
+        """Return the message and the value of a successful answer.
+
+        Raises:
+            StatusError: the answer has another code than success.
+            LookupError: there is no such method.
+
+        """
+
+
+class XmlRpcServer:
+    """An HTTP server for one API, on a port that the system chooses unless one is given."""
+
+    def __init__(
+        self,
+        api: Api,
+        *,
+        host: str,
+        port: int = 0,
+        timeout: float = 5.0,
+        max_body_bytes: int = DEFAULT_MAX_BODY_BYTES,
+    ) -> None:
+        self._api = api
+        self._host = host
+        self._port = port
+        self._timeout = timeout
+        self._max_body_bytes = max_body_bytes
+        self._active = 0
+        self._runner = web.ServerRunner(web.Server(self._handle, access_log=None), shutdown_timeout=0.5)
+
+    @property
+    def uri(self) -> str:
+        """Where others reach this server; known once entered."""
+        return f"http://{uri_host(self._host)}:{self._port}/"
+
+    async def __aenter__(self) -> Self:
+        await self._runner.setup()
+        try:
+            await web.TCPSite(self._runner, listen_address(self._host), self._port).start()
+        except BaseException:
+            await self._runner.cleanup()
+            raise
+        self._port = self._runner.addresses[0][1]
+        return self
+
+    async def __aexit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
+    ) -> None:
+        await self._runner.cleanup()
+
+    async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
+        if request.method != "POST":
+            return web.Response(status=405)
+        if self._active >= _MAX_CONCURRENT:
+            return web.Response(status=503)
+        self._active += 1
+        try:
+            async with asyncio.timeout(self._timeout):
+                body = await self._read(request)
+        except WireError as error:
+            _log.warning("a request from %s is not XML-RPC: %s", request.remote, error)
+            return web.Response(status=400)
+        except TimeoutError:
+            return web.Response(status=408)
+        finally:
+            self._active -= 1
+        return web.Response(body=_encode(self._answer(body)), content_type="text/xml")
+
+    async def _read(self, request: web.BaseRequest) -> MethodCall:
+        decoder = Decoder(self._max_body_bytes)
+        async for chunk in request.content.iter_chunked(_CHUNK_BYTES):
+            decoder.feed(chunk)
+        body = decoder.close()
+        if not isinstance(body, MethodCall):
+            raise WireError("not a method call")
+        return body
+
+    def _answer(self, call: MethodCall) -> Body:
+        try:
+            message, value = self._api.call(call.method, call.params)
+        except StatusError as error:
+            return MethodResponse([error.code, error.reason, error.value])
+        except LookupError:
+            return Fault(1, f"no method {call.method[:80]!r}")
+        return MethodResponse([1, message, value])
+
+
+def _encode(answer: Body) -> bytes:
+    try:
+        return encode(answer)
+    except XmlRpcError as error:
+        return encode(Fault(2, str(error)))

@@ -1,0 +1,68 @@
+"""Messages to bytes and back: MessagePack, the schema's name and version in the Zenoh encoding, decoding bounded."""
+
+from typing import Any, Final, TypeVar
+
+import msgspec
+
+from schemas import keys
+from schemas.detections import ClassList, Detections
+from schemas.errors import SchemaError
+from schemas.header import Header
+from schemas.image import ImageFrame
+from schemas.status import GatewayStatus, WorkerStatus
+
+Message = ImageFrame | Detections | ClassList | GatewayStatus | WorkerStatus
+M = TypeVar("M", bound=Message)
+
+VERSION: Final = 1
+KIB: Final = 1024
+MAX_BYTES: Final[dict[type, int]] = {
+    ImageFrame: 128 * KIB * KIB,
+    Detections: 16 * KIB * KIB,
+    ClassList: 256 * KIB,
+    GatewayStatus: 1024 * KIB,
+    WorkerStatus: 1024 * KIB,
+}
+"""Largest payload accepted per message, checked before a byte of it is read."""
+
+_encoder: Final = msgspec.msgpack.Encoder()
+_decoders: Final[dict[type, msgspec.msgpack.Decoder[Any]]] = {
+    schema: msgspec.msgpack.Decoder(schema) for schema in MAX_BYTES
+}
+
+
+def encoding(schema: type[msgspec.Struct]) -> str:
+    """Return the Zenoh encoding that says which schema a payload follows."""
+    return f"application/msgpack;fleetsight.{schema.__name__}.v{VERSION}"
+
+
+def encode(message: Message) -> bytes:
+    """Serialise a message."""
+    return _encoder.encode(message)
+
+
+def decode(schema: type[M], payload: bytes | memoryview, encoded_as: str) -> M:
+    """Deserialise and validate a payload; pixel data stays a view into it.
+
+    Raises:
+        SchemaError: another schema or version, too large, or not what the schema says. Nothing else.
+    """
+    if encoded_as != encoding(schema):
+        raise SchemaError(f"encoded as {encoded_as[:100]!r}, expected {encoding(schema)!r}")
+    if len(payload) > MAX_BYTES[schema]:
+        raise SchemaError(f"{schema.__name__} of {len(payload)} bytes, at most {MAX_BYTES[schema]} are read")
+    try:
+        message: M = _decoders[schema].decode(payload)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError, OverflowError) as error:
+        raise SchemaError(f"not a {schema.__name__}: {error}") from error
+    return message
+
+
+def check_identity(header: Header, camera: keys.CameraKey) -> None:
+    """Hold a message to the key it came under.
+
+    Raises:
+        SchemaError: the header speaks of another robot or camera.
+    """
+    if (header.robot, header.camera) != (camera.robot, camera.camera):
+        raise SchemaError(f"header says {header.robot[:64]}/{header.camera[:64]}, the key says {camera}")

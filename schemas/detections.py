@@ -1,0 +1,93 @@
+"""Detections: everything one model call found in one image."""
+
+from typing import Annotated
+
+import msgspec
+
+from schemas.errors import SchemaError
+from schemas.header import Count, Header, Label, Spans
+from schemas.image import Side
+
+MAX_DETECTIONS = 1_000
+
+
+class Box(msgspec.Struct, frozen=True):
+    """Corners of an upright rectangle in pixels of the image; (0, 0) is the outer corner of the first pixel."""
+
+    x1: float
+    y1: float
+    x2: float
+    y2: float
+
+
+class Mask(msgspec.Struct, frozen=True):
+    """A COCO run-length mask in the image's own resolution, as pycocotools reads and writes it.
+
+    size: (height, width) in pixels. counts: the compressed runs.
+    """
+
+    size: tuple[Side, Side]
+    counts: Annotated[str, msgspec.Meta(max_length=1_000_000)]
+
+
+class Detection(msgspec.Struct, frozen=True, kw_only=True):
+    """One object. score: confidence, 0 to 1. mask: absent when the model does not segment."""
+
+    name: Label
+    score: Annotated[float, msgspec.Meta(ge=0, le=1)]
+    box: Box
+    mask: Mask | None = None
+
+
+class Detections(msgspec.Struct, frozen=True, kw_only=True):
+    """The objects in one image of height x width pixels, best score first, and who says so."""
+
+    header: Header
+    height: Side
+    width: Side
+    objects: Annotated[list[Detection], msgspec.Meta(max_length=MAX_DETECTIONS)]
+    model: Label
+    worker: Label
+    spans: Spans = {}
+
+    def __post_init__(self) -> None:
+        """Hold masks to the image.
+
+        Raises:
+            SchemaError: a mask has another size than the image.
+        """
+        for found in self.objects:
+            if found.mask is not None and found.mask.size != (self.height, self.width):
+                raise SchemaError(f"mask of {found.mask.size} in an image of {(self.height, self.width)}")
+
+
+class ClassCount(msgspec.Struct, frozen=True):
+    """How many objects of one class are in view, and the best score among them."""
+
+    name: Label
+    count: Count
+    score: Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class ClassList(msgspec.Struct, frozen=True, kw_only=True):
+    """The classes in view of one camera at one frame, by name. An empty list is news too: nothing is in view."""
+
+    header: Header
+    classes: Annotated[list[ClassCount], msgspec.Meta(max_length=MAX_DETECTIONS)]
+    model: Label
+    worker: Label
+    spans: Spans = {}
+
+
+def class_list(detections: Detections) -> ClassList:
+    """Count the objects of each class."""
+    scores: dict[str, list[float]] = {}
+    for found in detections.objects:
+        scores.setdefault(found.name, []).append(found.score)
+    return ClassList(
+        header=detections.header,
+        classes=[ClassCount(name, len(of), max(of)) for name, of in sorted(scores.items())],
+        model=detections.model,
+        worker=detections.worker,
+        spans=detections.spans,
+    )

@@ -1,0 +1,152 @@
+"""Keys: the only place that builds and parses them.
+
+`fleet/{robot}/{camera}/{stream}` for a camera's streams, `fleet/{robot}/...` for what belongs to the whole robot,
+`workers/{service}/{worker}/...` for services. A chunk is a name (see `schemas.header.Name`).
+"""
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from schemas.errors import SchemaError
+
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
+ALIVE: Final = "alive"
+
+RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status", "tf", "tf_static"})
+"""Chunks that mean something robot-wide, so no camera may be called so."""
+
+
+class Stream(StrEnum):
+    """What can be had of a camera."""
+
+    COLOR = "color"
+    DETECTIONS = "detections"
+    CLASSES = "classes"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class CameraKey:
+    """One camera of one robot.
+
+    Raises:
+        SchemaError: a name that cannot be a chunk of a key, or that is reserved.
+    """
+
+    robot: str
+    camera: str
+
+    def __post_init__(self) -> None:
+        check_name("robot", self.robot)
+        check_name("camera", self.camera)
+        if self.camera in RESERVED:
+            raise SchemaError(f"camera name {self.camera!r} is reserved")
+
+    def __str__(self) -> str:
+        return f"{self.robot}/{self.camera}"
+
+    def stream(self, stream: Stream) -> str:
+        """Return the key that a stream of this camera travels under."""
+        return f"fleet/{self.robot}/{self.camera}/{stream}"
+
+    def alive(self, stream: Stream) -> str:
+        """Return the key of the presence token that says this stream can be had."""
+        return f"{self.stream(stream)}/{ALIVE}"
+
+
+def check_name(what: str, name: str) -> None:
+    """Raise SchemaError unless `name` can be one chunk of a key; `what` says whose it is."""
+    if not NAME.fullmatch(name):
+        raise SchemaError(
+            f"{what} name {name[:80]!r}: use 1 to 64 letters, digits, '_', '-' or '.', a letter or digit first"
+        )
+
+
+def every_stream(stream: Stream) -> str:
+    """Return the key expression of a stream of every camera of every robot."""
+    return f"fleet/*/*/{stream}"
+
+
+def every_stream_alive(stream: Stream) -> str:
+    """Return the key expression of the presence tokens of a stream of every camera."""
+    return f"fleet/*/*/{stream}/{ALIVE}"
+
+
+def robot_alive(robot: str) -> str:
+    """Return the key of the presence token of a robot's gateway."""
+    check_name("robot", robot)
+    return f"fleet/{robot}/{ALIVE}"
+
+
+def gateway_status(robot: str) -> str:
+    """Return the key of a gateway's GatewayStatus."""
+    check_name("robot", robot)
+    return f"fleet/{robot}/status"
+
+
+def worker_status(service: str, worker: str) -> str:
+    """Return the key of a worker's WorkerStatus."""
+    check_name("service", service)
+    check_name("worker", worker)
+    return f"workers/{service}/{worker}/status"
+
+
+def worker_alive(service: str, worker: str, *, weight: int = 1, scope: str = "any") -> str:
+    """Return the key of a worker's presence token; a token has no payload, so weight and scope are in its key."""
+    for what, name in (("service", service), ("worker", worker), ("scope", scope)):
+        check_name(what, name)
+    return f"workers/{service}/{worker}/{weight}/{scope}/{ALIVE}"
+
+
+EVERY_ROBOT_ALIVE: Final = f"fleet/*/{ALIVE}"
+EVERY_GATEWAY_STATUS: Final = "fleet/*/status"
+EVERY_WORKER_STATUS: Final = "workers/*/*/status"
+EVERY_WORKER_ALIVE: Final = f"workers/*/*/*/*/{ALIVE}"
+
+
+@dataclass(frozen=True, slots=True)
+class StreamKey:
+    """A parsed `fleet/{robot}/{camera}/{stream}`."""
+
+    camera: CameraKey
+    stream: Stream
+
+
+def parse_stream(key: str) -> StreamKey:
+    """Parse the key of a camera's stream, or of that stream's presence token.
+
+    Raises:
+        SchemaError: the key is neither.
+    """
+    match key.removesuffix(f"/{ALIVE}").split("/"):
+        case ["fleet", robot, camera, stream] if stream in set(Stream):
+            return StreamKey(CameraKey(robot, camera), Stream(stream))
+    raise SchemaError(f"not the key of a camera's stream: {key[:200]!r}")
+
+
+def parse_robot(key: str) -> str:
+    """Return the robot of a robot-wide key (`fleet/{robot}/{what}`).
+
+    Raises:
+        SchemaError: the key is not of that form.
+    """
+    match key.split("/"):
+        case ["fleet", robot, what] if what in RESERVED:
+            check_name("robot", robot)
+            return robot
+    raise SchemaError(f"not a robot's key: {key[:200]!r}")
+
+
+def parse_worker(key: str) -> tuple[str, str]:
+    """Return (service, worker) of any `workers/{service}/{worker}/...` key.
+
+    Raises:
+        SchemaError: the key is not of that form.
+    """
+    match key.split("/"):
+        case ["workers", service, worker, *_]:
+            check_name("service", service)
+            check_name("worker", worker)
+            return service, worker
+    raise SchemaError(f"not a worker's key: {key[:200]!r}")

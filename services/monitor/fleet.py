@@ -1,0 +1,135 @@
+"""What the fleet sees: pure state that messages, presence and time move on."""
+
+from collections import Counter, deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from schemas.detections import ClassCount, ClassList
+from schemas.keys import CameraKey
+from schemas.status import GatewayStatus, WorkerStatus
+
+RATE_WINDOW_S: Final = 5.0
+STALE_S: Final = 3.0
+MAX_AGES: Final = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Age:
+    """How old a view is. A lower bound when the robot's clock is not ours: the way here is then unknown."""
+
+    seconds: float
+    exact: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One camera as an operator reads it. Fields are None until the first class list is there."""
+
+    key: CameraKey
+    online: bool
+    classes: tuple[ClassCount, ...] | None
+    age: Age | None
+    rate_hz: float
+
+    @property
+    def stale(self) -> bool:
+        """Whether what the row shows may no longer be so."""
+        return not self.online or self.age is None or self.age.seconds > STALE_S
+
+
+@dataclass(slots=True)
+class _Camera:
+    latest: ClassList | None = None
+    arrived_s: float = 0.0
+    lag_s: float | None = None
+    lists: int = 0
+    arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=64))
+
+    def rate_hz(self, now_s: float) -> float:
+        recent = [at for at in self.arrivals if now_s - at <= RATE_WINDOW_S]
+        return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
+
+
+class Fleet:
+    """Every robot and camera ever seen, what is in view of it and how it is doing.
+
+    clock_id: the clock of this machine; a robot's ages are exact when it reads the same one.
+    """
+
+    def __init__(self, clock_id: str) -> None:
+        self._clock_id = clock_id
+        self._cameras: dict[CameraKey, _Camera] = {}
+        self._alive: set[str] = set()
+        self._available: set[CameraKey] = set()
+        self.gateways: dict[str, GatewayStatus] = {}
+        self.workers: dict[tuple[str, str], WorkerStatus] = {}
+        self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
+        self.first_list_s: float | None = None
+
+    def robot_presence(self, robot: str, *, alive: bool) -> None:
+        """Note that a robot's gateway came or went."""
+        (self._alive.add if alive else self._alive.discard)(robot)
+
+    def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
+        """Note that a camera came or went. One that went stays on the list."""
+        self._cameras.setdefault(key, _Camera())
+        (self._available.add if alive else self._available.discard)(key)
+
+    def gateway_status(self, status: GatewayStatus) -> None:
+        """Keep a gateway's newest account of itself."""
+        self.gateways[status.robot] = status
+
+    def worker_status(self, status: WorkerStatus) -> None:
+        """Keep a worker's newest account of itself."""
+        self.workers[status.service, status.worker] = status
+
+    def see(self, seen: ClassList, now_s: float, received_ns: int) -> bool:
+        """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).
+
+        Returns:
+            False for a list about a frame that is not newer than the camera's last one: a double.
+        """
+        key = CameraKey(seen.header.robot, seen.header.camera)
+        camera = self._cameras.setdefault(key, _Camera())
+        last = camera.latest.header if camera.latest else None
+        if last and last.boot_id == seen.header.boot_id and seen.header.seq <= last.seq:
+            return False
+        if self.first_list_s is None:
+            self.first_list_s = now_s
+        camera.latest, camera.arrived_s = seen, now_s
+        camera.lists += 1
+        camera.arrivals.append(now_s)
+        camera.lag_s = None
+        if self._same_clock(key.robot):
+            camera.lag_s = max(0, received_ns - seen.header.received_ns) / 1e9
+            self.ages_s.append(camera.lag_s)
+        return True
+
+    def rows(self, now_s: float) -> Iterator[Row]:
+        """Yield every camera, by robot and name."""
+        for key, camera in sorted(self._cameras.items()):
+            yield Row(
+                key=key,
+                online=key.robot in self._alive and key in self._available,
+                classes=tuple(camera.latest.classes) if camera.latest else None,
+                age=_age(camera, now_s),
+                rate_hz=camera.rate_hz(now_s),
+            )
+
+    def lists_per_robot(self) -> Counter[str]:
+        """Count the class lists that arrived from each known robot."""
+        counts = Counter(dict.fromkeys(self._alive, 0))
+        for key, camera in self._cameras.items():
+            counts[key.robot] += camera.lists
+        return counts
+
+    def _same_clock(self, robot: str) -> bool:
+        status = self.gateways.get(robot)
+        return status is not None and status.clock_id == self._clock_id
+
+
+def _age(camera: _Camera, now_s: float) -> Age | None:
+    if camera.latest is None:
+        return None
+    return Age(now_s - camera.arrived_s + (camera.lag_s or 0.0), exact=camera.lag_s is not None)

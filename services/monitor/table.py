@@ -1,0 +1,56 @@
+"""The fleet as a table for a terminal, or as plain lines where there is none."""
+
+from collections.abc import Iterable
+
+from rich.table import Table
+from rich.text import Text
+
+from services.monitor.fleet import Age, Row
+
+
+def render(rows: Iterable[Row], notes: Iterable[str] = ()) -> Table:
+    """Draw the rows; stale ones grey out, a lost robot stays."""
+    table = Table(title="fleet", title_justify="left", caption="\n".join(notes), caption_justify="left")
+    for heading, justify in (
+        ("robot", "left"),
+        ("camera", "left"),
+        ("state", "left"),
+        ("in view", "left"),
+        ("age", "right"),
+        ("rate", "right"),
+    ):
+        table.add_column(heading, justify=justify)  # type: ignore[arg-type]
+    for row in rows:
+        state = Text("online", "green") if row.online else Text("offline", "bold red")
+        table.add_row(
+            Text(row.key.robot),
+            Text(row.key.camera),
+            state,
+            Text(classes(row)),
+            Text(age(row.age)),
+            Text(f"{row.rate_hz:.1f}/s"),
+            style="dim" if row.stale else None,
+        )
+    if not table.rows:
+        table.add_row("no robots yet", *[""] * 5, style="dim")
+    return table
+
+
+def line(row: Row) -> str:
+    """Return the row as one plain line."""
+    state = "online" if row.online else "offline"
+    return f"{row.key}: {state}, {classes(row)}, age {age(row.age)}, {row.rate_hz:.1f}/s"
+
+
+def classes(row: Row) -> str:
+    """Return what is in view, in words."""
+    if row.classes is None:
+        return "waiting for the first class list"
+    return ", ".join(f"{seen.count} {seen.name}" for seen in row.classes) or "nothing"
+
+
+def age(value: Age | None) -> str:
+    """Return an age in seconds; '>' where only a lower bound is known."""
+    if value is None:
+        return "-"
+    return f"{'' if value.exact else '> '}{value.seconds:.1f} s"

@@ -1,0 +1,81 @@
+"""The subcommands: what each one is for, its settings and what it runs, imported only when it is asked for."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Final
+
+from pydantic import BaseModel
+
+Run = Callable[[BaseModel], Awaitable[int | None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A subcommand. settings and run are "module:name"; extra is what must be installed beyond the base."""
+
+    name: str
+    summary: str
+    settings: str
+    run: str
+    extra: str | None = None
+
+    def load_settings(self) -> type[BaseModel]:
+        """Import the settings model."""
+        found: type[BaseModel] = _load(self.settings)
+        return found
+
+    def load_run(self) -> Run:
+        """Import the coroutine function that runs the process."""
+        found: Run = _load(self.run)
+        return found
+
+
+def _load(reference: str) -> Any:
+    module, name = reference.split(":")
+    return getattr(import_module(module), name)
+
+
+COMMANDS: Final = (
+    Command(
+        "gateway",
+        "on each robot: forward ROS 1 camera topics onto Zenoh while somebody wants them",
+        "gateway.settings:GatewaySettings",
+        "gateway.process:run",
+    ),
+    Command(
+        "detector",
+        "anywhere: run a YOLO model on the cameras whose results somebody wants",
+        "services.detector.settings:DetectorSettings",
+        "services.detector.process:run",
+        extra="detector",
+    ),
+    Command(
+        "monitor",
+        "centrally: show what every robot sees, live",
+        "services.monitor.settings:MonitorSettings",
+        "services.monitor.process:run",
+        extra="monitor",
+    ),
+    Command(
+        "simulate",
+        "robots that are not there: ROS 1 cameras in a rendered warehouse",
+        "services.simulator.settings:SimulatorSettings",
+        "services.simulator.process:run",
+        extra="simulator",
+    ),
+    Command(
+        "train",
+        "make the shipped model from nothing: render, train, validate, write weights and card",
+        "services.simulator.training.settings:TrainingSettings",
+        "services.simulator.training.process:run",
+        extra="train",
+    ),
+    Command(
+        "demo",
+        "all of it on this machine: simulated robots, gateways, detector and monitor",
+        "services.toolbox.demo.settings:DemoSettings",
+        "services.toolbox.demo.process:run",
+        extra="all",
+    ),
+)

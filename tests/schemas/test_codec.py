@@ -1,0 +1,110 @@
+import msgspec
+import pytest
+
+from schemas import codec
+from schemas.codec import Message
+from schemas.detections import Box, ClassCount, ClassList, Detection, Detections, Mask
+from schemas.errors import SchemaError
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey
+from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from tests.schemas.frames import header, image
+
+DETECTIONS = Detections(
+    header=header(),
+    height=4,
+    width=6,
+    objects=[Detection(name="box", score=0.9, box=Box(0, 0, 2.5, 3), mask=Mask((4, 6), "08"))],
+    model="m",
+    worker="w",
+    spans={"model": 12},
+)
+MESSAGES: list[Message] = [
+    image(),
+    DETECTIONS,
+    ClassList(header=header(), classes=[ClassCount("box", 2, 0.5)], model="m", worker="w"),
+    GatewayStatus(
+        robot="r1",
+        boot_id="b",
+        clock_id="c",
+        sent_ns=1,
+        streams=[
+            StreamStatus(camera="front", stream="color", topic="/t", wanted=True, publishers=1, received=3, forwarded=2)
+        ],
+    ),
+    WorkerStatus(
+        service="detector",
+        worker="w",
+        model="m",
+        sent_ns=1,
+        cameras=[CameraLoad(robot="r1", camera="front", inferred=1, dropped={"replaced": 2})],
+    ),
+]
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
+def test_every_message_survives_the_wire(message: Message) -> None:
+    schema = type(message)
+    assert codec.decode(schema, codec.encode(message), codec.encoding(schema)) == message
+
+
+def test_pixels_are_a_view_into_the_payload() -> None:
+    payload = codec.encode(image())
+    frame = codec.decode(ImageFrame, payload, codec.encoding(ImageFrame))
+    assert frame.data.obj is payload
+
+
+def test_unknown_fields_are_ignored_and_missing_new_ones_have_defaults() -> None:
+    fields = msgspec.to_builtins(DETECTIONS)
+    del fields["spans"]
+    payload = msgspec.msgpack.encode({**fields, "later": [1, {"more": None}]})
+    assert codec.decode(Detections, payload, codec.encoding(Detections)).spans == {}
+
+
+def test_another_schema_or_version_is_refused() -> None:
+    payload = codec.encode(DETECTIONS)
+    for encoded_as in ("", "application/msgpack", codec.encoding(ClassList), codec.encoding(Detections)[:-1] + "2"):
+        with pytest.raises(SchemaError, match=r"expected 'application/msgpack;fleetsight\.Detections\.v1'"):
+            codec.decode(Detections, payload, encoded_as)
+
+
+def test_size_is_checked_before_content(monkeypatch: pytest.MonkeyPatch) -> None:
+    payload = codec.encode(DETECTIONS)
+    monkeypatch.setitem(codec.MAX_BYTES, Detections, len(payload))
+    codec.decode(Detections, payload, codec.encoding(Detections))
+    monkeypatch.setitem(codec.MAX_BYTES, Detections, len(payload) - 1)
+    with pytest.raises(SchemaError, match=f"Detections of {len(payload)} bytes"):
+        codec.decode(Detections, payload, codec.encoding(Detections))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b"\xc1", b"\x91" * 100_000, b"\x81\xa1x" + b"\x91" * 100_000, b"\xdf\xff\xff\xff\xff", b"\x80", b"\xa1\xff"],
+    ids=["empty", "invalid", "deep", "deep unknown field", "huge map", "no fields", "not utf-8"],
+)
+@pytest.mark.parametrize("schema", list(codec.MAX_BYTES))
+def test_garbage_is_a_schema_error(schema: type[Message], payload: bytes) -> None:
+    with pytest.raises(SchemaError, match=f"not a {schema.__name__}"):
+        codec.decode(schema, payload, codec.encoding(schema))
+
+
+def test_a_wrong_layout_is_a_schema_error_on_the_wire_too() -> None:
+    fields = msgspec.to_builtins(image(), builtin_types=(memoryview,))
+    payload = msgspec.msgpack.encode({**fields, "height": 5})
+    with pytest.raises(SchemaError, match="data does not fit: 72 bytes, step x height is 90"):
+        codec.decode(ImageFrame, payload, codec.encoding(ImageFrame))
+
+
+@pytest.mark.parametrize("field", ["robot", "camera"])
+def test_a_name_that_cannot_be_a_key_chunk_is_refused(field: str) -> None:
+    fields = msgspec.to_builtins(DETECTIONS)
+    fields["header"][field] = "r1/x"
+    with pytest.raises(SchemaError, match=field):
+        codec.decode(Detections, msgspec.msgpack.encode(fields), codec.encoding(Detections))
+
+
+def test_identity_is_the_keys() -> None:
+    codec.check_identity(header(), CameraKey("r1", "front"))
+    for other in (CameraKey("r2", "front"), CameraKey("r1", "rear")):
+        with pytest.raises(SchemaError, match=f"header says r1/front, the key says {other}"):
+            codec.check_identity(header(), other)

@@ -1,0 +1,56 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas import keys
+from schemas.errors import SchemaError
+from schemas.keys import CameraKey, Stream, StreamKey
+
+names = st.from_regex(keys.NAME, fullmatch=True)
+
+
+@given(names, names.filter(lambda name: name not in keys.RESERVED), st.sampled_from(Stream))
+def test_stream_keys_parse_back(robot: str, camera: str, stream: Stream) -> None:
+    key = CameraKey(robot, camera)
+    assert keys.parse_stream(key.stream(stream)) == StreamKey(key, stream)
+    assert keys.parse_stream(key.alive(stream)) == StreamKey(key, stream)
+
+
+@given(names)
+def test_robot_and_worker_keys_parse_back(name: str) -> None:
+    assert keys.parse_robot(keys.robot_alive(name)) == name
+    assert keys.parse_robot(keys.gateway_status(name)) == name
+    assert keys.parse_worker(keys.worker_status("detector", name)) == ("detector", name)
+    assert keys.parse_worker(keys.worker_alive("detector", name)) == ("detector", name)
+
+
+@given(st.text(max_size=80))
+def test_whatever_the_key_parsing_raises_schema_errors_only(key: str) -> None:
+    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker):
+        try:
+            parse(key)
+        except SchemaError:
+            continue
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "*", "a*", "$x", "@a", "-a", ".a", "a b", "ä", "a\n", "a" * 65])
+def test_names_that_cannot_be_chunks(name: str) -> None:
+    with pytest.raises(SchemaError, match="camera name"):
+        CameraKey("r1", name)
+    with pytest.raises(SchemaError, match="robot name"):
+        keys.robot_alive(name)
+
+
+@pytest.mark.parametrize("name", sorted(keys.RESERVED))
+def test_reserved_camera_names(name: str) -> None:
+    with pytest.raises(SchemaError, match="reserved"):
+        CameraKey("r1", name)
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["fleet/r1/front", "fleet/r1/front/depth", "fleet/r1/front/color/x", "other/r1/front/color", "fleet/r1/*/color"],
+)
+def test_other_keys_are_no_streams(key: str) -> None:
+    with pytest.raises(SchemaError):
+        keys.parse_stream(key)

@@ -1,0 +1,106 @@
+import msgspec
+import pytest
+
+from schemas.detections import ClassCount, ClassList
+from schemas.keys import CameraKey
+from schemas.status import GatewayStatus
+from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from tests.schemas.frames import header
+
+FRONT = CameraKey("r1", "front")
+CLOCK = "this machine"
+
+
+def seen(seq: int = 0, *, robot: str = "r1", boot_id: str = "boot", box: int = 1) -> ClassList:
+    about = msgspec.structs.replace(header(robot=robot, seq=seq), boot_id=boot_id)
+    return ClassList(header=about, classes=[ClassCount("box", box, 0.9)], model="m", worker="w")
+
+
+def status(clock_id: str = CLOCK, robot: str = "r1") -> GatewayStatus:
+    return GatewayStatus(robot=robot, boot_id="boot", clock_id=clock_id, sent_ns=0)
+
+
+def online_fleet() -> Fleet:
+    fleet = Fleet(CLOCK)
+    fleet.robot_presence("r1", alive=True)
+    fleet.camera_presence(FRONT, alive=True)
+    fleet.gateway_status(status())
+    return fleet
+
+
+def only(fleet: Fleet, now_s: float) -> Row:
+    (row,) = fleet.rows(now_s)
+    return row
+
+
+def test_a_camera_is_listed_before_its_first_class_list() -> None:
+    row = only(online_fleet(), 0)
+    assert row == Row(key=FRONT, online=True, classes=None, age=None, rate_hz=0)
+    assert row.stale
+
+
+def test_a_class_list_fills_the_row_and_ages_from_the_gateways_receive_time() -> None:
+    fleet = online_fleet()
+    message = seen(box=2)
+    assert fleet.see(message, 10.0, message.header.received_ns + 250_000_000)
+    row = only(fleet, 11.0)
+    assert row.classes == (ClassCount("box", 2, 0.9),)
+    assert row.age == Age(1.25, exact=True)
+    assert list(fleet.ages_s) == [0.25]
+
+
+def test_another_machines_clock_gives_a_lower_bound_only() -> None:
+    fleet = online_fleet()
+    fleet.gateway_status(status("another machine"))
+    fleet.see(seen(), 10.0, 0)
+    assert only(fleet, 12.0).age == Age(2.0, exact=False)
+    assert not fleet.ages_s
+
+
+@pytest.mark.parametrize(("age_s", "stale"), [(STALE_S, False), (STALE_S + 0.01, True)])
+def test_a_view_goes_stale(age_s: float, *, stale: bool) -> None:
+    fleet = online_fleet()
+    message = seen()
+    fleet.see(message, 0.0, message.header.received_ns)
+    assert only(fleet, age_s).stale is stale
+
+
+@pytest.mark.parametrize("lost", ["robot", "camera"])
+def test_a_lost_robot_or_camera_stays_on_screen_offline(lost: str) -> None:
+    fleet = online_fleet()
+    message = seen()
+    fleet.see(message, 0.0, message.header.received_ns)
+    if lost == "robot":
+        fleet.robot_presence("r1", alive=False)
+    else:
+        fleet.camera_presence(FRONT, alive=False)
+    row = only(fleet, 1.0)
+    assert (row.online, row.stale, row.classes) == (False, True, (ClassCount("box", 1, 0.9),))
+    fleet.robot_presence("r1", alive=True)
+    fleet.camera_presence(FRONT, alive=True)
+    assert only(fleet, 1.0).online
+
+
+def test_doubles_and_older_frames_are_dropped_but_a_restarted_gateway_begins_anew() -> None:
+    fleet = online_fleet()
+    assert fleet.see(seen(5), 0.0, 0)
+    assert not fleet.see(seen(5), 1.0, 0)
+    assert not fleet.see(seen(4), 1.0, 0)
+    assert fleet.see(seen(0, boot_id="next"), 2.0, 0)
+    assert fleet.lists_per_robot() == {"r1": 2}
+
+
+def test_rate_over_the_window() -> None:
+    fleet = online_fleet()
+    for seq in range(5):
+        fleet.see(seen(seq), seq * 0.5, 0)
+    assert only(fleet, 2.0).rate_hz == 2.0
+    assert only(fleet, 2.0 + RATE_WINDOW_S).rate_hz == 0.0
+
+
+def test_robots_without_lists_are_counted_too_and_rows_are_ordered() -> None:
+    fleet = online_fleet()
+    fleet.robot_presence("r0", alive=True)
+    fleet.see(seen(robot="r2"), 0.0, 0)
+    assert fleet.lists_per_robot() == {"r0": 0, "r1": 0, "r2": 1}
+    assert [str(row.key) for row in fleet.rows(0.0)] == ["r1/front", "r2/front"]

@@ -1,0 +1,51 @@
+import io
+
+from rich.console import Console
+
+from schemas.detections import ClassCount
+from schemas.keys import CameraKey
+from services.monitor.fleet import Age, Row
+from services.monitor.table import line, render
+
+BUSY = Row(
+    CameraKey("r1", "front"),
+    online=True,
+    classes=(ClassCount("box", 3, 0.9), ClassCount("pallet", 1, 0.5)),
+    age=Age(0.24, exact=True),
+    rate_hz=2.04,
+)
+LOST = Row(CameraKey("r2", "front"), online=False, classes=(), age=Age(9, exact=False), rate_hz=0)
+NEW = Row(CameraKey("r3", "front"), online=True, classes=None, age=None, rate_hz=0)
+
+
+def drawn(*rows: Row, notes: tuple[str, ...] = ()) -> str:
+    console = Console(file=io.StringIO(), width=100)
+    console.print(render(rows, notes))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_every_column_of_every_row() -> None:
+    shown = [
+        [cell.strip() for cell in row.split("│")[1:-1]] for row in drawn(BUSY, LOST, NEW).splitlines() if "│" in row
+    ]
+    assert shown == [
+        ["r1", "front", "online", "3 box, 1 pallet", "0.2 s", "2.0/s"],
+        ["r2", "front", "offline", "nothing", "> 9.0 s", "0.0/s"],
+        ["r3", "front", "online", "waiting for the first class list", "-", "0.0/s"],
+    ]
+
+
+def test_an_empty_fleet_says_so_and_notes_are_shown() -> None:
+    shown = drawn(notes=("listening on tcp/127.0.0.1:7447",))
+    assert "no robots yet" in shown
+    assert "listening on tcp/127.0.0.1:7447" in shown
+
+
+def test_names_are_never_markup() -> None:
+    shady = Row(CameraKey("r1", "front"), online=True, classes=(ClassCount("[red]x[/red]", 1, 1),), age=None, rate_hz=0)
+    assert "1 [red]x[/red]" in drawn(shady)
+
+
+def test_plain_line() -> None:
+    assert line(BUSY) == "r1/front: online, 3 box, 1 pallet, age 0.2 s, 2.0/s"

@@ -1,0 +1,46 @@
+import logging
+
+from services.toolbox.logs import RateLimit, RateLimitFilter
+
+
+def test_one_event_a_period_and_the_count_of_the_rest() -> None:
+    limit = RateLimit(period_s=10)
+    assert limit.admit(("a",), 0) == 0
+    assert limit.admit(("a",), 0) is None
+    assert limit.admit(("a",), 9.9) is None
+    assert limit.admit(("a",), 10) == 2
+    assert limit.admit(("a",), 20) == 0
+
+
+def test_sources_do_not_share_a_limit() -> None:
+    limit = RateLimit(period_s=10)
+    assert [limit.admit((source,), 0) for source in "aba"] == [0, 0, None]
+
+
+def test_remembered_sources_are_bounded_and_the_oldest_goes_first() -> None:
+    limit = RateLimit(period_s=10, max_sources=2)
+    for source in "abc":
+        limit.admit((source,), 0)
+    assert limit.admit(("c",), 1) is None
+    assert limit.admit(("a",), 1) == 0
+
+
+def record(text: str, *args: object, level: int = logging.WARNING, at: float = 0) -> logging.LogRecord:
+    made = logging.LogRecord("name", level, "file", 1, text, args, None)
+    made.created = at
+    return made
+
+
+def test_the_first_argument_is_the_source_and_what_was_held_back_is_said() -> None:
+    held = RateLimitFilter(RateLimit(period_s=10))
+    assert held.filter(record("%s: bad image: %s", "r1", "x"))
+    assert not held.filter(record("%s: bad image: %s", "r1", "y"))
+    assert held.filter(record("%s: bad image: %s", "r2", "x"))
+    again = record("%s: bad image: %s", "r1", "z", at=10)
+    assert held.filter(again)
+    assert again.getMessage() == "r1: bad image: z (and 1 more like it)"
+
+
+def test_information_is_never_held_back() -> None:
+    held = RateLimitFilter(RateLimit(period_s=10))
+    assert all(held.filter(record("%s is here", "r1", level=logging.INFO)) for _ in range(3))

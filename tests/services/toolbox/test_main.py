@@ -1,0 +1,50 @@
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pytest
+
+from services.toolbox import process
+from services.toolbox.__main__ import main
+from services.toolbox.commands import COMMANDS
+
+
+def test_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(f"  {command.name} " in shown for command in COMMANDS)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"fleetsight {version('fleetsight')}\n"
+
+
+@pytest.mark.parametrize(("argv", "message"), [([], "a command is missing"), (["nix"], "no command 'nix'")])
+def test_without_a_command(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(argv) == process.EXIT_USAGE
+    assert capsys.readouterr().err.startswith(f"fleetsight: {message}\n")
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_every_command_has_help_and_something_to_run(command: object, capsys: pytest.CaptureFixture[str]) -> None:
+    name = getattr(command, "name", "")
+    with pytest.raises(SystemExit) as caught:
+        main([name, "--help"])
+    assert caught.value.code == 0
+    assert f"usage: fleetsight {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_a_wrong_option_is_one_line_and_exit_code_2(command: object) -> None:
+    name = getattr(command, "name", "")
+    ended = subprocess.run(
+        [sys.executable, "-m", "services.toolbox", name, "--no-such-option"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert ended.returncode == process.EXIT_USAGE
+    assert ended.stderr == f"fleetsight {name}: unrecognized arguments: --no-such-option\n"
+    assert ended.stdout == ""

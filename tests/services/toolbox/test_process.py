@@ -1,0 +1,72 @@
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+
+from services.toolbox import process
+
+
+def spawn(body: str) -> subprocess.Popen[str]:
+    """Start a process that runs `main`, defined by `body`, and says when it is ready for signals."""
+    program = "import asyncio, sys\nfrom services.toolbox import process\n" + textwrap.dedent(body)
+    return subprocess.Popen(
+        [sys.executable, "-c", program + "\nsys.exit(process.run(main))"], stdout=subprocess.PIPE, text=True
+    )
+
+
+PATIENT = """
+    async def main():
+        try:
+            print("ready", flush=True)
+            await asyncio.sleep(60)
+        finally:
+            print("cleaned up", flush=True)
+"""
+STUBBORN = """
+    async def main():
+        print("ready", flush=True)
+        while True:
+            try:
+                await asyncio.sleep(60)
+            except asyncio.CancelledError:
+                pass
+"""
+
+
+@pytest.mark.parametrize("number", process.SIGNALS)
+def test_a_signal_ends_the_process_in_order(number: signal.Signals) -> None:
+    with spawn(PATIENT) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        child.send_signal(number)
+        assert child.stdout.read() == "cleaned up\n"
+    assert child.returncode == 0
+
+
+def test_a_process_that_does_not_end_is_left() -> None:
+    with spawn(STUBBORN) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        child.send_signal(signal.SIGTERM)
+    assert child.returncode == process.EXIT_FAILED
+
+
+def test_a_second_signal_does_not_wait() -> None:
+    with spawn(STUBBORN) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        child.send_signal(signal.SIGINT)
+        time.sleep(0.2)
+        child.send_signal(signal.SIGINT)
+    assert child.returncode == process.EXIT_FAILED
+
+
+@pytest.mark.parametrize(("result", "code"), [(None, 0), (0, 0), (3, 3)])
+def test_the_exit_code_is_what_main_returns(result: int | None, code: int) -> None:
+    async def main() -> int | None:
+        return result
+
+    assert process.run(main) == code

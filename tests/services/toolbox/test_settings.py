@@ -1,0 +1,100 @@
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, Field
+
+from services.toolbox.settings import Loaded, UsageError, load
+
+
+class Settings(BaseModel):
+    """Settings of a test."""
+
+    robot: str = Field(pattern="^[a-z0-9]+$")
+    connect: list[str] = ["here"]
+    cameras: dict[str, str] = {"camera": "/image"}
+    rate_hz: float = Field(default=1, gt=0)
+    shared: bool = True
+
+
+def read(*argv: str) -> Loaded[Settings]:
+    return load(Settings, argv, prog="test")
+
+
+def test_defaults_and_options() -> None:
+    loaded = read("--robot", "r1", "--connect", "a", "--connect", "b", "--cameras", "front=/f", "--no-shared")
+    assert loaded.settings == Settings(robot="r1", connect=["a", "b"], cameras={"front": "/f"}, shared=False)
+    assert loaded.log_level == "info"
+
+
+def test_options_win_over_environment_over_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text("robot: file\nrate-hz: 2\nconnect: [file]\nlog_level: debug\n")
+    monkeypatch.setenv("FLEETSIGHT_CONFIG", str(file))
+    monkeypatch.setenv("FLEETSIGHT_ROBOT", "environment")
+    monkeypatch.setenv("FLEETSIGHT_RATE_HZ", "3")
+    loaded = read("--rate-hz", "4")
+    assert loaded.settings == Settings(robot="environment", rate_hz=4, connect=["file"])
+    assert loaded.log_level == "debug"
+
+
+def test_lists_and_mappings_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FLEETSIGHT_CONNECT", "a, b")
+    monkeypatch.setenv("FLEETSIGHT_CAMERAS", "front=/f,rear=/r")
+    assert read("--robot", "r1").settings == Settings(
+        robot="r1", connect=["a", "b"], cameras={"front": "/f", "rear": "/r"}
+    )
+    monkeypatch.setenv("FLEETSIGHT_CONNECT", '["c"]')
+    assert read("--robot", "r1").settings.connect == ["c"]
+
+
+def test_toml_file(tmp_path: Path) -> None:
+    file = tmp_path / "settings.toml"
+    file.write_text('robot = "r1"\n[cameras]\nfront = "/f"\n')
+    assert read("--config", str(file)).settings == Settings(robot="r1", cameras={"front": "/f"})
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        ((), "--robot is required (or FLEETSIGHT_ROBOT, or in the file that --config names)"),
+        (("--robot", "R"), "--robot 'R': String should match pattern '^[a-z0-9]+$'"),
+        (("--robot", "r", "--rate-hz", "0"), "--rate-hz '0': Input should be greater than 0"),
+        (("--robot", "r", "--rate-hz", "fast"), "--rate-hz 'fast': Input should be a valid number"),
+        (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r"),
+        (("--robot",), "argument --robot: expected one argument"),
+        (("--robot", "r", "--config", "missing.yaml"), "--config missing.yaml: [Errno 2] No such file"),
+    ],
+)
+def test_a_wrong_setting_is_named_on_one_line(argv: tuple[str, ...], message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        read(*argv)
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.toml", "robt = 'r'", "'robt' is not a setting"),
+        ("a.toml", "robot =", "Invalid value"),
+        ("a.yaml", "robot: [", "while parsing"),
+        ("a.yaml", "- robot", "settings are name: value pairs"),
+        ("a.yaml", "robot: r\nrate_hz: -1", "--rate-hz -1: Input should be greater than 0"),
+        ("a.yaml", "robot: \x00", "unacceptable character"),
+    ],
+)
+def test_a_mistake_in_the_file_is_named(tmp_path: Path, name: str, text: str, message: str) -> None:
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(UsageError) as caught:
+        read("--config", str(file))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_help_lists_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        read("--help")
+    assert caught.value.code == 0
+    shown = capsys.readouterr().out
+    assert all(f"--{option}" in shown for option in ("robot", "connect", "cameras", "rate-hz", "config", "log-level"))
