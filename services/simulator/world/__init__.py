@@ -2,9 +2,22 @@
 
 from services.simulator.world.camera import Camera, Pose
 from services.simulator.world.cuboids import BACKGROUND, CLASSES
+from services.simulator.world.drive import Drive
 from services.simulator.world.layout import generate
 from services.simulator.world.render import Rendering, render
 from services.simulator.world.scene import Scene
 from services.simulator.world.sensor import Sensor, expose
 
-__all__ = ["BACKGROUND", "CLASSES", "Camera", "Pose", "Rendering", "Scene", "Sensor", "expose", "generate", "render"]
+__all__ = [
+    "BACKGROUND",
+    "CLASSES",
+    "Camera",
+    "Drive",
+    "Pose",
+    "Rendering",
+    "Scene",
+    "Sensor",
+    "expose",
+    "generate",
+    "render",
+]

@@ -136,4 +136,3 @@ def _rack_slot(builder: Builder, rng: Generator, frame: Frame) -> None:
             half = (rng.uniform(0.12, 0.19), rng.uniform(0.12, 0.25), rng.uniform(0.08, 0.25))
             place = frame.at(float(x), rng.uniform(-0.15, 0.15), 0, float(rng.normal(0, 0.12)))
             box(builder, rng, place, half, box_colour(rng))
-

@@ -22,7 +22,14 @@ class Shader:
     """Colours the pixels of one view; every pixel depends on its own face only, so bands may come in any order."""
 
     def __init__(
-        self, surfaces: Surfaces, floor: Floor, floor_face: int, atlas: Atlas, visible: Visibility, camera: Camera, pose: Pose
+        self,
+        surfaces: Surfaces,
+        floor: Floor,
+        floor_face: int,
+        atlas: Atlas,
+        visible: Visibility,
+        camera: Camera,
+        pose: Pose,
     ) -> None:
         faces = visible.faces
         axes = surfaces.axes[faces] @ pose.rotation

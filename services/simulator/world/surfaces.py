@@ -12,11 +12,7 @@ from services.simulator.world.textures import SIZE, TILE_METRES, Atlas
 
 # Face 2 * axis + (sign > 0): its corners in ring order, and the two axes that span it.
 RINGS: Final = np.array(
-    [
-        np.flatnonzero(CORNER_SIGNS[:, axis] == sign)[[0, 1, 3, 2]]
-        for axis in range(3)
-        for sign in (-1, 1)
-    ]
+    [np.flatnonzero(CORNER_SIGNS[:, axis] == sign)[[0, 1, 3, 2]] for axis in range(3) for sign in (-1, 1)]
 )
 SPANS: Final = np.array([(1, 2), (1, 2), (0, 2), (0, 2), (0, 1), (0, 1)])
 # Keeps texture coordinates positive, so that truncation is floor.
