@@ -13,7 +13,7 @@ class Film:
         self._seed = seed
         self._camera = camera
         self._scene = generate(seed)
-        self._drive = Drive(self._scene, frames)
+        self._drive = Drive.plan(self._scene)
         self._pictures: list[NDArray[np.uint8] | None] = [None] * frames
 
     def picture(self, number: int) -> NDArray[np.uint8]:
@@ -21,7 +21,7 @@ class Film:
         index = number % len(self._pictures)
         picture = self._pictures[index]
         if picture is None:
-            seen = render(self._scene, self._drive.pose(index), self._camera)
+            seen = render(self._scene, self._drive.pose(index / len(self._pictures)), self._camera)
             picture = expose(seen.color, Sensor(), np.random.default_rng((self._seed, index)))
             self._pictures[index] = picture
         return picture

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.simulator.world.camera import Camera, Pose
 from services.simulator.world.cuboids import Floats
 from services.simulator.world.floor import WHITE, Floor
-from services.simulator.world.surfaces import SHIFT, Surfaces
+from services.simulator.world.surfaces import Surfaces
 from services.simulator.world.textures import CHAIN, LEVEL_OFFSETS, LEVELS, SIZE, Atlas
 from services.simulator.world.visibility import Visibility, to_pixels
 
