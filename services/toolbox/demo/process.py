@@ -53,7 +53,7 @@ async def run(settings: DemoSettings) -> int:
         ended_well = False
     finally:
         summary = _add_up(fleet, children, began_s)
-        console.print("\n".join(summary.lines()), markup=False, highlight=False)
+        console.print("\n".join(summary.lines()), markup=False, highlight=False, soft_wrap=True)
     return 0 if ended_well and summary.complete else EXIT_FAILED
 
 
@@ -99,7 +99,7 @@ async def _show_until_over(
     seconds: float | None,
 ) -> None:
     def say(line: str) -> None:
-        console.print(line, markup=False, highlight=False, style="dim")
+        console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
 
     note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
     async with asyncio.TaskGroup() as group:
