@@ -1,5 +1,6 @@
 """What BusSettings mean to Zenoh."""
 
+from math import ceil
 from typing import Any, Final
 
 from bus.settings import BusSettings
@@ -9,6 +10,9 @@ OPEN_TIMEOUT_MS: Final = 1_000
 
 MAX_BLOCKED_MS: Final = 1_000
 """How long a link may refuse a declaration before it counts as lost; short of the deadline for closing."""
+
+MAX_FLUSH_MS: Final = 500
+"""Longest time between signs of life, which is also how long a closing link waits to write what it holds."""
 
 MAX_MESSAGE_BYTES: Final = 128 * 1024 * 1024
 """What a link takes in at most as one message."""
@@ -37,7 +41,7 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
             "link": {
                 "tx": {
                     "lease": lease_ms,
-                    "keep_alive": 4,
+                    "keep_alive": max(4, ceil(lease_ms / MAX_FLUSH_MS)),
                     "queue": {"congestion_control": {"block": {"wait_before_close": blocked_us}}},
                 },
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},

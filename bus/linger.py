@@ -22,18 +22,31 @@ def shorten(locator: str) -> int:
     A locator is like tcp/127.0.0.1:7447 or tcp/[::1]:7447?rel=0.
     """
     address = locator.partition("/")[2].partition("?")[0].partition("#")[0]
-    return sum(_shorten(int(entry.name), address) for entry in _FILES.iterdir())
+    return sum(_shorten(int(entry.name), address) for entry in _FILES.iterdir() if _is_socket(entry))
+
+
+def _is_socket(entry: Path) -> bool:
+    try:
+        return entry.readlink().name.startswith("socket:")
+    except FileNotFoundError:
+        return False
 
 
 def _shorten(descriptor: int, address: str) -> bool:
     try:
-        with socket.socket(fileno=os.dup(descriptor)) as connection:
-            if connection.type != socket.SOCK_STREAM or _text(connection.getsockname()) != address:
-                return False
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
-    except OSError:  # no socket, or closed meanwhile
+        duplicate = os.dup(descriptor)
+    except OSError:  # closed meanwhile
         return False
-    return True
+    try:
+        connection = socket.socket(fileno=duplicate)
+    except OSError:  # closed meanwhile, and opened again as something else
+        os.close(duplicate)
+        return False
+    with connection:
+        if connection.type != socket.SOCK_STREAM or _text(connection.getsockname()) != address:
+            return False
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
+        return True
 
 
 def _text(socket_address: object) -> str:

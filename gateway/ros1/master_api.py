@@ -129,7 +129,7 @@ class MasterApi:
         return "rosrpc URI", self._services[service][1]
 
     def _get_published_topics(self, caller: str, subgraph: str) -> tuple[str, Any]:
-        within = resolve(subgraph, caller).rstrip("/") + "/" if subgraph.strip("/") else "/"
+        within = f"{resolve(subgraph, caller)}/" if subgraph.strip("/") else "/"
         topics = [topic for topic in self._graph.publishers.keys() if topic.startswith(within)]  # noqa: SIM118
         return "current topics", [[topic, self._graph.topic_types[topic]] for topic in topics]
 
@@ -206,4 +206,4 @@ def _key(key: str, caller: str) -> str:
         raise StatusError(ERROR, "a parameter's key must not be empty")
     if not key.strip("/"):
         return "/"
-    return resolve(key.rstrip("/"), caller)
+    return resolve(key, caller)

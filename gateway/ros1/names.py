@@ -10,7 +10,8 @@ from gateway.ros1.errors import InvalidNameError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-_NAME = re.compile(r"[~/]?[A-Za-z]\w*(/\w+)*", re.ASCII)
+_NAME = re.compile(r"(?:[~/]\w|[A-Za-z])\w*(?:/\w+)*", re.ASCII)
+_SLASHES = re.compile("/+")
 _TYPE = re.compile(r"[A-Za-z]\w*/[A-Za-z]\w*", re.ASCII)
 MAX_NAME_CHARACTERS = 1024
 
@@ -57,7 +58,7 @@ def namespace_of(name: str) -> str:
 
 
 def resolve(name: str, node: str, remaps: Mapping[str, str] | None = None) -> str:
-    """Return the global name that `name` means within the node called `node`.
+    """Return the global name that `name` means within the node called `node`; doubled slashes count as one.
 
     `remaps` goes from global to global names.
 
@@ -66,7 +67,7 @@ def resolve(name: str, node: str, remaps: Mapping[str, str] | None = None) -> st
 
     """
     validate_global(node)
-    validate(name)
+    name = validate(_SLASHES.sub("/", name).rstrip("/"))
     if name.startswith("~"):
         resolved = f"{node}/{name[1:]}"
     elif name.startswith("/"):

@@ -80,6 +80,11 @@ class Node:
         """The slave API's URI; known once entered."""
         return self._slave.uri
 
+    @property
+    def registered(self) -> bool:
+        """Whether the master answers and has taken all of the node's registrations."""
+        return self._registrar.settled
+
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:
             await stack.enter_async_context(self._client)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import CallError, Ros1Error, UnreachableError
-from gateway.ros1.registrations import Registration, Registrations, Role
+from gateway.ros1.registrations import Changes, Registration, Registrations, Role
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -42,8 +42,13 @@ class Registrar:
         self._caller_api = ""
         self._wake = asyncio.Event()
         self._waiters: list[asyncio.Future[None]] = []
-        self._master_answers: bool | None = None
+        self.master_answers: bool | None = None
         self._refused: set[Registration] = set()
+
+    @property
+    def settled(self) -> bool:
+        """Whether the master has taken everything that is wanted and released."""
+        return self.master_answers is True and self._registrations.plan() == Changes((), ())
 
     def want(self, registration: Registration) -> None:
         self._registrations.wanted.add(registration)
@@ -96,13 +101,13 @@ class Registrar:
                 self._registrations.compare(state, self._lists.known_publishers())
             await self._apply()
         except Ros1Error as error:
-            if self._master_answers is not False:
+            if self.master_answers is not False:
                 _log.warning("waiting for the ROS master at %s: %s", self._master.uri, error)
-            self._master_answers = False
+            self.master_answers = False
         else:
-            if self._master_answers is False:
+            if self.master_answers is False:
                 _log.info("the ROS master at %s answers", self._master.uri)
-            self._master_answers = True
+            self.master_answers = True
 
     async def _apply(self) -> None:
         changes = self._registrations.plan()

@@ -14,7 +14,9 @@ from services.monitor.table import classes, line, render
 async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str) -> None:
     """Show the fleet until cancelled."""
     if not console.is_terminal:
-        await _print_changes(fleet, refresh_s, lambda text: console.print(text, markup=False, highlight=False))
+        await _print_changes(
+            fleet, refresh_s, lambda text: console.print(text, markup=False, highlight=False, soft_wrap=True)
+        )
         return
     with Live(console=console, auto_refresh=False) as live:
         while True:

@@ -21,8 +21,16 @@ log = logging.getLogger(__name__)
 FIELD_OF_VIEW_RAD = 1.2
 
 
+class MasterError(Exception):
+    """A robot's own ROS master cannot be started."""
+
+
 async def run(settings: SimulatorSettings) -> None:
-    """Drive the robots until cancelled."""
+    """Drive the robots until cancelled.
+
+    Raises:
+        MasterError: a robot's own ROS master cannot listen where it should.
+    """
     robots: list[Robot] = []
     try:
         with ThreadPoolExecutor(1, thread_name_prefix="render") as executor:
@@ -39,10 +47,16 @@ async def _masters(settings: SimulatorSettings, stack: AsyncExitStack) -> Sequen
     """Return the master of each robot, started here unless there is a real one."""
     if settings.ros_master is not None:
         return [settings.ros_master] * settings.robots
-    return [
-        (await stack.enter_async_context(RosMaster(host=settings.ros_host, port=port))).uri
-        for port in range(settings.master_port, settings.master_port + settings.robots)
-    ]
+    uris = []
+    for port in range(settings.master_port, settings.master_port + settings.robots):
+        try:
+            master = await stack.enter_async_context(RosMaster(host=settings.ros_host, port=port))
+        except OSError as error:
+            raise MasterError(
+                f"--master-port: no ROS master can listen on {settings.ros_host}:{port}: {error}"
+            ) from error
+        uris.append(master.uri)
+    return uris
 
 
 async def _drive(settings: SimulatorSettings, masters: Sequence[str], robots: list[Robot], executor: Executor) -> None:

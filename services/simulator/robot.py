@@ -58,6 +58,6 @@ class Robot:
                 encoding="rgb8",
                 is_bigendian=False,
                 step=width * channels,
-                data=memoryview(picture).cast("B"),
+                data=picture.data.cast("B"),
             )
         )

@@ -1,5 +1,6 @@
 import socket
 import struct
+from pathlib import Path
 
 import pytest
 
@@ -34,3 +35,15 @@ def test_only_connections_of_that_address_are_shortened(family: socket.AddressFa
 def test_an_address_of_nobody_finds_nothing() -> None:
     assert shorten("tcp/127.0.0.1:1") == 0
     assert shorten("nonsense") == 0
+
+
+def test_no_file_is_left_open() -> None:
+    def open_files() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    with socket.socket() as unconnected, Path(__file__).open() as file:
+        before = open_files()
+        shorten("tcp/127.0.0.1:1")
+        assert open_files() == before
+        assert file.readable()
+        assert linger(unconnected) == (0, 0)

@@ -38,6 +38,7 @@ async def run(settings: DemoSettings) -> int:
     endpoint = f"tcp/127.0.0.1:{port}"
     commands = plan(settings, endpoint, port + 1)
     children: dict[str, Child] = {}
+    ended_well = True
     try:
         async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus, asyncio.TaskGroup() as group:
             watching = group.create_task(watch_fleet(bus, fleet))
@@ -49,11 +50,11 @@ async def run(settings: DemoSettings) -> int:
     except* ChildFailedError as failed:
         for error in failed.exceptions:
             log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
-        return EXIT_FAILED
+        ended_well = False
     finally:
         summary = _add_up(fleet, children, began_s)
-        console.print("\n".join(summary.lines()), markup=False, highlight=False)
-    return 0 if summary.complete else EXIT_FAILED
+        console.print("\n".join(summary.lines()), markup=False, highlight=False, soft_wrap=True)
+    return 0 if ended_well and summary.complete else EXIT_FAILED
 
 
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
@@ -98,7 +99,7 @@ async def _show_until_over(
     seconds: float | None,
 ) -> None:
     def say(line: str) -> None:
-        console.print(line, markup=False, highlight=False, style="dim")
+        console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
 
     note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
     async with asyncio.TaskGroup() as group:

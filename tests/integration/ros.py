@@ -1,0 +1,181 @@
+"""Debian's real ROS 1, started by tests: a rosmaster, and rospy scripts under the system's Python."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import pytest
+
+from gateway.ros1.errors import Ros1Error
+from gateway.ros1.master import MasterClient
+from gateway.ros1.xmlrpc_client import XmlRpcClient
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable
+
+SYSTEM_PYTHON = "/usr/bin/python3"
+ROSMASTER = "/usr/bin/rosmaster"
+ROSTOPIC = "/usr/bin/rostopic"
+_NEEDED = (ROSMASTER, ROSTOPIC, "/usr/lib/python3/dist-packages/rospy", "/usr/lib/python3/dist-packages/sensor_msgs")
+END_TIMEOUT_S = 5.0
+START_TIMEOUT_S = 20.0
+
+
+def require_ros() -> None:
+    """Skip the test where Debian's ROS is not installed; fail it in CI, where it has to be."""
+    missing = [path for path in _NEEDED if not Path(path).exists()]
+    if missing and os.environ.get("CI"):
+        pytest.fail(f"CI needs Debian's ROS packages; missing: {', '.join(missing)}")
+    if missing:
+        pytest.skip(f"Debian's ROS packages are not installed; missing: {', '.join(missing)}")
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port: int = probe.getsockname()[1]
+        return port
+
+
+async def until(condition: Callable[[], object], what: str, limit_s: float = START_TIMEOUT_S) -> None:
+    """Return when the condition holds; fail the test when it does not within the limit."""
+    try:
+        async with asyncio.timeout(limit_s):
+            while not condition():
+                await asyncio.sleep(0.02)
+    except TimeoutError:
+        pytest.fail(f"waited {limit_s} s in vain until {what}")
+
+
+class RosProcess:
+    """One process of the real ROS; its output is collected while it runs."""
+
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self._process = process
+        self._output = bytearray()
+        self._reading = asyncio.ensure_future(self._read())
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def output(self) -> str:
+        return self._output.decode(errors="replace")
+
+    async def until_output(self, text: str) -> None:
+        try:
+            await until(lambda: text in self.output or self._process.returncode is not None, f"{text!r} is printed")
+        finally:
+            assert text in self.output, self.output
+
+    async def finished(self) -> str:
+        """Return the whole output once the process has ended by itself."""
+        async with asyncio.timeout(START_TIMEOUT_S):
+            await self._process.wait()
+            await self._reading
+        return self.output
+
+    def kill(self) -> None:
+        with suppress(ProcessLookupError):
+            self._process.kill()
+
+    async def end(self, sign: signal.Signals = signal.SIGINT) -> None:
+        """End the process: politely, then, past the deadline, not."""
+        if self._process.returncode is None:
+            with suppress(ProcessLookupError):
+                self._process.send_signal(sign)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(END_TIMEOUT_S):
+                    await self._process.wait()
+        self.kill()
+        await self._process.wait()
+        self._reading.cancel()
+        await asyncio.wait([self._reading])
+
+    async def _read(self) -> None:
+        stream = self._process.stdout
+        assert stream is not None
+        while data := await stream.read(4096):
+            self._output += data
+
+
+class RosEnvironment:
+    """Where rospy scripts run: against the given master, on the loopback, with their logs in a folder of the test's."""
+
+    def __init__(self, folder: Path, *, master_uri: str = "") -> None:
+        self.port = free_port()
+        self.master_uri = master_uri or f"http://127.0.0.1:{self.port}/"
+        self._folder = folder
+        self._processes: list[RosProcess] = []
+        self._master: RosProcess | None = None
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await asyncio.gather(*(process.end(signal.SIGKILL) for process in self._processes))
+
+    async def start_master(self) -> None:
+        """Start the real rosmaster on this environment's port; returns when it answers."""
+        self._master = await self.run(SYSTEM_PYTHON, ROSMASTER, "--core", "-p", str(self.port))
+        async with XmlRpcClient(timeout=1.0) as client:
+            api = MasterClient(client, uri=self.master_uri, caller_id="/test")
+            async with asyncio.timeout(START_TIMEOUT_S):
+                while not await _answers(api):
+                    await asyncio.sleep(0.05)
+
+    async def end_master(self) -> None:
+        """Kill the rosmaster; what it knew is lost."""
+        assert self._master is not None
+        await self._master.end(signal.SIGKILL)
+
+    async def script(self, source: str, *arguments: str) -> RosProcess:
+        """Start a rospy script."""
+        return await self.run(SYSTEM_PYTHON, "-u", "-c", source, *arguments)
+
+    async def rostopic(self, *arguments: str) -> RosProcess:
+        return await self.run(SYSTEM_PYTHON, "-u", ROSTOPIC, *arguments)
+
+    async def run(self, *command: str) -> RosProcess:
+        process = await asyncio.create_subprocess_exec(
+            *command,
+            env=self._variables(),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+        )
+        self._processes.append(RosProcess(process))
+        return self._processes[-1]
+
+    def _variables(self) -> dict[str, str]:
+        return {
+            "PATH": "/usr/bin:/bin",
+            "HOME": str(self._folder),
+            "ROS_HOME": str(self._folder),
+            "ROS_LOG_DIR": str(self._folder),
+            "ROS_MASTER_URI": self.master_uri,
+            "ROS_IP": "127.0.0.1",
+            "PYTHONUNBUFFERED": "1",
+        }
+
+
+async def _answers(master: MasterClient) -> bool:
+    try:
+        await master.get_pid()
+    except Ros1Error:
+        return False
+    return True
+
+
+@asynccontextmanager
+async def real_master(folder: Path) -> AsyncIterator[RosEnvironment]:
+    """An environment whose real rosmaster is up."""
+    async with RosEnvironment(folder) as environment:
+        await environment.start_master()
+        yield environment

@@ -1,0 +1,61 @@
+"""What the rospy side of the tests does; run under the system's Python, so these are texts."""
+
+from __future__ import annotations
+
+TALKER = """
+import sys, rospy
+from std_msgs.msg import String
+name, topic, rate = sys.argv[1], sys.argv[2], float(sys.argv[3])
+rospy.init_node(name)
+publisher = rospy.Publisher(topic, String, queue_size=10, latch=len(sys.argv) > 4)
+print("talker up", flush=True)
+count, ticks = 0, rospy.Rate(rate)
+while not rospy.is_shutdown():
+    publisher.publish("%s %d" % (name, count))
+    count += 1
+    try:
+        ticks.sleep()
+    except rospy.ROSInterruptException:
+        break
+"""
+
+LISTENER = """
+import sys, rospy
+from std_msgs.msg import String
+rospy.init_node(sys.argv[1])
+rospy.Subscriber(sys.argv[2], String, lambda message: print("heard " + message.data, flush=True))
+print("listener up", flush=True)
+rospy.spin()
+"""
+
+CAMERA = """
+import sys, rospy
+from sensor_msgs.msg import Image
+rospy.init_node("camera")
+publisher = rospy.Publisher(sys.argv[1], Image, queue_size=2)
+image = Image()
+image.header.frame_id = "front"
+image.header.stamp = rospy.Time(1700000000, 123456789)
+image.height, image.width, image.encoding, image.step = 480, 640, "rgb8", 1920
+image.data = bytes(i % 251 for i in range(480 * 1920))
+print("camera up", flush=True)
+rate = float(sys.argv[2])
+while publisher.get_num_connections() == 0 and not rospy.is_shutdown():
+    rospy.sleep(0.01)
+while not rospy.is_shutdown():
+    publisher.publish(image)
+    if rate:
+        rospy.sleep(1 / rate)
+"""
+
+IMAGE_LISTENER = """
+import sys, hashlib, rospy
+from sensor_msgs.msg import Image
+rospy.init_node("image_listener")
+def show(m):
+    print("image", m.width, m.height, m.encoding, m.header.frame_id, m.header.stamp.to_nsec(),
+          hashlib.sha256(m.data).hexdigest(), flush=True)
+rospy.Subscriber(sys.argv[1], Image, show)
+print("listener up", flush=True)
+rospy.spin()
+"""
