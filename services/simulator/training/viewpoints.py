@@ -4,10 +4,12 @@ from typing import Final
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from services.simulator.world import CLASSES, Camera, Pose, Scene
 from services.simulator.world.clearance import Clearance
 
+Vector = NDArray[np.float64]
 ROBOT_RADIUS: Final = 0.3
 CLASS_WEIGHTS: Final = dict(zip(CLASSES, (0.27, 0.33, 0.4), strict=True))
 AIMED: Final = 0.92
@@ -33,7 +35,7 @@ def draw_pose(scene: Scene, clearance: Clearance, rng: Generator) -> Pose:
     return _looking(spot, np.array([0.0, 0.0, 0.5]), 3.0, float(rng.uniform(-np.pi, np.pi)), rng)
 
 
-def _target(scene: Scene, rng: Generator) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _target(scene: Scene, rng: Generator) -> Vector:
     centres = scene.instance_centres()
     name = str(rng.choice(list(CLASS_WEIGHTS), p=list(CLASS_WEIGHTS.values())))
     wanted = (scene.instance_classes == CLASSES.index(name)) & (centres[:, 2] < 1.6)
@@ -43,8 +45,8 @@ def _target(scene: Scene, rng: Generator) -> np.ndarray[tuple[int], np.dtype[np.
 
 
 def _looking(
-    spot: np.ndarray[tuple[int], np.dtype[np.float64]],
-    target: np.ndarray[tuple[int], np.dtype[np.float64]],
+    spot: Vector,
+    target: Vector,
     distance: float,
     bearing: float,
     rng: Generator,

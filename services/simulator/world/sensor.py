@@ -1,7 +1,7 @@
 """What a real colour camera adds: exposure, white balance, vignetting, blur and noise."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final, Self
 
 import cv2
@@ -71,7 +71,7 @@ def _streak(length: int, angle: float) -> NDArray[np.float32]:
     return np.asarray(kernel / kernel.sum(), np.float32)
 
 
-@cache
+@lru_cache(maxsize=32)
 def _vignette(height: int, width: int, strength: float) -> Image:
     y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
     plane = 255 * (1 - strength * (x * x + y * y) / 2)

@@ -27,9 +27,12 @@ def views(scene: Scene, drive: Drive) -> list[Rendering]:
 
 def test_shapes_and_types(views: list[Rendering]) -> None:
     for view in views:
-        assert (view.color.shape, view.color.dtype) == ((480, 640, 3), np.uint8)
-        assert (view.depth.shape, view.depth.dtype) == ((480, 640), np.float32)
-        assert (view.instances.shape, view.instances.dtype) == ((480, 640), np.int32)
+        assert view.color.shape == (480, 640, 3)
+        assert view.color.dtype == np.uint8
+        assert view.depth.shape == (480, 640)
+        assert view.depth.dtype == np.float32
+        assert view.instances.shape == (480, 640)
+        assert view.instances.dtype == np.int32
 
 
 def test_the_same_again_from_the_seed_alone(views: list[Rendering]) -> None:

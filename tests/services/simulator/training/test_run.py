@@ -1,0 +1,121 @@
+"""A whole run, as small as it can be: real rendering, real Ultralytics."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from services.simulator.training.engine import load_ultralytics
+from services.simulator.training.errors import TrainingError
+from services.simulator.training.fitting import epochs_done, last_checkpoint
+from services.simulator.training.run import train
+from services.simulator.training.settings import TrainingSettings
+from services.simulator.training.weights import embedded_paths
+from services.simulator.world import CLASSES
+
+BATCHES = 2
+
+
+class Interrupted(Exception):  # noqa: N818 - what an interruption is, not an error
+    """Stops a run from within its progress report."""
+
+
+class Recorder:
+    """Keeps what is reported, and interrupts the run at a given report."""
+
+    def __init__(self, interrupt_at: tuple[str, int] | None = None) -> None:
+        self.reports: list[tuple[str, int, int]] = []
+        self._interrupt_at = interrupt_at
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        self.reports.append((stage, done, total))
+        if (stage, done) == self._interrupt_at:
+            raise Interrupted
+
+    def of(self, stage: str) -> list[int]:
+        return [done for reported, done, _ in self.reports if reported == stage]
+
+
+def small(folder: Path) -> TrainingSettings:
+    return TrainingSettings(
+        seed=3,
+        images=4,
+        holdout=1,
+        epochs=2,
+        imgsz=64,
+        batch=2,
+        workers=1,
+        device="cpu",
+        output=folder / "out" / "tiny-seg.pt",
+        work_dir=folder / "work",
+    )
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory: pytest.TempPathFactory) -> TrainingSettings:
+    """Stop a run in its second epoch."""
+    settings = small(tmp_path_factory.mktemp("training"))
+    with pytest.raises(Interrupted):
+        train(settings, Recorder(interrupt_at=("train", BATCHES + 1)))
+    assert epochs_done(last_checkpoint(settings.work_dir)) == 1
+    assert not settings.output.exists()
+    return settings
+
+
+@pytest.fixture(scope="module")
+def resumed(interrupted: TrainingSettings) -> Recorder:
+    """Take the run up again and let it end."""
+    recorder = Recorder()
+    train(interrupted, recorder)
+    return recorder
+
+
+def test_a_run_goes_on_after_the_last_whole_epoch(resumed: Recorder) -> None:
+    assert resumed.of("train") == [BATCHES + 1, 2 * BATCHES]
+    assert resumed.of("render")[-1] == 3
+    stage, done, total = resumed.reports[-1]
+    assert (stage, done) == ("evaluate", total)
+
+
+@pytest.mark.usefixtures("resumed")
+def test_the_weights_are_a_segmentation_model_in_half_precision(interrupted: TrainingSettings) -> None:
+    model = load_ultralytics(interrupted.work_dir / "ultralytics").YOLO(str(interrupted.output))
+    assert model.task == "segment"
+    assert tuple(model.names.values()) == CLASSES
+    assert model.overrides["imgsz"] == 64
+    assert model.ckpt["optimizer"] is None
+    assert model.ckpt["ema"] is None
+    assert interrupted.output.stat().st_size < 8_000_000
+
+
+@pytest.mark.usefixtures("resumed")
+def test_nothing_in_the_weights_says_where_they_were_made(interrupted: TrainingSettings) -> None:
+    assert embedded_paths(interrupted.output.read_bytes()) == []
+    assert embedded_paths(last_checkpoint(interrupted.work_dir).read_bytes()) != []
+    with zipfile.ZipFile(interrupted.output) as archive:
+        content = b"".join(archive.read(name) for name in archive.namelist() if "/data/" not in name)
+    for word in (interrupted.work_dir.parent.name, "dataset.yaml", "branch", "commit", "save_dir"):
+        assert word.encode() not in content
+
+
+@pytest.mark.usefixtures("resumed")
+def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
+    card = interrupted.output.with_suffix(".md").read_text()
+    assert "fleetsight train --seed 3 --images 4 --holdout 1 --epochs 2 --imgsz 64 --batch 2" in card
+    assert "no photograph" in card
+    assert str(interrupted.work_dir) not in card
+    for name in CLASSES:
+        assert card.count(f"| {name} | ") == 2
+
+
+@pytest.mark.usefixtures("resumed")
+def test_a_run_that_is_done_is_not_trained_again(interrupted: TrainingSettings) -> None:
+    recorder = Recorder(interrupt_at=("evaluate", 0))
+    with pytest.raises(Interrupted):
+        train(interrupted, recorder)
+    assert recorder.of("train") == []
+
+
+def test_a_work_directory_belongs_to_one_set_of_settings(interrupted: TrainingSettings) -> None:
+    with pytest.raises(TrainingError, match="other settings"):
+        train(interrupted.model_copy(update={"seed": 4}), Recorder())
