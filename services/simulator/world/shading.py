@@ -65,6 +65,8 @@ class Shader:
         """The rows from `top` up to `bottom`, RGB."""
         slots = self._visible.slots[top:bottom]
         empty = slots < 0
+        if empty.all():
+            return np.full((*slots.shape, 3), BACKDROP, np.uint8)
         index = np.maximum(slots, 0).astype(np.intp)
         depth = np.reciprocal(np.where(empty, np.float32(1), self._visible.inverse_depth[top:bottom]))
         rows = np.arange(top, bottom, dtype=np.float32)[:, None]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.simulator.world import CLASSES, Camera, Drive, Rendering, Scene, generate, render
+from services.simulator.world import CLASSES, Camera, Drive, Pose, Rendering, Scene, generate, render
 from services.simulator.world.render import FLOOR_TOP
 from services.simulator.world.shading import Shader
 from services.simulator.world.textures import atlas
@@ -93,6 +93,13 @@ def test_cameras_of_any_size(scene: Scene, drive: Drive) -> None:
     for width, height in ((1, 1), (16, 9), (130, 7)):
         view = render(scene, drive.pose(0), Camera.with_field_of_view(width, height, 1.2))
         assert view.color.shape == (height, width, 3)
+
+
+def test_from_outside_the_hall_there_is_nothing_to_see(scene: Scene) -> None:
+    view = render(scene, Pose.looking(100, 0, 1, 0), Camera(64, 48))
+    assert not view.instances.any()
+    assert not view.depth.any()
+    assert np.ptp(view.color) == 0
 
 
 def test_a_smaller_camera_sees_the_same_world(scene: Scene, drive: Drive, views: list[Rendering]) -> None:
