@@ -9,6 +9,7 @@ from typing import Final
 _QUIET: Final = {
     "YOLO_OFFLINE": "true",
     "YOLO_AUTOINSTALL": "false",
+    "YOLO_VERBOSE": "false",
 }
 _SILENCED: Final = ("sync", "clearml", "comet", "dvc", "mlflow", "raytune", "tensorboard", "wandb", "hub")
 
