@@ -69,7 +69,7 @@ class ZenohPublisher(MessageWriter):
         self._declared.callback(listener.undeclare)
         self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
         status: Any = matching.matching_status  # the stub says bool
-        self._demand.offer(status.matching, initial=True)
+        self._demand.offer(wanted=status.matching, initial=True)
         self._lane.admit(self)
 
     def _declare_cached(self, session: zenoh.Session) -> ext.AdvancedPublisher:
@@ -91,7 +91,7 @@ class ZenohPublisher(MessageWriter):
         return publisher
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
-        self._demand.offer(status.matching)
+        self._demand.offer(wanted=status.matching)
 
     def write(self, payload: bytes | bytearray) -> None:
         """Send on the lane's thread."""
