@@ -7,7 +7,7 @@ import socket
 import sys
 import threading
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -351,3 +351,16 @@ async def test_a_process_ends_though_nobody_answers_and_it_fails() -> None:
 
 async def test_samples_that_arrive_after_the_loop_is_closed_do_no_harm() -> None:
     assert await run_to_its_end(ABANDON, free_endpoint()) == (0, b"")
+
+
+async def test_closing_while_zenoh_still_calls_back_is_no_deadlock() -> None:
+    """A deadlock over the interpreter lock costs Zenoh's ten seconds; it used to meet one round in ten."""
+    async with asyncio.timeout(9):
+        for _ in range(60):
+            async with AsyncExitStack() as left_later, open_bus(router(free_endpoint())) as bus:
+                out = await left_later.enter_async_context(bus.publisher(KEY, QoS.RESULT))
+                await left_later.enter_async_context(bus.subscribe("**", LATEST))
+                watch = await left_later.enter_async_context(bus.watch("**"))
+                await left_later.enter_async_context(bus.announce(KEY))
+                await until(lambda: out.wanted)  # noqa: B023 - awaited in the same turn
+                await next_of(watch)
