@@ -174,7 +174,7 @@ async def test_a_client_waits_for_its_router(caplog: pytest.LogCaptureFixture) -
             assert (await next_of(subscription)).payload == b"early"
             assert await next_of(watch) == Presence("worker", alive=True)
             await until(lambda: out.wanted)
-    assert bus_threads() == []
+    await until(lambda: bus_threads() == [])
 
 
 async def test_everything_is_there_again_after_a_router_restart(caplog: pytest.LogCaptureFixture) -> None:
@@ -246,7 +246,7 @@ async def test_a_router_that_hangs_holds_nobody_up(caplog: pytest.LogCaptureFixt
             async with there.announce("worker"), there.watch("**"), there.subscribe("**", LATEST):
                 pass
     assert [record.getMessage() for record in caplog.records] == []
-    assert bus_threads() == []
+    await until(lambda: bus_threads() == [])
 
 
 async def test_an_endpoint_that_is_taken_is_an_error_at_once() -> None:
@@ -255,7 +255,7 @@ async def test_an_endpoint_that_is_taken_is_an_error_at_once() -> None:
         with pytest.raises(BusError, match="router"):
             async with open_bus(router(endpoint)):
                 pytest.fail("this must not be entered")
-    assert bus_threads() == []
+    await until(lambda: bus_threads() == [])
 
 
 async def test_opening_can_be_cancelled_while_nobody_answers() -> None:
@@ -269,7 +269,7 @@ async def test_opening_can_be_cancelled_while_nobody_answers() -> None:
         opening.cancel()
         with pytest.raises(asyncio.CancelledError):
             await opening
-        assert bus_threads() == []
+        await until(lambda: bus_threads() == [])
 
 
 async def enter_and_wait(make: Callable[[], AbstractAsyncContextManager[object]]) -> None:
