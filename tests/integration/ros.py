@@ -46,7 +46,7 @@ async def until(condition: Callable[[], object], what: str, limit_s: float = STA
     """Return when the condition holds; fail the test when it does not within the limit."""
     try:
         async with asyncio.timeout(limit_s):
-            while not condition():
+            while not condition():  # noqa: ASYNC110 - a condition of any kind, in other processes too
                 await asyncio.sleep(0.02)
     except TimeoutError:
         pytest.fail(f"waited {limit_s} s in vain until {what}")
@@ -127,7 +127,7 @@ class RosEnvironment:
         async with XmlRpcClient(timeout=1.0) as client:
             api = MasterClient(client, uri=self.master_uri, caller_id="/test")
             async with asyncio.timeout(START_TIMEOUT_S):
-                while not await _answers(api):
+                while not await _answers(api):  # noqa: ASYNC110 - another process
                     await asyncio.sleep(0.05)
 
     async def end_master(self) -> None:

@@ -104,7 +104,7 @@ async def test_killed_publisher_does_not_delay_a_live_one_listed_after_it(ros: R
 
 async def until_registered(node: Node, topic: str, names: set[str]) -> None:
     async with asyncio.timeout(20):
-        while set((await node.master.get_system_state()).publishers.get(topic, ())) != names:
+        while set((await node.master.get_system_state()).publishers.get(topic, ())) != names:  # noqa: ASYNC110
             await asyncio.sleep(0.05)
 
 
