@@ -69,7 +69,7 @@ def recording_proxy(master_port: int) -> ThreadingHTTPServer:
     return ThreadingHTTPServer((LOOPBACK, 0), Handler)
 
 
-def wait_for(call, *arguments):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN002, ANN201, D103
+def wait_for(call, *arguments):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN002, ANN201
     for _ in range(100):
         try:
             code, _, value = call(*arguments)

@@ -36,9 +36,7 @@ OFFER = Offer(TOPIC, IMAGE_TYPE, "Header header\n", latching=True)
 
 
 def subscriber(expected: TopicType = IMAGE_TYPE, max_message_bytes: int = 1000) -> SubscriberConnection:
-    return SubscriberConnection(
-        callerid="/ours", topic=TOPIC, expected=expected, max_message_bytes=max_message_bytes
-    )
+    return SubscriberConnection(callerid="/ours", topic=TOPIC, expected=expected, max_message_bytes=max_message_bytes)
 
 
 def publisher(*offers: Offer) -> PublisherConnection:
