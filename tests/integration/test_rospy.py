@@ -11,7 +11,8 @@ from gateway.ros1.image import Image, decode_image, encode_image
 from gateway.ros1.messages import deserialise, new_message, serialise
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import LinkFailure, Message
-from tests.integration.ros import RosEnvironment, until
+from tests.gateway.ros1.waiting import until
+from tests.integration.ros import RosEnvironment
 from tests.integration.rospy_scripts import CAMERA, IMAGE_LISTENER, LISTENER, TALKER
 
 if TYPE_CHECKING:
