@@ -50,7 +50,11 @@ class GatewaySettings(BusSettings):
     ros_master: Annotated[
         str,
         AfterValidator(_master),
-        Field(default_factory=master_uri, description="the ROS master's address; ROS_MASTER_URI unless given"),
+        Field(
+            default_factory=master_uri,
+            validate_default=True,
+            description="the ROS master's address; ROS_MASTER_URI unless given",
+        ),
     ]
     ros_host: Annotated[
         str,

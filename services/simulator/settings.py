@@ -25,7 +25,7 @@ class SimulatorSettings(BaseModel):
     frames: Annotated[
         int, Field(ge=1, le=10_000, description="images of a robot's drive; it starts over after the last")
     ] = 48
-    seed: Annotated[int, Field(ge=0, description="robot n drives through the warehouse of seed + n")] = 1_000_000
+    seed: Annotated[int, Field(ge=0, description="robot n drives through the warehouse of seed + n")] = 0
     ros_master: Annotated[
         str | None,
         Field(default_factory=master_uri, description="a real master to register at; ROS_MASTER_URI unless given"),

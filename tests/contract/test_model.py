@@ -9,7 +9,7 @@ from services.detector.model import Model
 from services.detector.settings import DetectorSettings
 from services.detector.ultralytics_model import load
 from tests.services.detector.fakes import FakeModel
-from tests.services.simulator.views import near_view
+from tests.services.detector.views import near_view
 
 
 @pytest.fixture(scope="module", params=["fake", "shipped"])

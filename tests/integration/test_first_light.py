@@ -21,7 +21,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, RosProcess
-from tests.services.simulator.views import NEAR_VIEWS, near_view
+from tests.services.detector.views import NEAR_VIEWS, near_view
 
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")
 CAMERAS = {"front": "/front/color/image_raw", "rear": "/rear/color/image_raw"}

@@ -44,7 +44,7 @@ def holdout_seed(seed: int, index: int) -> int:
     return seed * SEEDS_PER_RUN + HOLDOUT_OFFSET + index
 
 
-def write_dataset(folder: Path, seed: int, images: int, holdout: int, workers: int, progress: Progress) -> Path:
+def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, holdout: int, workers: int) -> Path:
     """Write both splits and return the path of the data set's YAML; scenes that are already there are kept."""
     jobs = [
         (folder, split, seed_of(seed, index), min(VIEWS, count - index * VIEWS))
@@ -118,7 +118,7 @@ def labels_of(scene: Scene, rendering: Rendering) -> list[Label]:
         window = instances[top : int(rows.max()) + 1, left : int(columns.max()) + 1]
         polygon = outline((window == instance).astype(np.uint8))
         if polygon is not None and np.ptp(polygon, axis=0).min() >= MIN_SIDE:
-            labels.append(Label(int(scene.instance_classes[instance]), polygon + np.int32([left, top])))
+            labels.append(Label(int(scene.instance_classes[instance]), np.add(polygon, (left, top))))
     return labels
 
 

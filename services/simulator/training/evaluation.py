@@ -15,6 +15,7 @@ from services.simulator.world import CLASSES, Camera, Drive, Rendering, Scene, S
 NEAR_METRES: Final = 4.0
 NEAR_AREA: Final = 0.01
 MATCHING_IOU: Final = 0.5
+CONFIDENCE: Final = 0.35
 Box = NDArray[np.float64]
 
 
@@ -64,7 +65,9 @@ def mask_figures(weights: Path, dataset: Path, work_dir: Path, batch: int, devic
         exist_ok=True,
     )
     seg = metrics.seg
-    per_class = {CLASSES[int(c)]: float(ap) for c, ap in zip(seg.ap_class_index, seg.ap50, strict=True)}
+    per_class: dict[str, float] = {
+        CLASSES[int(c)]: float(ap) for c, ap in zip(seg.ap_class_index, seg.ap50, strict=True)
+    }
     return MaskFigures(float(seg.map50), float(seg.map), per_class)
 
 
@@ -110,7 +113,7 @@ def near_objects(scene: Scene, rendering: Rendering) -> list[Found]:
 
 def predicted(model: Any, image: NDArray[np.uint8]) -> list[Found]:
     """What `model` sees in an RGB picture (Ultralytics takes arrays for BGR)."""
-    result = model.predict(np.ascontiguousarray(image[..., ::-1]), verbose=False)[0]
+    result = model.predict(np.ascontiguousarray(image[..., ::-1]), conf=CONFIDENCE, verbose=False)[0]
     boxes, classes = result.boxes.xyxy.cpu().numpy(), result.boxes.cls.cpu().numpy()
     return [Found(result.names[int(c)], np.asarray(box, np.float64)) for c, box in zip(classes, boxes, strict=True)]
 

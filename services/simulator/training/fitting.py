@@ -93,7 +93,7 @@ def _arguments(settings: TrainingSettings) -> dict[str, Any]:
 def _trainer() -> type:
     from ultralytics.models.yolo.segment import SegmentationTrainer  # noqa: PLC0415 - after load_ultralytics
 
-    class Trainer(SegmentationTrainer):  # type: ignore[misc]  # an untyped base
+    class Trainer(SegmentationTrainer):
         """Leaves the last checkpoint as it is: the evaluation is ours, and of the file that is shipped."""
 
         def final_eval(self) -> None:

@@ -21,10 +21,10 @@ def outline(mask: NDArray[np.uint8]) -> Polygon | None:
     rings = sorted((ring for ring in rings if len(ring) >= 3), key=cv2.contourArea, reverse=True)
     if not rings:
         return None
-    joined = rings[0]
+    joined = np.asarray(rings[0], np.int32)
     for ring in rings[1:]:
-        joined = _splice(joined, ring)
-    return joined.astype(np.int32)
+        joined = _splice(joined, np.asarray(ring, np.int32))
+    return joined
 
 
 def _splice(path: Polygon, ring: Polygon) -> Polygon:

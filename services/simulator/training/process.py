@@ -1,6 +1,7 @@
 """The training run as a command: progress on the terminal, work off the event loop."""
 
 import asyncio
+import threading
 
 from rich.progress import (
     BarColumn,
@@ -31,11 +32,17 @@ async def run(settings: TrainingSettings) -> None:
     )
     with Progress(*columns) as bars:
         stages: dict[str, TaskID] = {}
+        cancelled = threading.Event()
 
         def progress(stage: str, done: int, total: int) -> None:
+            if cancelled.is_set():
+                raise asyncio.CancelledError
             if stage not in stages:
                 stages[stage] = bars.add_task(stage, total=total)
             bars.update(stages[stage], completed=done, total=total)
 
-        await asyncio.to_thread(train, settings, progress)
+        try:
+            await asyncio.to_thread(train, settings, progress)
+        finally:
+            cancelled.set()  # the thread notices where it next reports
     bars.console.print(f"wrote {settings.output} and its card beside it", highlight=False)

@@ -27,7 +27,12 @@ def train(settings: TrainingSettings, progress: Progress) -> None:
     record = work_dir / "effort.json"
     with metered(record):
         dataset = write_dataset(
-            work_dir / "data", settings.seed, settings.images, settings.holdout, settings.workers, progress
+            work_dir / "data",
+            progress,
+            seed=settings.seed,
+            images=settings.images,
+            holdout=settings.holdout,
+            workers=settings.workers,
         )
         write_weights(fit(settings, dataset, progress), settings.output, settings.imgsz)
     with metered(record):

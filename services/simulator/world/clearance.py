@@ -38,9 +38,9 @@ class Clearance:
 
     def cells(self, points: ArrayLike) -> NDArray[np.intp]:
         """The (row, column) of map points (..., 2), held inside the hall."""
-        xy = (np.asarray(points, np.float64) + (self.half_x, self.half_y)) * CELLS_PER_METRE
+        xy = np.add(np.asarray(points, np.float64), (self.half_x, self.half_y)) * CELLS_PER_METRE
         limit = np.array(self.grid.shape) - 1
-        return np.clip(np.floor(xy[..., ::-1]).astype(np.intp), 0, limit)
+        return np.asarray(np.clip(np.floor(xy[..., ::-1]), 0, limit), np.intp)
 
     def points(self, cells: NDArray[np.intp]) -> NDArray[np.float64]:
         """The map points (..., 2) at the middle of cells (..., 2) of (row, column)."""

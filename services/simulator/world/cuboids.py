@@ -73,7 +73,7 @@ class Cuboids:
     def corners(self) -> Floats:
         """The corners in the map frame, (N, 8, 3), in the order of `CORNER_SIGNS`."""
         local = CORNER_SIGNS * self.half_extents[:, None]
-        return local @ self.rotations.transpose(0, 2, 1) + self.centres[:, None]
+        return np.asarray(local @ self.rotations.transpose(0, 2, 1) + self.centres[:, None], np.float32)
 
 
 @dataclass(slots=True)

@@ -56,7 +56,7 @@ def _lift(rng: Generator) -> float:
     return float(rng.choice([0.0, 0.0, rng.uniform(0, 0.4), rng.uniform(0.4, 1.2)]))
 
 
-def _mast(solid: Solid, livery: Livery, x: float, height: float, lift: float, spread: float) -> None:
+def _mast(solid: Solid, livery: Livery, *, x: float, height: float, lift: float, spread: float) -> None:
     """A mast at `x` with a carriage, a load guard and two forks `lift` metres above the floor."""
     for y in (-spread, spread):
         solid.cuboid((x, y, height / 2 + 0.05), (0.07, 0.05, height / 2), livery.steel)
@@ -71,7 +71,7 @@ def _mast(solid: Solid, livery: Livery, x: float, height: float, lift: float, sp
         solid.cuboid((x + 0.1, float(y), 0.85 + lift), (0.014, 0.014, 0.3), livery.dark)
 
 
-def _overhead_guard(solid: Solid, livery: Livery, front: float, rear: float, half_width: float, top: float) -> None:
+def _overhead_guard(solid: Solid, livery: Livery, *, front: float, rear: float, half_width: float, top: float) -> None:
     base = 0.75
     half_height = (top - base) / 2
     for y in (-half_width, half_width):
@@ -92,12 +92,12 @@ def _counterbalance(solid: Solid, rng: Generator) -> tuple[float, float]:
     solid.cuboid((-0.58, 0, 1.27), (0.06, 0.23, 0.24), livery.dark)
     solid.cuboid((0.42, 0, 0.92), (0.1, half_width * 0.75, 0.22), livery.trim)
     solid.cuboid((0.26, 0, 1.17), (0.03, 0.16, 0.1), livery.dark, pitch=0.5)
-    _overhead_guard(solid, livery, 0.45, -0.72, half_width * 0.95, 2.08 * size)
+    _overhead_guard(solid, livery, front=0.45, rear=-0.72, half_width=half_width * 0.95, top=2.08 * size)
     for y in (-half_width * 1.02, half_width * 1.02):
         for x, radius in ((0.6, 0.31), (-0.76, 0.25)):
             solid.wheel((x, y, radius), radius, 0.1, livery.dark)
             solid.cuboid((x, y, radius), (radius * 0.45, 0.11, radius * 0.45), livery.steel, pitch=0.4)
-    _mast(solid, livery, 0.92, float(rng.uniform(1.95, 2.4)), lift, 0.33)
+    _mast(solid, livery, x=0.92, height=float(rng.uniform(1.95, 2.4)), lift=lift, spread=0.33)
     return 0.98, lift + 0.09
 
 
@@ -107,12 +107,12 @@ def _reach_truck(solid: Solid, rng: Generator) -> tuple[float, float]:
     solid.cuboid((-0.95, 0, 0.75), (0.16, 0.5, 0.6), livery.counterweight)
     solid.cuboid((-0.35, 0.2, 1.2), (0.1, 0.25, 0.25), livery.dark)
     solid.cuboid((-0.05, -0.3, 1.15), (0.1, 0.2, 0.12), livery.trim, pitch=0.3)
-    _overhead_guard(solid, livery, 0.1, -0.95, 0.5, 2.15)
+    _overhead_guard(solid, livery, front=0.1, rear=-0.95, half_width=0.5, top=2.15)
     for y in (-0.5, 0.5):
         solid.cuboid((0.7, y, 0.17), (0.75, 0.09, 0.09), livery.body)
         solid.wheel((1.35, y, 0.15), 0.15, 0.06, livery.dark)
         solid.wheel((-0.7, y * 0.9, 0.18), 0.18, 0.08, livery.dark)
-    _mast(solid, livery, 0.35, float(rng.uniform(2.1, 2.7)), lift, 0.34)
+    _mast(solid, livery, x=0.35, height=float(rng.uniform(2.1, 2.7)), lift=lift, spread=0.34)
     return 0.42, lift + 0.09
 
 
@@ -125,5 +125,5 @@ def _stacker(solid: Solid, rng: Generator) -> tuple[float, float]:
     for y in (-0.3, 0.3):
         solid.cuboid((0.7, y, 0.08), (0.6, 0.07, 0.05), livery.body)
         solid.wheel((-0.25, y, 0.1), 0.1, 0.05, livery.dark)
-    _mast(solid, livery, 0.15, float(rng.uniform(1.7, 2.1)), lift, 0.28)
+    _mast(solid, livery, x=0.15, height=float(rng.uniform(1.7, 2.1)), lift=lift, spread=0.28)
     return 0.21, lift + 0.09

@@ -81,8 +81,8 @@ def _hall(builder: Builder, rng: Generator, half_x: float, half_y: float) -> Non
         solid.cuboid(skirting, (half_x * long_x + 0.02, half_y * long_y + 0.02, 0.5), band)
     roof = Paint(Material.CEILING, (1, 1, 1), int(rng.integers(2)))
     solid.cuboid((0, 0, HEIGHT + 0.1), (reach_x, reach_y, 0.1), roof)
-    for x in np.arange(2 - half_x, half_x, 4.0):
-        solid.cuboid((float(x), 0, HEIGHT - 0.25), (0.1, half_y, 0.2), Paint(Material.METAL, (0.45, 0.46, 0.5)))
+    for beam in np.arange(2 - half_x, half_x, 4.0):
+        solid.cuboid((float(beam), 0, HEIGHT - 0.25), (0.1, half_y, 0.2), Paint(Material.METAL, (0.45, 0.46, 0.5)))
 
 
 def _racks(builder: Builder, rng: Generator, ground: "_Ground") -> None:

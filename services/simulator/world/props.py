@@ -57,7 +57,7 @@ def pallet_stack(builder: Builder, rng: Generator, frame: Frame) -> None:
         pallet(builder, rng, frame.at(x, y, level * DECK_HEIGHT, yaw), 1.2, width)
 
 
-def load(builder: Builder, rng: Generator, frame: Frame, length: float, width: float, height: float) -> None:
+def load(builder: Builder, rng: Generator, frame: Frame, *, length: float, width: float, height: float) -> None:
     """Boxes in layers, at most `height` metres high, filling length x width; the top layer may have gaps."""
     columns, rows = int(rng.integers(1, 4)), int(rng.integers(1, 3))
     colour = box_colour(rng)
@@ -79,7 +79,7 @@ def loaded_pallet(
 ) -> None:
     """A pallet with a load on it."""
     pallet(builder, rng, frame, 1.2, width, fine=fine)
-    load(builder, rng, frame.at(z=DECK_HEIGHT), 1.15, width * 0.96, height)
+    load(builder, rng, frame.at(z=DECK_HEIGHT), length=1.15, width=width * 0.96, height=height)
 
 
 def box_pile(builder: Builder, rng: Generator, frame: Frame) -> None:

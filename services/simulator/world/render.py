@@ -31,7 +31,15 @@ class Rendering:
 def render(scene: Scene, pose: Pose, camera: Camera) -> Rendering:
     """Render `scene` without any of a real sensor's faults."""
     visible = find_visible(scene.cuboids, pose, camera)
-    shader = Shader(scene.surfaces, scene.floor, FLOOR_TOP, atlas(), visible, camera, pose)
+    shader = Shader(
+        surfaces=scene.surfaces,
+        floor=scene.floor,
+        floor_face=FLOOR_TOP,
+        atlas=atlas(),
+        visible=visible,
+        camera=camera,
+        pose=pose,
+    )
     owners = np.append(scene.cuboids.instances[visible.faces // 6], np.int32(BACKGROUND))
     seen = visible.inverse_depth > 0
     depth = np.divide(1, visible.inverse_depth, out=np.zeros_like(visible.inverse_depth), where=seen)

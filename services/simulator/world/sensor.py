@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import cv2
 import numpy as np
@@ -44,7 +44,7 @@ class Sensor:
 
 def expose(color: Image, sensor: Sensor, rng: Generator) -> Image:
     """Turn a rendering's RGB picture into what `sensor` would deliver; a new array of the same shape."""
-    image = cv2.GaussianBlur(color, (3, 3) if sensor.blur < 0.7 else (5, 5), sensor.blur)
+    image: Any = cv2.GaussianBlur(color, (3, 3) if sensor.blur < 0.7 else (5, 5), sensor.blur)
     if sensor.motion > 1:
         image = cv2.filter2D(image, -1, _streak(sensor.motion, sensor.motion_rad))
     image = cv2.LUT(image, _tone(image, sensor))
@@ -58,9 +58,9 @@ def _tone(image: Image, sensor: Sensor) -> Image:
     """A look-up table (1, 256, 3): automatic exposure to the mean level, white balance, gamma, soft shoulder."""
     mean = max(float(image[::4, ::4].mean()), 4.0)
     levels = np.arange(256, dtype=np.float32)[:, None] / 255 * (sensor.mean_level / mean)
-    levels = np.clip(levels * np.float32(sensor.white_balance), 0, None) ** np.float32(sensor.gamma)
+    levels = np.clip(levels * np.asarray(sensor.white_balance, np.float32), 0, None) ** np.float32(sensor.gamma)
     shoulder = np.where(levels > 0.75, 0.75 + 0.25 * np.tanh((levels - 0.75) / 0.25), levels)
-    return (shoulder * 255 + 0.5).astype(np.uint8)[None]
+    return np.asarray(shoulder * 255 + 0.5, np.uint8)[None]
 
 
 def _streak(length: int, angle: float) -> NDArray[np.float32]:
@@ -68,7 +68,7 @@ def _streak(length: int, angle: float) -> NDArray[np.float32]:
     middle, reach = length // 2, length / 2
     step = (int(np.rint(reach * np.cos(angle))), int(np.rint(reach * np.sin(angle))))
     cv2.line(kernel, (middle - step[0], middle - step[1]), (middle + step[0], middle + step[1]), 1.0)
-    return kernel / kernel.sum()
+    return np.asarray(kernel / kernel.sum(), np.float32)
 
 
 @cache

@@ -23,6 +23,7 @@ class Shader:
 
     def __init__(
         self,
+        *,
         surfaces: Surfaces,
         floor: Floor,
         floor_face: int,
@@ -65,7 +66,7 @@ class Shader:
         slots = self._visible.slots[top:bottom]
         empty = slots < 0
         index = np.maximum(slots, 0).astype(np.intp)
-        depth = 1 / np.where(empty, np.float32(1), self._visible.inverse_depth[top:bottom])
+        depth = np.reciprocal(np.where(empty, np.float32(1), self._visible.inverse_depth[top:bottom]))
         rows = np.arange(top, bottom, dtype=np.float32)[:, None]
         columns = np.arange(slots.shape[1], dtype=np.float32)
         u, v, light = (
@@ -87,7 +88,7 @@ class Shader:
         texel = np.take(self._bases, index) + np.take(LEVEL_OFFSETS, level)
         texel += ((row >> level) << (SIZE_BITS - level)) + (column >> level)
         found = np.take(self._texels, texel)
-        return found.view(np.uint8).reshape(*found.shape, 4)
+        return np.asarray(found.view(np.uint8).reshape(*found.shape, 4))
 
     def _tinted(self, index: NDArray[np.intp], texels: NDArray[np.uint8], light: Floats) -> NDArray[np.uint8]:
         np.maximum(light, np.float32(0.04), out=light)

@@ -63,7 +63,7 @@ def surfaces_of(cuboids: Cuboids, lighting: Lighting, atlas: Atlas) -> Surfaces:
         texel_density=(scales.max(axis=2) * SIZE).ravel(),
         layers=_layers(cuboids, atlas).ravel(),
         tints=cuboids.colours.repeat(6, axis=0),
-        light=_light(cuboids, lighting, centres, normals, axes, halves).reshape(-1, 3),
+        light=_light(cuboids, lighting, centres=centres, normals=normals, axes=axes, halves=halves).reshape(-1, 3),
     )
 
 
@@ -88,7 +88,7 @@ def _layers(cuboids: Cuboids, atlas: Atlas) -> NDArray[np.int32]:
 
 
 def _light(
-    cuboids: Cuboids, lighting: Lighting, centres: Floats, normals: Floats, axes: Floats, halves: Floats
+    cuboids: Cuboids, lighting: Lighting, *, centres: Floats, normals: Floats, axes: Floats, halves: Floats
 ) -> Floats:
     """A plane through the light at the four corners of each face."""
     signs = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)], np.float32)

@@ -81,7 +81,7 @@ def _noise(rng: Generator, *cells: int) -> Floats:
         step = SIZE // count
         wide = cv2.resize(coarse, None, fx=step, fy=step, interpolation=cv2.INTER_CUBIC)
         total += wide[2 * step : 2 * step + SIZE, 2 * step : 2 * step + SIZE]
-    return total / np.float32(np.sqrt(len(cells)))
+    return np.asarray(total / np.sqrt(len(cells)), np.float32)
 
 
 def _grey(value: Floats) -> Floats:
@@ -102,7 +102,7 @@ def _cardboard(rng: Generator) -> Floats:
     distance = np.minimum(edge[:, None], edge[None])
     wear = 1 - 0.16 * np.exp(-distance / 14) - 0.25 * (distance < 2)
     brown = np.array([0.62, 0.46, 0.29], np.float32) * rng.normal(1, 0.04)
-    return ((grain * wear)[..., None] * brown).astype(np.float32)
+    return np.asarray((grain * wear)[..., None] * brown, np.float32)
 
 
 def _tape(image: Floats, rng: Generator, rows: slice, columns: slice) -> None:
@@ -165,14 +165,14 @@ def _wood(rng: Generator) -> Floats:
     for _ in range(int(rng.integers(1, 4))):
         knot = (int(rng.integers(SIZE)), int(rng.integers(SIZE)))
         cv2.ellipse(value, knot, (9, 4), 0, 0, 360, 0.6, -1, cv2.LINE_AA)
-    return (value[..., None] * np.array([0.7, 0.56, 0.38], np.float32)).astype(np.float32)
+    return np.asarray(value[..., None] * (0.7, 0.56, 0.38), np.float32)
 
 
 def _hazard(rng: Generator) -> Floats:
     x, y = np.meshgrid(np.arange(SIZE), np.arange(SIZE))
     dark = (((x + y) // 64) % 2 == 1)[..., None]
     image = np.where(dark, np.float32(0.08), np.array([0.92, 0.74, 0.08], np.float32))
-    return (image * (1 + 0.04 * _noise(rng, 64, 8))[..., None]).astype(np.float32)
+    return np.asarray(image * (1 + 0.04 * _noise(rng, 64, 8))[..., None], np.float32)
 
 
 def _concrete(rng: Generator) -> Floats:

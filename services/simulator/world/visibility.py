@@ -56,7 +56,7 @@ def _facing_rings(cuboids: Cuboids, pose: Pose) -> tuple[NDArray[np.intp], Float
 
 def _project(rings: Floats, camera: Camera) -> list[Floats]:
     """Image polygons of the rings, cut off at the near plane."""
-    focal, centre = np.float32([camera.fx, camera.fy]), np.float32([camera.cx, camera.cy])
+    focal, centre = np.array([camera.fx, camera.fy], np.float32), np.array([camera.cx, camera.cy], np.float32)
     whole = rings[..., :2] / np.maximum(rings[..., 2:], NEAR) * focal + centre
     polygons = list(whole)
     for index in np.flatnonzero(rings[..., 2].min(axis=1) < NEAR):

@@ -1,34 +1,21 @@
-"""Pictures of warehouses that the shipped model was not trained on, each with something near in it."""
+"""Pictures of scenes that the shipped model was not trained on."""
 
-from dataclasses import dataclass
-from typing import Final
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.simulator.training.evaluation import Found, near_objects
 from services.simulator.world import Camera, Drive, Sensor, expose, generate, render
 
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """A place on the drive through a scene, and the classes of the objects that fill much of the picture there."""
-
-    seed: int
-    fraction: float
-    classes: frozenset[str]
+UNSEEN_SEED = 700
 
 
-NEAR_VIEWS: Final = (
-    View(3_000_006, 9 / 12, frozenset({"pallet"})),
-    View(3_000_000, 8 / 12, frozenset({"forklift"})),
-    View(3_000_002, 0 / 12, frozenset({"box"})),
-)
+def near_view(fraction: float = 0.0, seed: int = UNSEEN_SEED) -> NDArray[np.uint8]:
+    """Look at what is near on a drive through an unseen scene: 480 x 640 x 3 in BGR, as Ultralytics takes it."""
+    return np.ascontiguousarray(near_view_with_truth(fraction, seed)[0][..., ::-1])
 
 
-def near_view(view: View = NEAR_VIEWS[0]) -> NDArray[np.uint8]:
-    """Return the camera's picture, 480 x 640 x 3, in BGR."""
-    scene = generate(view.seed)
-    seen = render(scene, Drive.plan(scene).pose(view.fraction), Camera())
-    rgb = expose(seen.color, Sensor(), np.random.default_rng(view.seed))
-    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), np.uint8)
+def near_view_with_truth(fraction: float, seed: int = UNSEEN_SEED) -> tuple[NDArray[np.uint8], list[Found]]:
+    """Return the same picture in RGB, and the near objects in it."""
+    scene = generate(seed)
+    seen = render(scene, Drive.plan(scene).pose(fraction), Camera())
+    return expose(seen.color, Sensor(), np.random.default_rng(seed)), near_objects(scene, seen)
