@@ -8,7 +8,7 @@ import socket
 from typing import TYPE_CHECKING, Self
 
 from gateway.ros1.errors import TcprosError, WireError
-from gateway.ros1.hosts import listen_address
+from gateway.ros1.hosts import listen
 from gateway.ros1.tasks import cancel_and_wait
 from gateway.ros1.wire.tcpros import PublisherConnection, SubscriberRefused
 
@@ -53,10 +53,7 @@ class TcprosServer:
         return self._host, self._port
 
     async def __aenter__(self) -> Self:
-        address = listen_address(self._host)
-        family = socket.AF_INET6 if ":" in address else socket.AF_INET
-        self._listener = socket.create_server((address, 0), family=family, backlog=64)
-        self._listener.settimeout(0)
+        self._listener = listen(self._host)
         self._port = self._listener.getsockname()[1]
         self._accepting = self._scope.start(self._accept(self._listener), "TCPROS listener")
         return self
@@ -67,19 +64,22 @@ class TcprosServer:
         tasks = set(self._connections)
         if self._accepting is not None:
             tasks.add(self._accepting)
-        await cancel_and_wait(tasks)
+        try:
+            await cancel_and_wait(tasks)
+        finally:
+            if self._listener is not None:
+                self._listener.close()
 
     async def _accept(self, listener: socket.socket) -> None:
         loop = asyncio.get_running_loop()
-        with listener:
-            while True:
-                try:
-                    connection, peer = await loop.sock_accept(listener)
-                except OSError as error:
-                    _log.warning("cannot accept a subscriber: %s", error)
-                    await asyncio.sleep(_RETRY_ACCEPT_S)
-                    continue
-                self._start(connection, f"{peer[0]}:{peer[1]}")
+        while True:
+            try:
+                connection, peer = await loop.sock_accept(listener)
+            except OSError as error:
+                _log.warning("cannot accept a subscriber: %s", error)
+                await asyncio.sleep(_RETRY_ACCEPT_S)
+                continue
+            self._start(connection, f"{peer[0]}:{peer[1]}")
 
     def _start(self, connection: socket.socket, peer: str) -> None:
         if len(self._connections) >= _MAX_CONNECTIONS:
