@@ -10,6 +10,7 @@ from aiohttp import web
 
 from gateway.ros1.errors import StatusError, WireError, XmlRpcError
 from gateway.ros1.hosts import listen, uri_host
+from gateway.ros1.lograte import LogRate
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Body, Decoder, Fault, MethodCall, MethodResponse, encode
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class XmlRpcServer:
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
         self._active = 0
+        self._log_rate = LogRate()
         self._http = web.Server(self._handle, access_log=None)
         self._server: asyncio.Server | None = None
 
@@ -90,7 +92,8 @@ class XmlRpcServer:
             async with asyncio.timeout(self._timeout):
                 body = await self._read(request)
         except WireError as error:
-            _log.warning("a request from %s is not XML-RPC: %s", request.remote, error)
+            level = self._log_rate.level(asyncio.get_running_loop().time())
+            _log.log(level, "a request from %s is not XML-RPC: %s", request.remote, error)
             return web.Response(status=400)
         except TimeoutError:
             return web.Response(status=408)

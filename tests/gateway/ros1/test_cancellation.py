@@ -30,7 +30,7 @@ async def test_node_with_a_subscription_and_a_publication() -> None:
             ):
                 publication.publish(b"hello")
                 # Every turn of the event loop is a suspension, so that the node's own tasks are cancelled at each too.
-                while not got:
+                while not got:  # noqa: ASYNC110
                     await asyncio.sleep(0)
 
         async def nothing_is_left(n: int) -> None:
