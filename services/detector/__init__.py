@@ -1,0 +1,1 @@
+"""Inference workers: camera frames in, detections and class lists out."""

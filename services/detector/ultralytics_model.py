@@ -64,12 +64,12 @@ def load(settings: DetectorSettings) -> Model:
     SETTINGS["sync"] = False
     try:
         yolo = YOLO(settings.model)
+        model = UltralyticsModel(yolo, settings)
+        model.infer(BLANK, masks=False)
     except Exception as error:
-        raise ModelError(f"{settings.model} is not a model that can be loaded: {_first_line(error)}") from error
+        raise ModelError(f"--model {settings.model}: not a model that can be used: {_first_line(error)}") from error
     if yolo.task not in TASKS:
-        raise ModelError(f"{settings.model} is a model for {yolo.task!r}, not one of {', '.join(TASKS)}")
-    model = UltralyticsModel(yolo, settings)
-    model.infer(BLANK, masks=False)
+        raise ModelError(f"--model {settings.model}: a model for {yolo.task!r}, not for one of {', '.join(TASKS)}")
     torch.set_num_threads(settings.threads or os.cpu_count() or 1)  # the first call left it at cores - 1
     return model
 
@@ -77,6 +77,7 @@ def load(settings: DetectorSettings) -> Model:
 def _keep_off_the_network(*, download: bool) -> None:
     os.environ["YOLO_OFFLINE"] = str(not download)
     os.environ["YOLO_AUTOINSTALL"] = "false"
+    os.environ["YOLO_VERBOSE"] = "false"
     os.environ["YOLO_CONFIG_DIR"] = _config_folder.name
     os.environ["ULTRALYTICS_SAFE_LOAD"] = "true"  # weights are data: nothing in them is executed
 

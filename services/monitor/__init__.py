@@ -1,0 +1,1 @@
+"""The fleet monitor: the central subscriber to what every robot sees."""

@@ -65,6 +65,7 @@ class Fleet:
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
         self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
+        self.first_list_s: float | None = None
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
@@ -94,6 +95,8 @@ class Fleet:
         last = camera.latest.header if camera.latest else None
         if last and last.boot_id == seen.header.boot_id and seen.header.seq <= last.seq:
             return False
+        if self.first_list_s is None:
+            self.first_list_s = now_s
         camera.latest, camera.arrived_s = seen, now_s
         camera.lists += 1
         camera.arrivals.append(now_s)

@@ -5,10 +5,13 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 
+from pydantic import BaseModel
+
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
 from services.toolbox.settings import UsageError, load
 
+OURS = ("bus", "gateway", "schemas", "services")
 HELP_OPTIONS = ("-h", "--help", "help")
 PROG = "fleetsight"
 
@@ -44,14 +47,30 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
     try:
         loaded = load(command.load_settings(), arguments, prog=prog)
         logs.configure(loaded.log_level)
-        return process.run(partial(command.load_run(), loaded.settings))
+        return _run(command, loaded.settings)
     except ModuleNotFoundError as error:
-        if command.extra is None or error.name is None or error.name.split(".")[0] in ("services", "gateway", "bus"):
+        if command.extra is None or error.name is None or error.name.split(".")[0] in OURS:
             raise
-        sys.stderr.write(f"{prog}: {error.name} is not installed; pip install 'fleetsight[{command.extra}]' adds it\n")
+        reason = f"{error.name} is not installed; pip install 'fleetsight[{command.extra}]' adds it"
     except UsageError as error:
-        sys.stderr.write(f"{prog}: {error}\n")
+        reason = str(error)
+    sys.stderr.write(f"{prog}: {reason}\n")
     return process.EXIT_USAGE
+
+
+def _run(command: Command, settings: BaseModel) -> int:
+    """Run the process.
+
+    Raises:
+        UsageError: the process refuses its settings.
+    """
+    main_function = command.load_run()
+    try:
+        return process.run(partial(main_function, settings))
+    except Exception as error:
+        if isinstance(error, command.load_refusal()):
+            raise UsageError(" ".join(str(error).split())) from error
+        raise
 
 
 if __name__ == "__main__":

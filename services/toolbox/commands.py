@@ -12,12 +12,17 @@ Run = Callable[[BaseModel], Awaitable[int | None]]
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A subcommand. settings and run are "module:name"; extra is what must be installed beyond the base."""
+    """A subcommand. Names are "module:name".
+
+    run: a coroutine function that takes the settings. refusal: the error it raises for settings that turn out to be
+    wrong once used. extra: what must be installed beyond the base.
+    """
 
     name: str
     summary: str
     settings: str
     run: str
+    refusal: str = "bus:BusError"
     extra: str | None = None
 
     def load_settings(self) -> type[BaseModel]:
@@ -28,6 +33,11 @@ class Command:
     def load_run(self) -> Run:
         """Import the coroutine function that runs the process."""
         found: Run = _load(self.run)
+        return found
+
+    def load_refusal(self) -> type[Exception]:
+        """Import the error that refuses settings."""
+        found: type[Exception] = _load(self.refusal)
         return found
 
 
@@ -48,6 +58,7 @@ COMMANDS: Final = (
         "anywhere: run a YOLO model on the cameras whose results somebody wants",
         "services.detector.settings:DetectorSettings",
         "services.detector.process:run",
+        refusal="services.detector.model:ModelError",
         extra="detector",
     ),
     Command(
@@ -62,6 +73,7 @@ COMMANDS: Final = (
         "robots that are not there: ROS 1 cameras in a rendered warehouse",
         "services.simulator.settings:SimulatorSettings",
         "services.simulator.process:run",
+        refusal="services.simulator.process:MasterError",
         extra="simulator",
     ),
     Command(
@@ -69,6 +81,7 @@ COMMANDS: Final = (
         "make the shipped model from nothing: render, train, validate, write weights and card",
         "services.simulator.training.settings:TrainingSettings",
         "services.simulator.training.process:run",
+        refusal="services.simulator.training.errors:TrainingError",
         extra="train",
     ),
     Command(

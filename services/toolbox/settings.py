@@ -1,5 +1,6 @@
 """Load a process's settings: options first, then the environment, then a YAML or TOML file, then defaults."""
 
+import inspect
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -98,7 +99,7 @@ def _settings_class(model: type[BaseModel], prog: str) -> type[_Common]:
         ) -> tuple[PydanticBaseSettingsSource, ...]:
             return (init_settings, _EnvironmentSource(settings_cls), _FileSource(settings_cls))
 
-    Settings.__doc__ = model.__doc__
+    Settings.__doc__ = inspect.cleandoc(model.__doc__ or "")
     return Settings
 
 

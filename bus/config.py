@@ -1,0 +1,51 @@
+"""What BusSettings mean to Zenoh."""
+
+from math import ceil
+from typing import Any, Final
+
+from bus.settings import BusSettings
+
+OPEN_TIMEOUT_MS: Final = 1_000
+"""How long one attempt to connect may take."""
+
+MAX_BLOCKED_MS: Final = 1_000
+"""How long a link may refuse a declaration before it counts as lost; short of the deadline for closing."""
+
+MAX_FLUSH_MS: Final = 500
+"""Longest time between signs of life, which is also how long a closing link waits to write what it holds."""
+
+MAX_MESSAGE_BYTES: Final = 128 * 1024 * 1024
+"""What a link takes in at most as one message."""
+
+
+def session_config(settings: BusSettings) -> dict[str, Any]:
+    """Return Zenoh's configuration, ready to be written as JSON.
+
+    Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
+    """
+    lease_ms = round(settings.lease_s * 1000)
+    blocked_us = min(lease_ms, MAX_BLOCKED_MS) * 1_000
+    return {
+        "mode": settings.mode,
+        "connect": {
+            "endpoints": settings.connect,
+            "timeout_ms": 0,
+            "exit_on_failure": settings.mode == "client",
+            "retry": {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2},
+        },
+        "listen": {"endpoints": settings.listen, "timeout_ms": 0, "exit_on_failure": True},
+        "scouting": {"delay": 500 if settings.scouting else 0, "multicast": {"enabled": settings.scouting}},
+        "timestamping": {"enabled": False},
+        "transport": {
+            "unicast": {"open_timeout": OPEN_TIMEOUT_MS, "accept_timeout": OPEN_TIMEOUT_MS},
+            "link": {
+                "tx": {
+                    "lease": lease_ms,
+                    "keep_alive": max(4, ceil(lease_ms / MAX_FLUSH_MS)),
+                    "queue": {"congestion_control": {"block": {"wait_before_close": blocked_us}}},
+                },
+                "rx": {"max_message_size": MAX_MESSAGE_BYTES},
+            },
+            "shared_memory": {"enabled": settings.shared_memory},
+        },
+    }

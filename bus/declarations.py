@@ -1,0 +1,174 @@
+"""What the real bus declares on a Zenoh session."""
+
+from asyncio import AbstractEventLoop
+from contextlib import ExitStack
+from typing import Any, Final, Protocol
+
+import zenoh
+from zenoh import CongestionControl, Priority, Reliability, ext
+from zenoh.handlers import Callback
+
+from bus.api import Latest, QoS, Queue
+from bus.demand import Demand
+from bus.lane import Lane
+from bus.reading import PresenceReader, SampleReader
+from bus.writing import MessageWriter
+
+IMAGES_WAITING: Final = 1
+RESULTS_WAITING: Final = 64
+RETIRE_GRACE_S: Final = 1.0
+STOP_GRACE_S: Final = 0.2
+
+
+class Lanes:
+    """Small messages have a thread of their own, so that they never wait behind a big one."""
+
+    def __init__(self) -> None:
+        self.images = Lane("images", IMAGES_WAITING)
+        self.results = Lane("results", RESULTS_WAITING)
+
+    def of(self, qos: QoS) -> Lane:
+        """Return the lane of a quality of service."""
+        return self.images if qos is QoS.IMAGE else self.results
+
+    def stop(self) -> None:
+        """End the threads."""
+        self.images.stop(STOP_GRACE_S)
+        self.results.stop(STOP_GRACE_S)
+
+
+class _Undeclarable(Protocol):
+    def undeclare(self) -> object: ...
+
+
+class ZenohPublisher(MessageWriter):
+    """A publisher. Results have a second, plain one on the same key, since only that knows who matches."""
+
+    def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, lanes: Lanes) -> None:
+        self._lane = lanes.of(qos)
+        super().__init__(key, demand, lambda payload: self._lane.offer(self, payload))
+        self._qos = qos
+        self._encoding = encoding
+        self._declared = ExitStack()
+        self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread, then let the lane write."""
+        matching = session.declare_publisher(
+            self._key,
+            encoding=self._encoding,
+            congestion_control=CongestionControl.DROP,
+            priority=Priority.DATA_LOW,
+            reliability=Reliability.BEST_EFFORT,
+        )
+        self._declared.callback(matching.undeclare)
+        listener = matching.declare_matching_listener(Callback(self._on_matching, indirect=False))
+        self._declared.callback(listener.undeclare)
+        self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
+        status: Any = matching.matching_status  # the stub says bool
+        self._demand.offer(wanted=status.matching, initial=True)
+        self._lane.admit(self)
+
+    def _declare_cached(self, session: zenoh.Session) -> ext.AdvancedPublisher:
+        publisher = ext.declare_advanced_publisher(
+            session,
+            self._key,
+            encoding=self._encoding,
+            congestion_control=CongestionControl.DROP,
+            priority=Priority.INTERACTIVE_HIGH if self._qos is QoS.RESULT else Priority.DATA,
+            reliability=Reliability.RELIABLE,
+            cache=ext.CacheConfig(1),
+            # No heartbeat: undeclaring one can hold the interpreter lock for ten seconds (1.10).
+            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
+            publisher_detection=True,
+        )
+        self._declared.callback(publisher.undeclare)
+        return publisher
+
+    def _on_matching(self, status: zenoh.MatchingStatus) -> None:
+        self._demand.offer(wanted=status.matching)
+
+    def write(self, payload: bytes | bytearray) -> None:
+        """Send on the lane's thread."""
+        if self._publisher is not None:
+            self._publisher.put(payload)
+
+    def undeclare(self) -> None:
+        """Write what waits, as far as that is quick, and undeclare."""
+        self._lane.retire(self, RETIRE_GRACE_S)
+        self._declared.close()
+
+
+class ZenohSubscription(SampleReader):
+    """A subscription."""
+
+    def __init__(self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool) -> None:
+        super().__init__(keep, loop)
+        self._key_expr = key_expr
+        self._history = history
+        self._subscriber: _Undeclarable | None = None
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread."""
+        callback = Callback(self._on_sample, indirect=False)
+        if not self._history:
+            self._subscriber = session.declare_subscriber(self._key_expr, callback)
+            return
+        self._subscriber = ext.declare_advanced_subscriber(
+            session,
+            self._key_expr,
+            callback,
+            history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+        )
+
+    def undeclare(self) -> None:
+        """Undeclare: a callback subscriber lives on when it is only forgotten."""
+        if self._subscriber is not None:
+            self._subscriber.undeclare()
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.PUT:
+            self.arrive(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding))
+
+
+class ZenohWatch(PresenceReader):
+    """A watch."""
+
+    def __init__(self, key_expr: str, loop: AbstractEventLoop) -> None:
+        super().__init__(loop)
+        self._key_expr = key_expr
+        self._subscriber: zenoh.Subscriber[None] | None = None
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread."""
+        self._subscriber = session.liveliness().declare_subscriber(
+            self._key_expr, Callback(self._on_change, indirect=False), history=True
+        )
+
+    def undeclare(self) -> None:
+        """Undeclare."""
+        if self._subscriber is not None:
+            self._subscriber.undeclare()
+
+    def _on_change(self, sample: zenoh.Sample) -> None:
+        self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
+
+
+class ZenohToken:
+    """A presence."""
+
+    def __init__(self, key: str) -> None:
+        self._key = key
+        self._token: zenoh.LivelinessToken | None = None
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread."""
+        self._token = session.liveliness().declare_token(self._key)
+
+    def undeclare(self) -> None:
+        """Undeclare."""
+        if self._token is not None:
+            self._token.undeclare()
+
+    def end(self) -> None:
+        """Nothing is taken out of a presence."""

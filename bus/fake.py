@@ -1,0 +1,164 @@
+"""A bus in memory for tests: it keeps the promises of `bus.api` without threads or sockets, and loses nothing."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from typing import TypeVar
+
+from bus.api import DEFAULT_ENCODING, Bus, Latest, Publisher, QoS, Queue, Subscription, Watch
+from bus.demand import Demand
+from bus.errors import BusClosedError
+from bus.keys import key_expression, matches, single_key
+from bus.reading import PresenceReader, SampleReader
+from bus.writing import MessageWriter
+
+
+class _FakeToken:
+    def __init__(self, key: str) -> None:
+        self.key = key
+
+    def end(self) -> None:
+        """Nothing is taken out of a presence."""
+
+
+class _FakeSubscription(SampleReader):
+    def __init__(self, key_expr: str, keep: Latest | Queue, loop: asyncio.AbstractEventLoop, *, history: bool) -> None:
+        super().__init__(keep, loop)
+        self.key = key_expr
+        self.history = history
+
+
+class _FakeWatch(PresenceReader):
+    def __init__(self, key_expr: str, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__(loop)
+        self.key = key_expr
+
+
+class _FakePublisher(MessageWriter):
+    def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, network: "FakeNetwork") -> None:
+        super().__init__(key, demand, self._deliver)
+        self.key = key
+        self.encoding = encoding
+        self.demand = demand
+        self.last: bytes | None = None
+        self._keeps_last = qos is not QoS.IMAGE
+        self._network = network
+
+    def _deliver(self, payload: bytes | bytearray) -> None:
+        sent = bytes(payload)
+        if self._keeps_last:
+            self.last = sent
+        for subscription in self._network.matching(self.key, _FakeSubscription):
+            subscription.arrive(self.key, sent, self.encoding)
+
+
+_Handle = _FakeToken | _FakeSubscription | _FakeWatch | _FakePublisher
+H = TypeVar("H", _FakeToken, _FakeSubscription, _FakeWatch, _FakePublisher)
+
+
+class FakeNetwork:
+    """What connects fake buses with each other."""
+
+    def __init__(self) -> None:
+        self._handles: list[_Handle] = []
+
+    @asynccontextmanager
+    async def open_bus(self) -> AsyncIterator[Bus]:
+        """Open a bus on this network; leaving closes it."""
+        bus = _FakeBus(self)
+        try:
+            yield bus
+        finally:
+            bus.close()
+
+    def matching(self, key_expr: str, kind: type[H]) -> list[H]:
+        """Return the declared things of a kind that a key expression reaches."""
+        return [handle for handle in self._handles if isinstance(handle, kind) and matches(handle.key, key_expr)]
+
+    def add(self, handle: _Handle) -> None:
+        """Declare, and tell those concerned."""
+        self._handles.append(handle)
+        match handle:
+            case _FakeSubscription():
+                for publisher in self.matching(handle.key, _FakePublisher):
+                    if handle.history and publisher.last is not None:
+                        handle.arrive(publisher.key, publisher.last, publisher.encoding)
+            case _FakeWatch():
+                for token in self.matching(handle.key, _FakeToken):
+                    handle.arrive(token.key, alive=True)
+            case _FakeToken():
+                self._tell_watches(handle.key, alive=True)
+            case _FakePublisher():
+                pass
+        self._tell_publishers()
+
+    def remove(self, handle: _Handle) -> None:
+        """Undeclare, and tell those concerned."""
+        self._handles.remove(handle)
+        if isinstance(handle, _FakeToken):
+            self._tell_watches(handle.key, alive=False)
+        self._tell_publishers()
+
+    def _tell_watches(self, key: str, *, alive: bool) -> None:
+        for watch in self.matching(key, _FakeWatch):
+            watch.arrive(key, alive=alive)
+
+    def _tell_publishers(self) -> None:
+        for publisher in self.matching("**", _FakePublisher):
+            publisher.demand.offer(wanted=bool(self.matching(publisher.key, _FakeSubscription)))
+
+
+class _FakeBus:
+    def __init__(self, network: FakeNetwork) -> None:
+        self._network = network
+        self._loop = asyncio.get_running_loop()
+        self._handles: list[_Handle] = []
+        self._closed = False
+
+    def publisher(
+        self,
+        key: str,
+        qos: QoS,
+        /,
+        *,
+        encoding: str = DEFAULT_ENCODING,
+        on_demand: Callable[[bool], None] | None = None,
+    ) -> AbstractAsyncContextManager[Publisher]:
+        demand = Demand(self._loop, on_demand)
+        return self._held(lambda: _FakePublisher(single_key(key), qos, encoding, demand, self._network))
+
+    def subscribe(
+        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True
+    ) -> AbstractAsyncContextManager[Subscription]:
+        return self._held(lambda: _FakeSubscription(key_expression(key_expr), keep, self._loop, history=history))
+
+    def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
+        return self._held(lambda: _FakeWatch(key_expression(key_expr), self._loop))
+
+    @asynccontextmanager
+    async def announce(self, key: str, /) -> AsyncIterator[None]:
+        async with self._held(lambda: _FakeToken(single_key(key))):
+            yield
+
+    def close(self) -> None:
+        self._closed = True
+        for handle in list(self._handles):
+            self._drop(handle)
+
+    @asynccontextmanager
+    async def _held(self, make: Callable[[], H]) -> AsyncIterator[H]:
+        if self._closed:
+            raise BusClosedError("the bus is closed")
+        handle = make()
+        self._handles.append(handle)
+        self._network.add(handle)
+        try:
+            yield handle
+        finally:
+            self._drop(handle)
+
+    def _drop(self, handle: _Handle) -> None:
+        if handle in self._handles:
+            self._handles.remove(handle)
+            handle.end()
+            self._network.remove(handle)

@@ -1,0 +1,80 @@
+"""From any thread into an async iterator: at most one call into the event loop is ever pending."""
+
+import asyncio
+import contextlib
+import threading
+from asyncio import AbstractEventLoop
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from bus.errors import BusError
+from bus.mailbox import Mailbox, Taken
+
+T = TypeVar("T")
+
+
+class Inbox(Generic[T]):
+    """A mailbox that many threads fill and one task empties."""
+
+    def __init__(self, mailbox: Mailbox[str, T], loop: AbstractEventLoop) -> None:
+        self._mailbox = mailbox
+        self._loop = loop
+        self._lock = threading.Lock()
+        self._waiter: asyncio.Future[None] | None = None
+        self._called = False
+        self._ended = False
+        self.received = 0
+        self.dropped = 0
+
+    def offer(self, key: str, item: T) -> None:
+        """Bring an item. Any thread; never waits for the reader."""
+        with self._lock:
+            if self._ended:
+                return
+            self.received += 1
+            self.dropped += self._mailbox.offer(key, item)
+            if self._waiter is None or self._called:
+                return
+            self._called = True
+        call_soon(self._loop, self._wake)
+
+    def end(self) -> None:
+        """Let nothing more in or out. Event loop only."""
+        with self._lock:
+            self._ended = True
+        self._wake()
+
+    async def take(self) -> Taken[str, T]:
+        """Wait for the next item.
+
+        Raises:
+            StopAsyncIteration: the inbox has ended.
+            BusError: another task is waiting.
+
+        """
+        if self._waiter is not None:
+            raise BusError("two tasks cannot iterate over the same subscription or watch")
+        while True:
+            with self._lock:
+                if self._ended:
+                    raise StopAsyncIteration
+                taken = self._mailbox.take()
+                if taken is not None:
+                    return taken
+                waiter = self._waiter = self._loop.create_future()
+            try:
+                await waiter
+            finally:
+                self._waiter = None
+
+    def _wake(self) -> None:
+        with self._lock:
+            self._called = False
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+
+def call_soon(loop: AbstractEventLoop, callback: Callable[[], None]) -> None:
+    """Call on the event loop, from any thread; a loop that is closed has nobody left to tell."""
+    with contextlib.suppress(RuntimeError):
+        loop.call_soon_threadsafe(callback)

@@ -1,0 +1,35 @@
+"""Key expressions, checked and matched by Zenoh's own rules."""
+
+import zenoh
+
+from bus.errors import BusError
+
+
+def key_expression(text: str) -> str:
+    """Return `text` if it is a key expression (`*` and `**` allowed).
+
+    Raises:
+        BusError: it is none.
+
+    """
+    try:
+        return str(zenoh.KeyExpr(text))
+    except zenoh.ZError as error:
+        raise BusError(f"{text!r} is no key expression") from error
+
+
+def single_key(text: str) -> str:
+    """Return `text` if it is one single key.
+
+    Raises:
+        BusError: it is none, or it holds a wildcard.
+
+    """
+    if "*" in text:
+        raise BusError(f"{text!r} has a wildcard where one key is needed")
+    return key_expression(text)
+
+
+def matches(key_expr: str, other: str) -> bool:
+    """Whether some key is in both; both must be valid."""
+    return zenoh.KeyExpr(key_expr).intersects(other)

@@ -1,0 +1,59 @@
+"""Links that close in time although the other end no longer reads.
+
+Zenoh 1.10 gives its TCP connections ten seconds to get rid of what is unsent, waits for that when it closes a session,
+and has no setting for it.
+"""
+
+import os
+import socket
+import struct
+from pathlib import Path
+from typing import Final
+
+LINGER_S: Final = 1
+
+_FILES: Final = Path("/proc/self/fd")
+_LINGER: Final = struct.pack("ii", 1, LINGER_S)
+
+
+def shorten(locator: str) -> int:
+    """Let this process's connections whose own end is at a locator linger for LINGER_S; return how many there are.
+
+    A locator is like tcp/127.0.0.1:7447 or tcp/[::1]:7447?rel=0.
+    """
+    address = locator.partition("/")[2].partition("?")[0].partition("#")[0]
+    return sum(_shorten(int(entry.name), address) for entry in _FILES.iterdir() if _is_socket(entry))
+
+
+def _is_socket(entry: Path) -> bool:
+    try:
+        return entry.readlink().name.startswith("socket:")
+    except FileNotFoundError:
+        return False
+
+
+def _shorten(descriptor: int, address: str) -> bool:
+    try:
+        duplicate = os.dup(descriptor)
+    except OSError:  # closed meanwhile
+        return False
+    try:
+        connection = socket.socket(fileno=duplicate)
+    except OSError:  # closed meanwhile, and opened again as something else
+        os.close(duplicate)
+        return False
+    with connection:
+        if connection.type != socket.SOCK_STREAM or _text(connection.getsockname()) != address:
+            return False
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
+        return True
+
+
+def _text(socket_address: object) -> str:
+    match socket_address:
+        case (str(host), int(port)):
+            return f"{host}:{port}"
+        case (str(host), int(port), _, _):
+            return f"[{host}]:{port}"
+        case _:
+            return ""

@@ -1,0 +1,136 @@
+"""Bounded boxes between who brings and who takes, with every drop counted. Pure: no lock, no loop, no clock."""
+
+import heapq
+from collections import OrderedDict, deque
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Final, Generic, Protocol, TypeVar, final
+
+MAX_KEYS: Final = 10_000
+"""How many keys a box knows at once."""
+
+K = TypeVar("K", bound=Hashable)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Taken(Generic[K, T]):
+    """An item and how many of its key were dropped since the last of that key was taken."""
+
+    key: K
+    item: T
+    dropped: int
+
+
+class Mailbox(Protocol[K, T]):
+    """What a subscription needs of a box."""
+
+    def offer(self, key: K, item: T) -> int:
+        """Put an item in; return how many items this cost."""
+
+    def take(self) -> Taken[K, T] | None:
+        """Take the next item out, or None."""
+
+
+@dataclass(slots=True)
+class _Slot(Generic[T]):
+    """One key's waiting items (oldest first), the turn it was last served in, and its drops since then."""
+
+    items: deque[T]
+    served: int = 0
+    dropped: int = 0
+
+
+@final
+class PerKey(Generic[K, T]):
+    """Keep the `depth` newest items of each key; the key served longest ago is next."""
+
+    def __init__(self, depth: int = 1, *, max_keys: int = MAX_KEYS) -> None:
+        self._depth = depth
+        self._max_keys = max_keys
+        self._waiting: dict[K, _Slot[T]] = {}
+        self._idle: OrderedDict[K, int] = OrderedDict()
+        self._ready: list[tuple[int, int, K]] = []
+        self._turn = 0
+        self._arrival = 0
+
+    def offer(self, key: K, item: T) -> int:
+        """Put an item in; return 1 if an older one of its key had to go, or if there is no room for another key."""
+        slot = self._waiting.get(key)
+        if slot is None:
+            if len(self._waiting) >= self._max_keys:
+                return 1
+            slot = self._waiting[key] = _Slot(deque(), self._idle.pop(key, 0))
+            self._enlist(key, slot)
+        dropped = len(slot.items) >= self._depth
+        if dropped:
+            slot.items.popleft()
+            slot.dropped += 1
+        slot.items.append(item)
+        return int(dropped)
+
+    def take(self) -> Taken[K, T] | None:
+        """Take the oldest item of the key that was served longest ago."""
+        if not self._ready:
+            return None
+        _, _, key = heapq.heappop(self._ready)
+        slot = self._waiting[key]
+        taken = Taken(key, slot.items.popleft(), slot.dropped)
+        self._turn += 1
+        slot.served, slot.dropped = self._turn, 0
+        if slot.items:
+            self._enlist(key, slot)
+        else:
+            self._retire(key, slot)
+        return taken
+
+    def __contains__(self, key: K) -> bool:
+        return key in self._waiting
+
+    def discard(self, key: K) -> list[T]:
+        """Forget a key; return the items that waited, oldest first."""
+        self._idle.pop(key, None)
+        slot = self._waiting.pop(key, None)
+        if slot is None:
+            return []
+        self._ready = [entry for entry in self._ready if entry[2] != key]
+        heapq.heapify(self._ready)
+        return list(slot.items)
+
+    def _enlist(self, key: K, slot: _Slot[T]) -> None:
+        self._arrival += 1
+        heapq.heappush(self._ready, (slot.served, self._arrival, key))
+
+    def _retire(self, key: K, slot: _Slot[T]) -> None:
+        del self._waiting[key]
+        self._idle[key] = slot.served
+        if len(self._idle) > self._max_keys:
+            self._idle.popitem(last=False)
+
+
+@final
+class Fifo(Generic[K, T]):
+    """Keep the `depth` newest items in order of arrival."""
+
+    def __init__(self, depth: int) -> None:
+        self._depth = depth
+        self._items: deque[tuple[K, T]] = deque()
+        self._dropped: OrderedDict[K, int] = OrderedDict()
+
+    def offer(self, key: K, item: T) -> int:
+        """Put an item in; return 1 if the oldest one had to go."""
+        self._items.append((key, item))
+        if len(self._items) <= self._depth:
+            return 0
+        victim, _ = self._items.popleft()
+        self._dropped[victim] = self._dropped.get(victim, 0) + 1
+        if len(self._dropped) > MAX_KEYS:
+            self._dropped.popitem(last=False)
+        return 1
+
+    def take(self) -> Taken[K, T] | None:
+        """Take the oldest item."""
+        if not self._items:
+            return None
+        key, item = self._items.popleft()
+        return Taken(key, item, self._dropped.pop(key, 0))

@@ -1,0 +1,82 @@
+"""The reading ends, the same for the real bus and the fake: what arrives on any thread is taken on the event loop."""
+
+import time
+from asyncio import AbstractEventLoop
+from dataclasses import dataclass
+from typing import Self, assert_never
+
+from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
+from bus.inbox import Inbox
+from bus.mailbox import Fifo, Mailbox, PerKey
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrival:
+    payload: bytes
+    encoding: str
+    received_ns: int
+
+
+def _mailbox(keep: Latest | Queue) -> Mailbox[str, _Arrival]:
+    match keep:
+        case Latest():
+            return PerKey()
+        case Queue(depth):
+            return Fifo(depth)
+        case never:
+            assert_never(never)
+
+
+class SampleReader:
+    """A subscription's reading end."""
+
+    def __init__(self, keep: Latest | Queue, loop: AbstractEventLoop) -> None:
+        self._inbox = Inbox(_mailbox(keep), loop)
+
+    def arrive(self, key: str, payload: bytes, encoding: str) -> None:
+        """Bring a sample. Any thread."""
+        self._inbox.offer(key, _Arrival(payload, encoding, time.time_ns()))
+
+    def end(self) -> None:
+        """End the iteration."""
+        self._inbox.end()
+
+    @property
+    def counts(self) -> SubscriptionCounts:
+        """What became of the samples so far."""
+        return SubscriptionCounts(self._inbox.received, self._inbox.dropped)
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Sample:
+        taken = await self._inbox.take()
+        arrival = taken.item
+        return Sample(taken.key, arrival.payload, arrival.encoding, arrival.received_ns, taken.dropped)
+
+
+class PresenceReader:
+    """A watch's reading end. Remembers what it reported, so that doubled events are not reported twice."""
+
+    def __init__(self, loop: AbstractEventLoop) -> None:
+        self._inbox: Inbox[bool] = Inbox(PerKey(), loop)
+        self._alive: set[str] = set()
+
+    def arrive(self, key: str, *, alive: bool) -> None:
+        """Bring a change. Any thread."""
+        self._inbox.offer(key, alive)
+
+    def end(self) -> None:
+        """End the iteration."""
+        self._inbox.end()
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> Presence:
+        while True:
+            taken = await self._inbox.take()
+            if taken.item == (taken.key in self._alive):
+                continue
+            (self._alive.add if taken.item else self._alive.discard)(taken.key)
+            return Presence(taken.key, taken.item)

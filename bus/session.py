@@ -1,0 +1,178 @@
+"""The thread that owns the Zenoh session: opening, declaring, undeclaring and closing may block, so it does them."""
+
+import contextlib
+import json
+import logging
+import queue
+import re
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+from typing import Final, Protocol
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.config import session_config
+from bus.errors import BusError
+from bus.linger import shorten
+from bus.settings import BusSettings
+
+RETRY_S: Final = 0.5
+
+_log: Final = logging.getLogger(__name__)
+
+
+class Declaration(Protocol):
+    """Something declared on a session. Both methods are called on the session's thread only."""
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare; may raise zenoh.ZError, and is then undeclared."""
+
+    def undeclare(self) -> None:
+        """Undo whatever `declare` got done; nothing if it was never called."""
+
+
+class SessionThread:
+    """Opens a session, again and again if it is a client's and nobody answers; declares what is kept on it."""
+
+    def __init__(self, settings: BusSettings) -> None:
+        self._settings = settings
+        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._kept: dict[Declaration, None] = {}
+        self._session: zenoh.Session | None = None
+        self._stopped = False
+        self._retry_at: float | None = None
+        self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
+        self._thread.start()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a session; its links may be down all the same."""
+        return self._session is not None
+
+    def open(self) -> Future[None]:
+        """Try to open once; a client whose routers do not answer goes on trying by itself, others fail."""
+        return self._submit(self._open)
+
+    def keep(self, declaration: Declaration) -> Future[None]:
+        """Declare, now or when the session is open."""
+        return self._submit(lambda: self._declare(declaration))
+
+    def drop(self, declaration: Declaration) -> Future[None]:
+        """Undeclare."""
+        return self._submit(lambda: self._undeclare(declaration))
+
+    def stop(self, then: Callable[[], None]) -> Future[None]:
+        """Undeclare everything, close the session, call `then`, end the thread."""
+        return self._submit(lambda: self._stop(then))
+
+    def _submit(self, act: Callable[[], None]) -> Future[None]:
+        future: Future[None] = Future()
+
+        def job() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
+            try:
+                act()
+            except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the future
+                future.set_exception(error)
+            else:
+                future.set_result(None)
+
+        if self._thread.is_alive():
+            self._jobs.put(job)
+        else:
+            future.set_result(None)
+        return future
+
+    def _run(self) -> None:
+        while not self._stopped:
+            try:
+                job = self._jobs.get(
+                    timeout=None if self._retry_at is None else max(0, self._retry_at - time.monotonic())
+                )
+            except queue.Empty:
+                self._open()
+            else:
+                job()
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._jobs.get_nowait()()
+
+    def _open(self) -> None:
+        first = self._retry_at is None
+        try:
+            self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
+        except zenoh.ZError as error:
+            if self._settings.mode != "client":
+                endpoints = ", ".join(self._settings.listen)
+                raise BusError(
+                    f"cannot open the bus as a {self._settings.mode} (listen {endpoints}): {_reason(error)}"
+                ) from error
+            if first:
+                _log.warning("waiting for a router at %s (%s)", self._where, _reason(error))
+            self._retry_at = time.monotonic() + RETRY_S
+            return
+        self._retry_at = None
+        self._session.info.declare_link_events_listener(Callback(self._on_link, indirect=False), history=True)
+        for declaration in list(self._kept):
+            try:
+                self._declare(declaration)
+            except BusError:
+                _log.exception("a declaration was refused")
+
+    @property
+    def _where(self) -> str:
+        return ", ".join(self._settings.connect) or "any address found by scouting"
+
+    def _on_link(self, event: zenoh.LinkEvent) -> None:
+        """Have the session's thread act on it; this one is Zenoh's."""
+        act = self._link_up if event.kind == zenoh.SampleKind.PUT else self._link_down
+        self._jobs.put(partial(act, event.link.src, event.link.dst))
+
+    def _link_up(self, own: str, other: str) -> None:
+        shorten(own)
+        if self._settings.mode == "client":
+            _log.info("connected to the router at %s", other)
+
+    def _link_down(self, _own: str, other: str) -> None:
+        if self._settings.mode == "client" and not self._stopped:
+            _log.warning("lost the router at %s, waiting for one at %s", other, self._where)
+
+    def _declare(self, declaration: Declaration) -> None:
+        self._kept[declaration] = None
+        if self._session is None:
+            return
+        try:
+            declaration.declare(self._session)
+        except zenoh.ZError as error:
+            self._undeclare(declaration)
+            raise BusError(f"cannot declare: {_reason(error)}") from error
+
+    def _undeclare(self, declaration: Declaration) -> None:
+        if declaration not in self._kept:
+            return
+        del self._kept[declaration]
+        try:
+            declaration.undeclare()
+        except Exception as error:  # noqa: BLE001 - the session may be gone already, or a thread stuck in the publisher
+            _log.debug("undeclaring failed: %s", error)
+
+    def _stop(self, then: Callable[[], None]) -> None:
+        self._stopped = True
+        for declaration in list(self._kept):
+            self._undeclare(declaration)
+        try:
+            if self._session is not None:
+                self._session.close()
+        except zenoh.ZError as error:
+            _log.warning("the session did not close cleanly: %s", error)
+        then()
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """Return Zenoh's message without the places in its own sources."""
+    return re.sub(r" at \S+\.rs:\d+\.?", "", str(error))

@@ -1,0 +1,66 @@
+"""How a process joins the bus. Plain data: whoever builds it reads environment, files and arguments."""
+
+import re
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
+
+_ENDPOINT: Final = re.compile(
+    r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9A-Fa-f:.]+\]|[^\s\[\]/:?#]+):(?P<port>\d{1,5})(?:[?#]\S*)?"
+)
+
+
+def _endpoint(value: str) -> str:
+    match = _ENDPOINT.fullmatch(value)
+    if match is None or int(match["port"]) > 65535:
+        raise ValueError(f"{value!r} is no endpoint; write it like tcp/192.168.0.1:7447")
+    return value
+
+
+Endpoint = Annotated[str, AfterValidator(_endpoint)]
+
+
+class BusSettings(BaseModel):
+    """Fields that every process on the bus has. A router connects nowhere unless `connect` is given."""
+
+    mode: Literal["router", "peer", "client"] = Field(
+        default="client", description="client of a router, peer among peers, or router for clients"
+    )
+    connect: list[Endpoint] = Field(
+        default=["tcp/127.0.0.1:7447"], description="endpoints to connect to; a client uses the first that answers"
+    )
+    listen: list[Endpoint] = Field(
+        default=[], validate_default=True, description="endpoints to accept connections on; a router needs one"
+    )
+    scouting: bool = Field(default=False, description="find routers and peers on the local network by multicast")
+    shared_memory: bool = Field(default=True, description="pass large payloads on one host through shared memory")
+    lease_s: float = Field(
+        default=2.0, ge=0.5, le=60, description="seconds of silence after which a link counts as lost"
+    )
+
+    @field_validator("connect")
+    @classmethod
+    def _connects_to_a_port(cls, connect: list[str]) -> list[str]:
+        for endpoint in connect:
+            match = _ENDPOINT.fullmatch(endpoint)
+            if match is not None and int(match["port"]) == 0:
+                raise ValueError(f"{endpoint!r} has port 0, which only `listen` may have")
+        return connect
+
+    @field_validator("listen")
+    @classmethod
+    def _listens_where_it_must(cls, listen: list[str], info: ValidationInfo) -> list[str]:
+        mode = info.data.get("mode")
+        if mode == "router" and not listen:
+            raise ValueError("a router needs at least one endpoint to listen on")
+        if mode == "client" and listen:
+            raise ValueError("a client does not listen; use mode peer or router")
+        return listen
+
+    @model_validator(mode="after")
+    def _router_connects_only_where_told(self) -> Self:
+        if self.mode == "router" and "connect" not in self.model_fields_set:
+            self.connect = []
+        if self.mode == "client" and not self.connect and not self.scouting:
+            raise ValueError("connect: a client needs an endpoint to connect to, or scouting")
+        return self

@@ -1,0 +1,47 @@
+"""Work that is done only while somebody wants what comes of it."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+
+class SharedDemand:
+    """Whether any of several publishers is wanted. To be used on the event loop's thread."""
+
+    def __init__(self) -> None:
+        self._wanted: set[str] = set()
+        self._on = asyncio.Event()
+        self._off = asyncio.Event()
+        self._off.set()
+
+    def of(self, publisher: str) -> Callable[[bool], None]:
+        """Return the `on_demand` callback of one publisher."""
+
+        def update(wanted: bool) -> None:  # noqa: FBT001 - the bus calls it so
+            (self._wanted.add if wanted else self._wanted.discard)(publisher)
+            (self._on.set if self._wanted else self._on.clear)()
+            (self._off.clear if self._wanted else self._off.set)()
+
+        return update
+
+    @property
+    def wanted(self) -> bool:
+        """Whether any of the publishers is wanted now."""
+        return bool(self._wanted)
+
+    async def until(self, *, wanted: bool) -> None:
+        """Wait until any of the publishers is wanted, or until none is."""
+        await (self._on if wanted else self._off).wait()
+
+
+async def while_wanted(demand: SharedDemand, work: Callable[[], Awaitable[None]]) -> None:
+    """Run `work` whenever there is demand and cancel it when there is none any more, for ever."""
+    while True:
+        await demand.until(wanted=True)
+        async with asyncio.TaskGroup() as group:
+            working = group.create_task(_run(work))
+            await demand.until(wanted=False)
+            working.cancel()
+
+
+async def _run(work: Callable[[], Awaitable[None]]) -> None:
+    await work()

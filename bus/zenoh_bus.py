@@ -1,0 +1,120 @@
+"""The bus on a Zenoh session."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from typing import Final, Protocol, TypeVar
+
+from bus.api import DEFAULT_ENCODING, Bus, Latest, Publisher, QoS, Queue, Subscription, Watch
+from bus.declarations import Lanes, ZenohPublisher, ZenohSubscription, ZenohToken, ZenohWatch
+from bus.demand import Demand
+from bus.errors import BusClosedError
+from bus.keys import key_expression, single_key
+from bus.session import Declaration, SessionThread
+from bus.settings import BusSettings
+
+CLOSE_DEADLINE_S: Final = 3.0
+
+_log: Final = logging.getLogger(__name__)
+
+
+class _Handle(Declaration, Protocol):
+    def end(self) -> None: ...
+
+
+H = TypeVar("H", bound=_Handle)
+
+
+@asynccontextmanager
+async def open_bus(settings: BusSettings) -> AsyncIterator[Bus]:
+    """Open the bus; leaving closes it within CLOSE_DEADLINE_S, whatever became of the links.
+
+    A client whose router is not there yet waits for it in the background; so do peers and routers.
+
+    Raises:
+        BusError: an endpoint to listen on is taken or refused.
+
+    """
+    bus = ZenohBus(settings)
+    try:
+        await bus.start()
+        yield bus
+    finally:
+        await bus.close()
+
+
+class ZenohBus:
+    """See `bus.api.Bus`. To be made on a running event loop and closed there."""
+
+    def __init__(self, settings: BusSettings) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._session = SessionThread(settings)
+        self._lanes = Lanes()
+        self._handles: set[_Handle] = set()
+        self._closed = False
+
+    async def start(self) -> None:
+        """Try once to open the session."""
+        await asyncio.wrap_future(self._session.open())
+
+    async def close(self) -> None:
+        """End every iteration, undeclare everything, close the session."""
+        self._closed = True
+        for handle in self._handles:
+            handle.end()
+        await self._settle(self._session.stop(self._lanes.stop))
+
+    def publisher(
+        self,
+        key: str,
+        qos: QoS,
+        /,
+        *,
+        encoding: str = DEFAULT_ENCODING,
+        on_demand: Callable[[bool], None] | None = None,
+    ) -> AbstractAsyncContextManager[Publisher]:
+        """See `bus.api.Bus.publisher`."""
+        demand = Demand(self._loop, on_demand)
+        return self._held(lambda: ZenohPublisher(single_key(key), qos, encoding, demand, self._lanes))
+
+    def subscribe(
+        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True
+    ) -> AbstractAsyncContextManager[Subscription]:
+        """See `bus.api.Bus.subscribe`."""
+        return self._held(lambda: ZenohSubscription(key_expression(key_expr), keep, self._loop, history=history))
+
+    def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
+        """See `bus.api.Bus.watch`."""
+        return self._held(lambda: ZenohWatch(key_expression(key_expr), self._loop))
+
+    @asynccontextmanager
+    async def announce(self, key: str, /) -> AsyncIterator[None]:
+        """See `bus.api.Bus.announce`."""
+        async with self._held(lambda: ZenohToken(single_key(key))):
+            yield
+
+    @asynccontextmanager
+    async def _held(self, make: Callable[[], H]) -> AsyncIterator[H]:
+        if self._closed:
+            raise BusClosedError("the bus is closed")
+        handle = make()
+        self._handles.add(handle)
+        try:
+            declared = self._session.keep(handle)
+            if self._session.is_open:
+                await asyncio.wrap_future(declared)
+            yield handle
+        finally:
+            self._handles.discard(handle)
+            handle.end()
+            await self._settle(self._session.drop(handle))
+
+    async def _settle(self, work: Future[None]) -> None:
+        """Wait for clean-up that gets done by its thread even if this wait is cancelled or takes too long."""
+        try:
+            async with asyncio.timeout(CLOSE_DEADLINE_S):
+                await asyncio.shield(asyncio.wrap_future(work))
+        except TimeoutError:
+            _log.warning("the bus did not close within %.0f s; its thread is left behind", CLOSE_DEADLINE_S)

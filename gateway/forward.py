@@ -1,0 +1,64 @@
+"""Forward one topic while somebody wants its stream."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+from bus import Bus, Publisher, QoS
+from bus.shared_demand import SharedDemand, while_wanted
+from gateway.ros1.node import Node
+from gateway.ros1.subscriber import Message, Subscription
+from gateway.stream import StreamForward
+from schemas.status import StreamStatus
+
+
+@dataclass(slots=True)
+class Forward:
+    """A stream that is offered on the bus; `subscription` is there while it is subscribed on ROS."""
+
+    stream: StreamForward
+    demand: SharedDemand
+    publisher: Publisher
+    subscription: Subscription | None = None
+
+    def status(self) -> StreamStatus:
+        """Account for the stream's messages so far."""
+        links = self.subscription.counters.links.values() if self.subscription else ()
+        return self.stream.status(
+            wanted=self.demand.wanted,
+            publishers=sum(link.connected for link in links),
+            replaced=self.publisher.counts.dropped,
+        )
+
+    async def run(self, node: Node) -> None:
+        """Subscribe on ROS whenever the stream is wanted, for ever."""
+        await while_wanted(self.demand, lambda: self._subscribe(node))
+
+    async def _subscribe(self, node: Node) -> None:
+        kind = self.stream.translator.ros_type
+        async with node.subscribe(self.stream.topic, kind, self._on_message) as subscription:
+            self.subscription = subscription
+            try:
+                await asyncio.Event().wait()
+            finally:
+                self.subscription = None
+
+    def _on_message(self, message: Message) -> None:
+        payload = self.stream.take(message.data, message.callerid, time.time_ns())
+        if payload is not None:
+            self.publisher.put(payload)
+
+
+@asynccontextmanager
+async def offering(bus: Bus, stream: StreamForward) -> AsyncIterator[Forward]:
+    """Offer a stream on the bus for as long as the context lasts."""
+    demand = SharedDemand()
+    async with (
+        bus.publisher(
+            stream.key, QoS.IMAGE, encoding=stream.translator.encoding, on_demand=demand.of(stream.stream)
+        ) as publisher,
+        bus.announce(stream.camera.alive(stream.stream)),
+    ):
+        yield Forward(stream, demand, publisher)

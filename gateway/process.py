@@ -1,0 +1,75 @@
+"""The gateway process: one ROS node, one place on the bus, and the streams between them."""
+
+import asyncio
+import logging
+import os
+import re
+import time
+import uuid
+from collections.abc import Sequence
+from contextlib import AsyncExitStack
+
+from bus import Bus, QoS, open_bus
+from bus.clock import clock_id
+from gateway.forward import Forward, offering
+from gateway.ros1.node import Node
+from gateway.settings import GatewaySettings
+from gateway.stream import StreamForward
+from gateway.translators import IMAGE_TRANSLATOR
+from schemas import codec, keys
+from schemas.keys import CameraKey, Stream
+from schemas.status import GatewayStatus
+
+log = logging.getLogger(__name__)
+
+STATUS_PERIOD_S = 1.0
+
+
+async def run(settings: GatewaySettings) -> None:
+    """Forward the robot's cameras until cancelled, or until the ROS master tells the node to shut down."""
+    boot_id = uuid.uuid4().hex
+    log.info("robot %s: ROS master %s, cameras %s", settings.robot, settings.ros_master, settings.cameras)
+    async with (
+        open_bus(settings) as bus,
+        Node(node_name(settings.robot), master_uri=settings.ros_master, host=settings.ros_host) as node,
+        AsyncExitStack() as stack,
+        asyncio.TaskGroup() as group,
+    ):
+        streams = [
+            StreamForward(CameraKey(settings.robot, camera), Stream.COLOR, topic, IMAGE_TRANSLATOR, boot_id)
+            for camera, topic in settings.cameras.items()
+        ]
+        forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
+        await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
+        tasks = [group.create_task(forward.run(node)) for forward in forwards]
+        tasks.append(group.create_task(_report(bus, settings.robot, boot_id, forwards)))
+        await node.shutdown_requested.wait()
+        for task in tasks:
+            task.cancel()
+
+
+def node_name(robot: str) -> str:
+    """Return a ROS node name that is the robot's and this process's alone: a master ends the older of two namesakes."""
+    return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{os.getpid()}"
+
+
+async def _report(bus: Bus, robot: str, boot_id: str, forwards: Sequence[Forward]) -> None:
+    def account() -> bytes:
+        status = GatewayStatus(
+            robot=robot,
+            boot_id=boot_id,
+            clock_id=clock,
+            sent_ns=time.time_ns(),
+            streams=[forward.status() for forward in forwards],
+        )
+        return codec.encode(status)
+
+    clock = clock_id()
+    key = keys.gateway_status(robot)
+    async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(GatewayStatus)) as publisher:
+        try:
+            while True:
+                publisher.put(account())
+                await asyncio.sleep(STATUS_PERIOD_S)
+        finally:
+            publisher.put(account())

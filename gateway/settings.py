@@ -1,0 +1,71 @@
+"""Settings of a robot's gateway."""
+
+import os
+import re
+import socket
+from typing import Annotated, Final
+
+from pydantic import AfterValidator, Field
+
+from bus.settings import BusSettings
+from schemas.errors import SchemaError
+from schemas.keys import NAME, CameraKey
+
+TOPIC: Final = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
+
+
+def master_uri() -> str:
+    """Return ROS_MASTER_URI, or where a master listens by default."""
+    return os.environ.get("ROS_MASTER_URI") or "http://127.0.0.1:11311"
+
+
+def host_name() -> str:
+    """Return ROS_HOSTNAME or ROS_IP, or this machine's name: what other ROS nodes are told to connect to."""
+    return os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP") or socket.gethostname()
+
+
+def _master(uri: str) -> str:
+    if not re.fullmatch(r"http://[^\s/:]+:\d{1,5}/?", uri):
+        raise ValueError("a ROS master's address looks like http://robot:11311")
+    return uri.rstrip("/")
+
+
+def _cameras(cameras: dict[str, str]) -> dict[str, str]:
+    if not cameras:
+        raise ValueError("name at least one camera, like front=/front/color/image_raw")
+    for camera, topic in cameras.items():
+        try:
+            CameraKey("robot", camera)
+        except SchemaError as error:
+            raise ValueError(str(error)) from error
+        if not TOPIC.fullmatch(topic):
+            raise ValueError(f"camera {camera}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+    return cameras
+
+
+class GatewaySettings(BusSettings):
+    """Forward a robot's ROS 1 cameras onto Zenoh while somebody wants them. Runs on the robot, needs no ROS install."""
+
+    robot: Annotated[str, Field(pattern=f"^{NAME.pattern}$", description="this robot's name, unique in the fleet")]
+    ros_master: Annotated[
+        str,
+        AfterValidator(_master),
+        Field(
+            default_factory=master_uri,
+            validate_default=True,
+            description="the ROS master's address; ROS_MASTER_URI unless given",
+        ),
+    ]
+    ros_host: Annotated[
+        str,
+        Field(
+            default_factory=host_name,
+            min_length=1,
+            description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
+        ),
+    ]
+    cameras: Annotated[
+        dict[str, str],
+        AfterValidator(_cameras),
+        Field(description="colour cameras as name=topic, several separated by commas"),
+    ] = {"camera": "/camera/color/image_raw"}

@@ -1,0 +1,44 @@
+"""What became of one camera's frames. Pure."""
+
+from collections import Counter
+from typing import Final
+
+from schemas.header import Header
+from schemas.keys import CameraKey
+from schemas.status import CameraLoad
+
+LINK: Final = "lost on the link"
+REPLACED: Final = "replaced by a newer frame"
+MALFORMED: Final = "malformed"
+FAILED: Final = "failed in the model"
+UNWANTED: Final = "no longer wanted"
+
+
+class Account:
+    """Counts every frame of a camera once: inferred, or dropped for a reason."""
+
+    def __init__(self, camera: CameraKey) -> None:
+        self._camera = camera
+        self._last: Header | None = None
+        self.inferred = 0
+        self.dropped: Counter[str] = Counter()
+
+    def begin(self) -> None:
+        """Start anew after a pause: the frames of the pause were never meant for us."""
+        self._last = None
+
+    def arrived(self, header: Header, replaced: int) -> None:
+        """Note a frame and that `replaced` others before it were replaced in the queue; the rest of a gap was lost."""
+        self.dropped[REPLACED] += replaced
+        last, self._last = self._last, header
+        if last is not None and last.boot_id == header.boot_id:
+            self.dropped[LINK] += max(0, header.seq - last.seq - 1 - replaced)
+
+    def load(self) -> CameraLoad:
+        """Return the counts as a message."""
+        return CameraLoad(
+            robot=self._camera.robot,
+            camera=self._camera.camera,
+            inferred=self.inferred,
+            dropped={reason: count for reason, count in self.dropped.items() if count},
+        )

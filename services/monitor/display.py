@@ -1,0 +1,36 @@
+"""The live picture: a table on a terminal, changed lines anywhere else."""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from rich.console import Console
+from rich.live import Live
+
+from services.monitor.fleet import Fleet
+from services.monitor.table import classes, line, render
+
+
+async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str) -> None:
+    """Show the fleet until cancelled."""
+    if not console.is_terminal:
+        await _print_changes(
+            fleet, refresh_s, lambda text: console.print(text, markup=False, highlight=False, soft_wrap=True)
+        )
+        return
+    with Live(console=console, auto_refresh=False) as live:
+        while True:
+            live.update(render(fleet.rows(time.monotonic()), [note]), refresh=True)
+            await asyncio.sleep(refresh_s)
+
+
+async def _print_changes(fleet: Fleet, refresh_s: float, write: Callable[[str], None]) -> None:
+    """Write a camera's line when its state or what is in view of it changes."""
+    shown: dict[object, tuple[bool, str]] = {}
+    while True:
+        for row in fleet.rows(time.monotonic()):
+            state = (row.online, classes(row))
+            if shown.get(row.key) != state:
+                shown[row.key] = state
+                write(line(row))
+        await asyncio.sleep(refresh_s)

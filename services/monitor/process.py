@@ -1,0 +1,94 @@
+"""The monitor process: everything the fleet says about itself into one picture."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+
+from rich.console import Console
+
+from bus import QUEUE, Bus, Sample, open_bus
+from bus.clock import clock_id
+from schemas import codec, keys
+from schemas.detections import ClassList
+from schemas.errors import SchemaError
+from schemas.keys import Stream
+from schemas.status import GatewayStatus, WorkerStatus
+from services.monitor.display import show
+from services.monitor.fleet import Fleet
+from services.monitor.settings import MonitorSettings
+
+log = logging.getLogger(__name__)
+
+DEPTH = 10_000
+
+
+async def run(settings: MonitorSettings) -> None:
+    """Show the fleet until cancelled."""
+    fleet = Fleet(clock_id())
+    async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
+        group.create_task(watch_fleet(bus, fleet))
+        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings)))
+
+
+async def watch_fleet(bus: Bus, fleet: Fleet) -> None:
+    """Keep `fleet` up to date with what is on the bus, for ever."""
+    async with asyncio.TaskGroup() as group:
+        group.create_task(_receive(bus, keys.every_stream(Stream.CLASSES), lambda sample: _class_list(fleet, sample)))
+        group.create_task(_receive(bus, keys.EVERY_GATEWAY_STATUS, lambda sample: _gateway_status(fleet, sample)))
+        group.create_task(_receive(bus, keys.EVERY_WORKER_STATUS, lambda sample: _worker_status(fleet, sample)))
+        group.create_task(_watch(bus, keys.EVERY_ROBOT_ALIVE, lambda key, alive: _robot(fleet, key, alive=alive)))
+        cameras = keys.every_stream_alive(Stream.COLOR)
+        group.create_task(_watch(bus, cameras, lambda key, alive: _camera(fleet, key, alive=alive)))
+
+
+async def _receive(bus: Bus, key_expr: str, take: Callable[[Sample], None]) -> None:
+    async with bus.subscribe(key_expr, QUEUE(DEPTH)) as subscription:
+        async for sample in subscription:
+            try:
+                take(sample)
+            except SchemaError as error:
+                log.warning("%s: message left out: %s", sample.key, error)
+
+
+async def _watch(bus: Bus, key_expr: str, take: Callable[[str, bool], None]) -> None:
+    async with bus.watch(key_expr) as watch:
+        async for presence in watch:
+            try:
+                take(presence.key, presence.alive)
+            except SchemaError as error:
+                log.warning("%s: presence left out: %s", presence.key, error)
+
+
+def _class_list(fleet: Fleet, sample: Sample) -> None:
+    seen = codec.decode(ClassList, sample.payload, sample.encoding)
+    codec.check_identity(seen.header, keys.parse_stream(sample.key).camera)
+    fleet.see(seen, time.monotonic(), sample.received_ns)
+
+
+def _gateway_status(fleet: Fleet, sample: Sample) -> None:
+    status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
+    if status.robot != keys.parse_robot(sample.key):
+        raise SchemaError(f"status of {status.robot}")
+    fleet.gateway_status(status)
+
+
+def _worker_status(fleet: Fleet, sample: Sample) -> None:
+    status = codec.decode(WorkerStatus, sample.payload, sample.encoding)
+    if (status.service, status.worker) != keys.parse_worker(sample.key):
+        raise SchemaError(f"status of {status.service}/{status.worker}")
+    fleet.worker_status(status)
+
+
+def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:
+    fleet.robot_presence(keys.parse_robot(key), alive=alive)
+
+
+def _camera(fleet: Fleet, key: str, *, alive: bool) -> None:
+    fleet.camera_presence(keys.parse_stream(key).camera, alive=alive)
+
+
+def _how_to_join(settings: MonitorSettings) -> str:
+    if settings.listen:
+        return f"gateways and detectors join with --connect {settings.listen[0]}"
+    return f"connected to {', '.join(settings.connect) or 'whom scouting finds'}"

@@ -1,0 +1,127 @@
+"""A YOLO segmentation data set out of the simulated warehouse."""
+
+import multiprocessing
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.training.polygons import Polygon, outline
+from services.simulator.training.progress import Progress
+from services.simulator.training.viewpoints import draw_camera, draw_pose
+from services.simulator.world import CLASSES, Rendering, Scene, Sensor, expose, generate, render
+from services.simulator.world.clearance import Clearance
+
+VIEWS: Final = 2
+SEEDS_PER_RUN: Final = 1_000_000
+HOLDOUT_OFFSET: Final = 500_000
+MIN_AREA: Final = 0.0004
+MIN_SIDE: Final = 5
+MIN_OBJECT_AREA: Final = 0.003
+MAX_TRIES: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """One object in a picture: its class's index and its polygon in pixels."""
+
+    class_index: int
+    polygon: Polygon
+
+
+def training_seed(seed: int, index: int) -> int:
+    """The scene seed of training scene `index` of a run."""
+    return seed * SEEDS_PER_RUN + index
+
+
+def holdout_seed(seed: int, index: int) -> int:
+    """The scene seed of held-out scene `index`: never one of the training scenes of the same run."""
+    return seed * SEEDS_PER_RUN + HOLDOUT_OFFSET + index
+
+
+def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, holdout: int, workers: int) -> Path:
+    """Write both splits and return the path of the data set's YAML; scenes that are already there are kept."""
+    jobs = [
+        (folder, split, seed_of(seed, index), min(VIEWS, count - index * VIEWS))
+        for split, count, seed_of in (("train", images, training_seed), ("val", holdout, holdout_seed))
+        for index in range(-(-count // VIEWS))
+    ]
+    for split in ("train", "val"):
+        for kind in ("images", "labels"):
+            (folder / kind / split).mkdir(parents=True, exist_ok=True)
+    progress("render", 0, len(jobs))
+    for done, _ in enumerate(_mapped(jobs, workers), start=1):
+        progress("render", done, len(jobs))
+    names = "".join(f"  {index}: {name}\n" for index, name in enumerate(CLASSES))
+    description = folder / "dataset.yaml"
+    description.write_text(f"path: {folder.resolve()}\ntrain: images/train\nval: images/val\nnames:\n{names}")
+    return description
+
+
+Job = tuple[Path, str, int, int]
+
+
+def _mapped(jobs: Iterable[Job], workers: int) -> Iterator[None]:
+    if workers == 1:
+        yield from map(_write_scene, jobs)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
+        yield from pool.map(_write_scene, jobs, chunksize=4)
+
+
+def _write_scene(job: Job) -> None:
+    """Write the views of one scene; the label file last, as the sign that its view is complete."""
+    folder, split, seed, views = job
+    names = [f"{seed:09d}-{view}" for view in range(views)]
+    if all((folder / "labels" / split / f"{name}.txt").exists() for name in names):
+        return
+    for name, (image, labels) in zip(names, views_of(seed, views), strict=True):
+        cv2.imwrite(str(folder / "images" / split / f"{name}.png"), image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        height, width = image.shape[:2]
+        lines = (_line(label, width, height) for label in labels)
+        (folder / "labels" / split / f"{name}.txt").write_text("".join(lines))
+
+
+def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[Label]]]:
+    """`count` pictures (RGB) of the scene of `seed` with their labels."""
+    scene, rng = generate(seed), np.random.default_rng([seed, 2])
+    clearance = Clearance.of(scene)
+    for _ in range(count):
+        rendering = _view(scene, clearance, rng)
+        yield expose(rendering.color, Sensor.draw(rng), rng), labels_of(scene, rendering)
+
+
+def _view(scene: Scene, clearance: Clearance, rng: np.random.Generator) -> Rendering:
+    """A view that shows enough: tries a few poses and takes the last one if none does."""
+    rendering = render(scene, draw_pose(scene, clearance, rng), draw_camera(rng))
+    for _ in range(MAX_TRIES - 1):
+        if np.mean(rendering.instances > 0) > MIN_OBJECT_AREA and np.median(rendering.depth) > 0.8:
+            break
+        rendering = render(scene, draw_pose(scene, clearance, rng), draw_camera(rng))
+    return rendering
+
+
+def labels_of(scene: Scene, rendering: Rendering) -> list[Label]:
+    """The objects in a picture that are large enough to be asked for."""
+    instances = rendering.instances
+    areas = np.bincount(instances.ravel(), minlength=len(scene.instance_classes))
+    labels = []
+    for instance in np.flatnonzero(areas[1:] >= MIN_AREA * instances.size) + 1:
+        rows, columns = np.nonzero(instances == instance)
+        top, left = int(rows.min()), int(columns.min())
+        window = instances[top : int(rows.max()) + 1, left : int(columns.max()) + 1]
+        polygon = outline((window == instance).astype(np.uint8))
+        if polygon is not None and np.ptp(polygon, axis=0).min() >= MIN_SIDE:
+            labels.append(Label(int(scene.instance_classes[instance]), np.add(polygon, (left, top))))
+    return labels
+
+
+def _line(label: Label, width: int, height: int) -> str:
+    points = (label.polygon + 0.5) / (width, height)
+    return f"{label.class_index} " + " ".join(f"{value:.5f}" for value in points.ravel()) + "\n"

@@ -1,0 +1,131 @@
+"""How well the shipped file does on scenes that it was not trained on."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.training.engine import load_ultralytics
+from services.simulator.world import CLASSES, Camera, Drive, Rendering, Scene, Sensor, expose, generate, render
+
+NEAR_METRES: Final = 4.0
+NEAR_AREA: Final = 0.01
+MATCHING_IOU: Final = 0.5
+CONFIDENCE: Final = 0.35
+Box = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MaskFigures:
+    """COCO-style average precision of masks on the held-out images; `per_class` is the mAP50 of each class."""
+
+    map50: float
+    map50_95: float
+    per_class: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class NearFigures:
+    """Of the near objects of each class on drives through unseen scenes: how many, named right, and misnamed."""
+
+    objects: dict[str, int]
+    named: dict[str, int]
+    misnamed: dict[str, int]
+
+    @property
+    def share(self) -> float:
+        """The share of all near objects that were named right."""
+        return sum(self.named.values()) / max(1, sum(self.objects.values()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """A prediction or a true object: its class and its box (left, top, right, bottom)."""
+
+    name: str
+    box: Box
+
+
+def mask_figures(weights: Path, dataset: Path, work_dir: Path, batch: int, device: str) -> MaskFigures:
+    """Validate `weights` on the held-out split of `dataset`."""
+    ultralytics = load_ultralytics(work_dir / "ultralytics")
+    metrics = ultralytics.YOLO(str(weights)).val(
+        data=str(dataset),
+        batch=batch,
+        device=device,
+        workers=0,
+        plots=False,
+        verbose=False,
+        project=str(work_dir.resolve()),
+        name="evaluate",
+        exist_ok=True,
+    )
+    seg = metrics.seg
+    per_class: dict[str, float] = {
+        CLASSES[int(c)]: float(ap) for c, ap in zip(seg.ap_class_index, seg.ap50, strict=True)
+    }
+    return MaskFigures(float(seg.map50), float(seg.map), per_class)
+
+
+def near_figures(
+    weights: Path, work_dir: Path, seeds: list[int], frames: int, report: Callable[[int], None]
+) -> NearFigures:
+    """Drive through the scenes of `seeds`, `frames` pictures each, and ask the model what is near."""
+    model = load_ultralytics(work_dir / "ultralytics").YOLO(str(weights))
+    objects, named, misnamed = Counter[str](), Counter[str](), Counter[str]()
+    for done, seed in enumerate(seeds, start=1):
+        for image, truths in near_views(seed, frames):
+            predictions = predicted(model, image)
+            for truth in truths:
+                right, wrong = match(truth, predictions)
+                objects[truth.name] += 1
+                named[truth.name] += right
+                misnamed[truth.name] += wrong and not right
+        report(done)
+    return NearFigures(dict(objects), dict(named), dict(misnamed))
+
+
+def near_views(seed: int, frames: int) -> Iterator[tuple[NDArray[np.uint8], list[Found]]]:
+    """Pictures (RGB, 640x480) on a drive through the scene of `seed`, with the near objects in each."""
+    scene, camera, rng = generate(seed), Camera(), np.random.default_rng([seed, 4])
+    drive, sensor = Drive.plan(scene), Sensor()
+    for index in range(frames):
+        rendering = render(scene, drive.pose(index / frames), camera)
+        yield expose(rendering.color, sensor, rng), near_objects(scene, rendering)
+
+
+def near_objects(scene: Scene, rendering: Rendering) -> list[Found]:
+    """The objects whose visible part is large in the picture and within `NEAR_METRES`."""
+    instances = rendering.instances
+    areas = np.bincount(instances.ravel(), minlength=len(scene.instance_classes))
+    found = []
+    for instance in np.flatnonzero(areas[1:] >= NEAR_AREA * instances.size) + 1:
+        rows, columns = np.nonzero(instances == instance)
+        if np.median(rendering.depth[rows, columns]) <= NEAR_METRES:
+            box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], np.float64)
+            found.append(Found(scene.class_name(int(instance)), box))
+    return found
+
+
+def predicted(model: Any, image: NDArray[np.uint8]) -> list[Found]:
+    """What `model` sees in an RGB picture (Ultralytics takes arrays for BGR)."""
+    result = model.predict(np.ascontiguousarray(image[..., ::-1]), conf=CONFIDENCE, verbose=False)[0]
+    boxes, classes = result.boxes.xyxy.cpu().numpy(), result.boxes.cls.cpu().numpy()
+    return [Found(result.names[int(c)], np.asarray(box, np.float64)) for c, box in zip(classes, boxes, strict=True)]
+
+
+def match(truth: Found, predictions: list[Found]) -> tuple[bool, bool]:
+    """Whether some prediction lies on `truth` with the right name, and whether one does with a wrong name."""
+    on_it = [p.name for p in predictions if _iou(truth.box, p.box) >= MATCHING_IOU]
+    return truth.name in on_it, any(name != truth.name for name in on_it)
+
+
+def _iou(one: Box, other: Box) -> float:
+    overlap = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
+    shared = float(np.prod(np.maximum(overlap, 0)))
+    union = float(np.prod(one[2:] - one[:2]) + np.prod(other[2:] - other[:2])) - shared
+    return shared / union

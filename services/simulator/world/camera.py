@@ -1,0 +1,43 @@
+"""The pinhole camera and where it is."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A pinhole camera without distortion; pixel (0, 0) is the centre of the upper left pixel."""
+
+    width: int = 640
+    height: int = 480
+    fx: float = 465.6
+    fy: float = 465.6
+    cx: float = 319.5
+    cy: float = 239.5
+
+    @classmethod
+    def with_field_of_view(cls, width: int, height: int, horizontal_rad: float) -> Self:
+        """A camera of square pixels whose image is centred and `horizontal_rad` wide."""
+        focal = width / 2 / float(np.tan(horizontal_rad / 2))
+        return cls(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """Where a camera's optical frame (x right, y down, z forward) is in the map frame (z up), in metres."""
+
+    position: Floats
+    rotation: Floats
+
+    @classmethod
+    def looking(cls, x: float, y: float, z: float, yaw: float, pitch: float = 0.0) -> Self:
+        """A level camera at (x, y, z) that looks along `yaw` (about map z), `pitch` radians above the horizon."""
+        forward = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
+        right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
+        rotation = np.stack([right, np.cross(forward, right), forward], axis=1)
+        return cls(np.array([x, y, z], np.float32), rotation.astype(np.float32))

@@ -1,0 +1,46 @@
+"""A picture of a scene, with exact depth and instances."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.world.camera import Camera, Pose
+from services.simulator.world.cuboids import BACKGROUND, Floats
+from services.simulator.world.scene import Scene
+from services.simulator.world.shading import Shader
+from services.simulator.world.textures import atlas
+from services.simulator.world.visibility import find_visible
+
+FLOOR_TOP = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rendering:
+    """What an ideal camera sees, each (height, width).
+
+    `color` is RGB (a third axis of 3), `depth` is metres along the optical axis and 0 where nothing is,
+    `instances` are the scene's instance numbers and 0 for the background.
+    """
+
+    color: NDArray[np.uint8]
+    depth: Floats
+    instances: NDArray[np.int32]
+
+
+def render(scene: Scene, pose: Pose, camera: Camera) -> Rendering:
+    """Render `scene` without any of a real sensor's faults."""
+    visible = find_visible(scene.cuboids, pose, camera)
+    shader = Shader(
+        surfaces=scene.surfaces,
+        floor=scene.floor,
+        floor_face=FLOOR_TOP,
+        atlas=atlas(),
+        visible=visible,
+        camera=camera,
+        pose=pose,
+    )
+    owners = np.append(scene.cuboids.instances[visible.faces // 6], np.int32(BACKGROUND))
+    seen = visible.inverse_depth > 0
+    depth = np.divide(1, visible.inverse_depth, out=np.zeros_like(visible.inverse_depth), where=seen)
+    return Rendering(shader.image(), depth, owners[visible.slots])

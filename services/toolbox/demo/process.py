@@ -1,0 +1,141 @@
+"""Start the demo's processes, watch the fleet, stop everything, add it up."""
+
+import asyncio
+import json
+import logging
+import socket
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from typing import Final
+
+from rich.console import Console
+
+from bus import BusSettings, open_bus
+from bus.clock import clock_id
+from services.monitor.display import show
+from services.monitor.fleet import Fleet
+from services.monitor.process import watch_fleet
+from services.toolbox.demo.children import Child, ChildFailedError, child
+from services.toolbox.demo.settings import DemoSettings
+from services.toolbox.demo.summary import Summary, drops
+from services.toolbox.process import EXIT_FAILED
+
+log = logging.getLogger(__name__)
+
+LAST_WORDS_S: Final = 0.2
+"""How long the last messages of stopped processes may take to get here."""
+
+REFRESH_S: Final = 0.5
+
+
+async def run(settings: DemoSettings) -> int:
+    """Run the demo until its time is over or it is cancelled, print the summary, return 0 if every robot was seen."""
+    began_s = time.monotonic()
+    console = Console()
+    fleet = Fleet(clock_id())
+    port = free_ports(1 + settings.robots)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    commands = plan(settings, endpoint, port + 1)
+    children: dict[str, Child] = {}
+    ended_well = True
+    try:
+        async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus, asyncio.TaskGroup() as group:
+            watching = group.create_task(watch_fleet(bus, fleet))
+            try:
+                await _show_until_over(commands, children, fleet, console, settings.seconds)
+            finally:
+                await asyncio.sleep(LAST_WORDS_S)
+                watching.cancel()
+    except* ChildFailedError as failed:
+        for error in _leaves(failed):
+            log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
+        ended_well = False
+    finally:
+        summary = _add_up(settings, fleet, children, began_s)
+        console.print("\n".join(summary.lines()), markup=False, highlight=False, soft_wrap=True)
+    return 0 if ended_well and summary.complete else EXIT_FAILED
+
+
+def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
+    """Return each process's command line by its name; the robots' ROS masters listen at `master_port` and following."""
+    model = ["--model", settings.model] if settings.model else []
+    simulator = [
+        *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
+        *("--master-port", str(master_port)),
+    ]
+    gateways = {
+        f"gateway {robot}": [
+            *("gateway", "--robot", robot, "--connect", endpoint),
+            *("--ros-master", f"http://127.0.0.1:{port}", "--ros-host", "127.0.0.1"),
+        ]
+        for port, robot in enumerate(_robots(settings), master_port)
+    }
+    return {"simulator": simulator, **gateways, "detector": ["detector", "--connect", endpoint, *model]}
+
+
+def _robots(settings: DemoSettings) -> list[str]:
+    return [f"r{number}" for number in range(1, settings.robots + 1)]
+
+
+def free_ports(count: int) -> int:
+    """Return the first of `count` successive TCP ports of the loopback interface that nobody listens on."""
+    while True:
+        with ExitStack() as stack, suppress(OSError, OverflowError):
+            first = _bound(stack, 0)
+            for port in range(first + 1, first + count):
+                _bound(stack, port)
+            return first
+
+
+def _bound(stack: ExitStack, port: int) -> int:
+    listening = stack.enter_context(socket.socket())
+    listening.bind(("127.0.0.1", port))
+    bound: int = listening.getsockname()[1]
+    return bound
+
+
+async def _show_until_over(
+    commands: Mapping[str, Sequence[str]],
+    children: dict[str, Child],
+    fleet: Fleet,
+    console: Console,
+    seconds: float | None,
+) -> None:
+    def say(line: str) -> None:
+        console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
+
+    note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
+    async with asyncio.TaskGroup() as group:
+        tasks = [group.create_task(_keep(name, command, children, say)) for name, command in commands.items()]
+        tasks.append(group.create_task(show(fleet, console, REFRESH_S, note=note)))
+        await (asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
+        for task in tasks:
+            task.cancel()
+
+
+async def _keep(name: str, command: Sequence[str], children: dict[str, Child], say: Callable[[str], None]) -> None:
+    async with child(name, command, say) as started:
+        children[name] = started
+        await started.ended()
+
+
+def _leaves(group: BaseExceptionGroup[ChildFailedError]) -> Iterator[ChildFailedError]:
+    for error in group.exceptions:
+        if isinstance(error, BaseExceptionGroup):
+            yield from _leaves(error)
+        else:
+            yield error
+
+
+def _add_up(settings: DemoSettings, fleet: Fleet, children: Mapping[str, Child], began_s: float) -> Summary:
+    output = children["simulator"].output if "simulator" in children else []
+    return Summary(
+        robots=_robots(settings),
+        sent=json.loads(output[-1])["sent"] if output else {},
+        inferred=sum(camera.inferred for worker in fleet.workers.values() for camera in worker.cameras),
+        dropped=drops(fleet.gateways.values(), fleet.workers.values()),
+        lists=fleet.lists_per_robot(),
+        ages_s=tuple(fleet.ages_s),
+        first_list_s=None if fleet.first_list_s is None else fleet.first_list_s - began_s,
+    )

@@ -1,0 +1,33 @@
+import json
+
+import zenoh
+
+from bus import BusSettings
+from bus.config import session_config
+
+
+def test_zenoh_understands_it() -> None:
+    settings = BusSettings(mode="peer", listen=["tcp/127.0.0.1:0"], lease_s=1.5, shared_memory=False)
+    config = zenoh.Config.from_json5(json.dumps(session_config(settings)))
+    assert json.loads(config.get_json("transport/link/tx/lease")) == 1500
+    assert json.loads(config.get_json("transport/shared_memory/enabled")) is False
+    assert json.loads(config.get_json("scouting/multicast/enabled")) is False
+    assert json.loads(config.get_json("listen/endpoints")) == ["tcp/127.0.0.1:0"]
+    assert json.loads(config.get_json("connect/endpoints")) == ["tcp/127.0.0.1:7447"]
+
+
+def test_a_peer_listens_only_where_it_is_told() -> None:
+    assert session_config(BusSettings(mode="peer"))["listen"]["endpoints"] == []
+
+
+def test_only_a_client_fails_to_open_without_a_link() -> None:
+    router = BusSettings(mode="router", listen=["tcp/127.0.0.1:1"])
+    assert session_config(router)["connect"]["exit_on_failure"] is False
+    assert session_config(BusSettings())["connect"]["exit_on_failure"] is True
+
+
+def test_signs_of_life_are_at_most_half_a_second_apart() -> None:
+    def keep_alive(lease_s: float) -> object:
+        return session_config(BusSettings(lease_s=lease_s))["transport"]["link"]["tx"]["keep_alive"]
+
+    assert [keep_alive(0.5), keep_alive(2), keep_alive(2.1), keep_alive(60)] == [4, 4, 5, 120]

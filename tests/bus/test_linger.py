@@ -1,0 +1,49 @@
+import socket
+import struct
+from pathlib import Path
+
+import pytest
+
+from bus.linger import LINGER_S, shorten
+
+
+def linger(connection: socket.socket) -> tuple[int, int]:
+    on, seconds = struct.unpack("ii", connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
+    return on, seconds
+
+
+@pytest.mark.parametrize(
+    ("family", "host", "locator"),
+    [
+        (socket.AF_INET, "127.0.0.1", "tcp/127.0.0.1:{}"),
+        (socket.AF_INET, "127.0.0.1", "tls/127.0.0.1:{}?rel=0#iface=lo"),
+        (socket.AF_INET6, "::1", "tcp/[::1]:{}"),
+    ],
+)
+def test_only_connections_of_that_address_are_shortened(family: socket.AddressFamily, host: str, locator: str) -> None:
+    with socket.socket(family) as server, socket.socket(family) as client, socket.socket(family) as other:
+        server.bind((host, 0))
+        server.listen()
+        client.connect(server.getsockname())
+        other.connect(server.getsockname())
+        assert shorten(locator.format(client.getsockname()[1])) == 1
+        assert linger(client) == (1, LINGER_S)
+        assert linger(other) == (0, 0)
+        client.sendall(b"still open")
+
+
+def test_an_address_of_nobody_finds_nothing() -> None:
+    assert shorten("tcp/127.0.0.1:1") == 0
+    assert shorten("nonsense") == 0
+
+
+def test_no_file_is_left_open() -> None:
+    def open_files() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    with socket.socket() as unconnected, Path(__file__).open() as file:
+        before = open_files()
+        shorten("tcp/127.0.0.1:1")
+        assert open_files() == before
+        assert file.readable()
+        assert linger(unconnected) == (0, 0)

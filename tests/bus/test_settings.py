@@ -1,0 +1,64 @@
+import pytest
+from pydantic import ValidationError
+
+from bus import BusSettings
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "tcp/127.0.0.1:7447",
+        "tcp/[::1]:65535",
+        "tls/router.example:7447",
+        "quic/10.0.0.1:1",
+        "tcp/10.0.0.1:7447#iface=eth0",
+        "udp/10.0.0.1:7447?rel=0",
+    ],
+)
+def test_an_endpoint_is_taken_as_it_is(endpoint: str) -> None:
+    assert BusSettings(connect=[endpoint]).connect == [endpoint]
+
+
+@pytest.mark.parametrize("field", ["connect", "listen"])
+@pytest.mark.parametrize(
+    "endpoint",
+    ["", "7447", "127.0.0.1:7447", "tcp/127.0.0.1", "tcp/:7447", "tcp/a:65536", "tcp/a:x", "http/a:80", "tcp/a b:1"],
+)
+def test_a_wrong_endpoint_is_one_error_that_names_the_field(field: str, endpoint: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        BusSettings.model_validate({"mode": "peer", field: [endpoint]})
+    (error,) = caught.value.errors()
+    assert error["loc"] == (field, 0)
+    assert "no endpoint" in error["msg"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "location"),
+    [
+        ({"mode": "router"}, ("listen",)),
+        ({"mode": "client", "listen": ["tcp/127.0.0.1:7447"]}, ("listen",)),
+        ({"connect": ["tcp/127.0.0.1:0"]}, ("connect",)),
+        ({"mode": "server"}, ("mode",)),
+        ({"lease_s": 0.1}, ("lease_s",)),
+    ],
+)
+def test_a_wrong_setting_is_one_error_that_names_the_field(settings: dict[str, object], location: tuple[str]) -> None:
+    with pytest.raises(ValidationError) as caught:
+        BusSettings.model_validate(settings)
+    assert [error["loc"] for error in caught.value.errors()] == [location]
+
+
+def test_a_client_needs_somebody_to_connect_to() -> None:
+    with pytest.raises(ValidationError, match="connect"):
+        BusSettings(connect=[])
+    assert BusSettings(connect=[], scouting=True).connect == []
+
+
+def test_a_router_connects_only_where_it_is_told() -> None:
+    listen = ["tcp/127.0.0.1:7447"]
+    assert BusSettings(mode="router", listen=listen).connect == []
+    assert BusSettings(mode="router", listen=listen, connect=["tcp/10.0.0.1:7447"]).connect == ["tcp/10.0.0.1:7447"]
+
+
+def test_every_field_explains_itself() -> None:
+    assert all(field.description for field in BusSettings.model_fields.values())

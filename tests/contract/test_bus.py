@@ -1,0 +1,427 @@
+"""What `bus.api` promises, held against the fake, two peers, and two clients of an embedded router."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from typing import Final, Protocol, TypeVar
+
+import pytest
+from blockbuster import blockbuster_ctx
+
+from bus import (
+    LATEST,
+    QUEUE,
+    Bus,
+    BusClosedError,
+    BusError,
+    BusSettings,
+    Presence,
+    QoS,
+    Queue,
+    SubscriptionCounts,
+    open_bus,
+)
+from bus.fake import FakeNetwork
+
+KEY: Final = "fleet/r1/front/classes"
+IMAGE_KEY: Final = "fleet/r1/front/color"
+ONE_FRAME: Final = 640 * 480 * 3
+PATIENCE_S: Final = 10
+
+T = TypeVar("T")
+
+
+def free_endpoint() -> str:
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{bound.getsockname()[1]}"
+
+
+@pytest.fixture(autouse=True)
+def _nothing_blocks_the_loop() -> Iterator[None]:
+    with blockbuster_ctx("bus"):
+        yield
+
+
+@pytest.fixture(params=["fake", "peers", "router", "router-without-shm"])
+async def buses(request: pytest.FixtureRequest) -> AsyncIterator[tuple[Bus, Bus]]:
+    """Two members of one network."""
+    async with AsyncExitStack() as stack:
+        if request.param == "fake":
+            network = FakeNetwork()
+            yield (
+                await stack.enter_async_context(network.open_bus()),
+                await stack.enter_async_context(network.open_bus()),
+            )
+            return
+        endpoint = free_endpoint()
+        if request.param == "peers":
+            settings = [
+                BusSettings(mode="peer", listen=[endpoint], connect=[]),
+                BusSettings(mode="peer", connect=[endpoint]),
+            ]
+        else:
+            shm = request.param == "router"
+            await stack.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint], shared_memory=shm)))
+            settings = [BusSettings(connect=[endpoint], shared_memory=shm)] * 2
+        here, there = [await stack.enter_async_context(open_bus(each)) for each in settings]
+        await meet(here, there)
+        yield here, there
+
+
+async def next_of(source: AsyncIterator[T]) -> T:
+    async with asyncio.timeout(PATIENCE_S):
+        return await anext(source)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0.005)
+
+
+async def meet(here: Bus, there: Bus) -> None:
+    """Wait until the two see each other."""
+    async with here.announce("meeting"), there.watch("meeting") as watch:
+        await next_of(watch)
+
+
+async def test_what_is_put_arrives_as_it_was(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with here.subscribe(KEY, QUEUE(4)) as subscription, there.publisher(KEY, QoS.RESULT, encoding="a/b;c") as out:
+        await until(lambda: out.wanted)
+        out.put(b"bytes")
+        out.put(bytearray(b"more"))
+        out.put(b"")
+        samples = [await next_of(subscription) for _ in range(3)]
+        assert [sample.payload for sample in samples] == [b"bytes", b"more", b""]
+        assert {(sample.key, sample.encoding, sample.replaced) for sample in samples} == {(KEY, "a/b;c", 0)}
+        assert all(type(sample.payload) is bytes for sample in samples)
+        assert samples[0].received_ns <= samples[-1].received_ns
+        assert (out.counts.put, out.counts.dropped) == (3, 0)
+        assert subscription.counts == SubscriptionCounts(received=3, dropped=0)
+
+
+@pytest.mark.parametrize("history", [True, False])
+async def test_whole_frames_arrive(buses: tuple[Bus, Bus], *, history: bool) -> None:
+    here, there = buses
+    frame = bytes(range(256)) * (ONE_FRAME // 256)
+    async with (
+        here.subscribe("fleet/*/*/color", LATEST, history=history) as subscription,
+        there.publisher(IMAGE_KEY, QoS.IMAGE) as images,
+    ):
+        await until(lambda: images.wanted)
+        for _ in range(3):
+            images.put(frame)
+            sample = await next_of(subscription)
+            assert sample.payload == frame
+            assert sample.encoding == "application/octet-stream"
+
+
+async def test_a_bus_hears_itself(buses: tuple[Bus, Bus]) -> None:
+    here, _ = buses
+    async with here.subscribe(KEY, LATEST) as subscription, here.publisher(KEY, QoS.STATUS) as out:
+        await until(lambda: out.wanted)
+        out.put(b"x")
+        assert (await next_of(subscription)).payload == b"x"
+
+
+@pytest.mark.parametrize("qos", list(QoS))
+async def test_demand_comes_and_goes_with_wildcard_subscribers(buses: tuple[Bus, Bus], qos: QoS) -> None:
+    here, there = buses
+    heard: asyncio.Queue[bool] = asyncio.Queue()
+
+    def on_demand(wanted: bool) -> None:  # noqa: FBT001 - the promised signature
+        assert asyncio.get_running_loop() is loop
+        heard.put_nowait(wanted)
+
+    loop = asyncio.get_running_loop()
+    async with there.publisher(KEY, qos, on_demand=on_demand) as out:
+        assert not out.wanted
+        async with here.subscribe("fleet/*/*/other", LATEST), here.subscribe("fleet/*/*/classes", LATEST):
+            async with asyncio.timeout(PATIENCE_S):
+                assert await heard.get() is True
+            assert out.wanted
+            async with there.subscribe("fleet/**", LATEST):
+                pass
+            assert out.wanted
+        async with asyncio.timeout(PATIENCE_S):
+            assert await heard.get() is False
+        assert not out.wanted
+        assert heard.empty()
+        async with here.subscribe(KEY, LATEST):
+            await until(lambda: out.wanted)
+    assert not out.wanted
+
+
+async def test_a_publisher_learns_of_a_subscriber_that_was_there_first(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with here.subscribe("fleet/**", LATEST):
+        for _ in range(2):
+            async with there.publisher(KEY, QoS.RESULT) as out, there.publisher(KEY, QoS.IMAGE) as same_key:
+                await until(lambda: out.wanted and same_key.wanted)
+
+
+async def test_latest_keeps_the_newest_of_each_key_and_counts(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with (
+        here.subscribe("cam/*", LATEST) as subscription,
+        there.publisher("cam/a", QoS.RESULT) as a,
+        there.publisher("cam/b", QoS.RESULT) as b,
+    ):
+        await until(lambda: a.wanted and b.wanted)
+        b.put(b"b0")
+        for number in range(5):
+            a.put(b"a%d" % number)
+        await until(lambda: subscription.counts.received == 6)
+        samples = {sample.key: sample for sample in [await next_of(subscription), await next_of(subscription)]}
+        assert (samples["cam/a"].payload, samples["cam/a"].replaced) == (b"a4", 4)
+        assert (samples["cam/b"].payload, samples["cam/b"].replaced) == (b"b0", 0)
+        assert subscription.counts == SubscriptionCounts(received=6, dropped=4)
+        a.put(b"a5")
+        assert (await next_of(subscription)).replaced == 0
+
+
+async def test_a_queue_keeps_order_and_counts_what_it_drops(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with here.subscribe(KEY, QUEUE(3)) as subscription, there.publisher(KEY, QoS.RESULT) as out:
+        await until(lambda: out.wanted)
+        for number in range(8):
+            out.put(bytes([number]))
+        await until(lambda: subscription.counts.received == 8)
+        samples = [await next_of(subscription) for _ in range(3)]
+        assert [(sample.payload[0], sample.replaced) for sample in samples] == [(5, 5), (6, 0), (7, 0)]
+        assert subscription.counts == SubscriptionCounts(received=8, dropped=5)
+
+
+async def test_results_of_one_publisher_keep_their_order(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with here.subscribe("fleet/**", QUEUE(100)) as subscription, there.publisher(KEY, QoS.RESULT) as out:
+        await until(lambda: out.wanted)
+        for number in range(60):
+            out.put(bytes([number]))
+        assert [(await next_of(subscription)).payload[0] for _ in range(60)] == list(range(60))
+
+
+@pytest.mark.parametrize("qos", [QoS.RESULT, QoS.STATUS])
+async def test_a_late_subscriber_gets_the_last_of_each_key_once(buses: tuple[Bus, Bus], qos: QoS) -> None:
+    here, there = buses
+    keys = [f"fleet/r{number}/front/classes" for number in range(5)]
+    async with AsyncExitStack() as stack:
+        publishers = [await stack.enter_async_context(there.publisher(key, qos)) for key in keys]
+        for publisher in publishers:
+            publisher.put(b"old")
+            publisher.put(b"last")
+        await all_sent(there)
+        async with here.subscribe("fleet/*/*/classes", QUEUE(20)) as subscription:
+            samples = [await next_of(subscription) for _ in keys]
+            assert sorted(sample.key for sample in samples) == keys
+            assert {sample.payload for sample in samples} == {b"last"}
+            for publisher in publishers:
+                publisher.put(b"live")
+            assert {(await next_of(subscription)).payload for _ in keys} == {b"live"}
+            assert subscription.counts == SubscriptionCounts(received=10, dropped=0)
+
+
+async def test_there_is_no_history_of_images_nor_for_who_wants_none(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with there.publisher(KEY, QoS.RESULT) as out, there.publisher(IMAGE_KEY, QoS.IMAGE) as images:
+        out.put(b"last")
+        images.put(b"last")
+        await all_sent(there)
+        async with (
+            here.subscribe(KEY, QUEUE(9), history=False) as no_history,
+            here.subscribe(IMAGE_KEY, QUEUE(9)) as image,
+        ):
+            await until(lambda: out.wanted and images.wanted)
+            out.put(b"live")
+            images.put(b"live")
+            assert (await next_of(no_history)).payload == b"live"
+            assert (await next_of(image)).payload == b"live"
+
+
+async def all_sent(bus: Bus) -> None:
+    """Wait until what was put before is on its way: leaving a publisher says so, and results are served in turn."""
+    for qos in QoS:
+        async with bus.publisher("done", qos) as out:
+            out.put(b"")
+
+
+async def test_put_does_not_wait_for_a_reader_that_does_not_read(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with (
+        here.subscribe(IMAGE_KEY, QUEUE(2), history=False) as stuck,
+        there.publisher(IMAGE_KEY, QoS.IMAGE) as images,
+    ):
+        await until(lambda: images.wanted)
+        frame = bytes(ONE_FRAME)
+        for _ in range(300):
+            images.put(frame)
+            await asyncio.sleep(0)
+        images.put(b"end")
+        await until(lambda: stuck.counts.received + images.counts.dropped > 0)
+        counts = images.counts
+        assert counts.put == 301
+        assert counts.dropped <= 300
+        assert (await next_of(stuck)).key == IMAGE_KEY
+
+
+async def test_what_was_put_before_leaving_arrives(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with here.subscribe("fleet/**", QUEUE(9)) as subscription:
+        async with there.publisher(KEY, QoS.RESULT) as out:
+            await until(lambda: out.wanted)
+            out.put(b"goodbye")
+        assert (await next_of(subscription)).payload == b"goodbye"
+
+
+async def test_presence_there_already_appearing_vanishing(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with there.announce("workers/w1/alive"), here.watch("workers/*/alive") as watch:
+        assert await next_of(watch) == Presence("workers/w1/alive", alive=True)
+        async with here.announce("workers/w2/alive"):
+            assert await next_of(watch) == Presence("workers/w2/alive", alive=True)
+        assert await next_of(watch) == Presence("workers/w2/alive", alive=False)
+        async with there.announce("robots/r1/alive"), there.announce("workers/w3/alive"):
+            assert await next_of(watch) == Presence("workers/w3/alive", alive=True)
+
+
+async def test_tokens_make_no_demand(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with there.publisher(KEY, QoS.RESULT) as out, there.announce(KEY), here.watch("**") as watch:
+        seen = await next_of(watch)
+        assert seen == Presence(KEY, alive=True)
+        assert not out.wanted
+
+
+async def test_many_readers_of_one_key(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with (
+        here.subscribe(KEY, LATEST) as one,
+        here.subscribe("fleet/**", QUEUE(5)) as two,
+        there.subscribe("**/classes", LATEST) as three,
+        there.publisher(KEY, QoS.RESULT) as out,
+    ):
+        await until(lambda: out.wanted)
+        async with here.publisher("ping", QoS.RESULT), there.subscribe("ping", LATEST):
+            pass
+        out.put(b"x")
+        assert [(await next_of(each)).payload for each in (one, two, three)] == [b"x"] * 3
+
+
+async def test_leaving_ends_the_iteration(buses: tuple[Bus, Bus]) -> None:
+    here, _ = buses
+    async with here.subscribe("**", LATEST) as subscription, here.watch("**") as watch:
+        reading = asyncio.gather(collect(subscription), collect(watch))
+        await asyncio.sleep(0)
+    samples, presences = await reading
+    assert (len(samples), len(presences)) == (0, 0)
+    assert await collect(subscription) == []
+
+
+async def collect(source: AsyncIterator[T]) -> list[T]:
+    return [item async for item in source]
+
+
+async def test_an_iteration_that_was_cancelled_can_go_on(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with here.subscribe(KEY, LATEST) as subscription, there.publisher(KEY, QoS.RESULT) as out:
+        waiting = asyncio.create_task(next_of(subscription))
+        await asyncio.sleep(0)
+        waiting.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await waiting
+        await until(lambda: out.wanted)
+        out.put(b"x")
+        assert (await next_of(subscription)).payload == b"x"
+
+
+async def test_two_tasks_cannot_share_an_iteration(buses: tuple[Bus, Bus]) -> None:
+    here, _ = buses
+    async with here.subscribe(KEY, LATEST) as subscription:
+        waiting = asyncio.create_task(next_of(subscription))
+        await asyncio.sleep(0)
+        with pytest.raises(BusError, match="two tasks"):
+            await anext(subscription)
+        waiting.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await waiting
+
+
+async def test_put_after_leaving_is_refused(buses: tuple[Bus, Bus]) -> None:
+    here, _ = buses
+    async with here.publisher(KEY, QoS.RESULT) as out:
+        pass
+    with pytest.raises(BusClosedError, match=KEY):
+        out.put(b"x")
+
+
+@pytest.mark.parametrize("payload", ["text", memoryview(b"x"), None, 1])
+async def test_a_payload_is_bytes(buses: tuple[Bus, Bus], payload: bytes) -> None:
+    here, _ = buses
+    async with here.publisher(KEY, QoS.RESULT) as out:
+        with pytest.raises(TypeError, match=type(payload).__name__):
+            out.put(payload)
+        assert out.counts.put == 0
+
+
+@pytest.mark.parametrize("key", ["", "/a", "a/", "a//b", "a/*", "a/**", "a/$*b", "a#b", "a?b"])
+async def test_a_key_is_a_key(buses: tuple[Bus, Bus], key: str) -> None:
+    here, _ = buses
+    with pytest.raises(BusError):
+        await refused(here.publisher(key, QoS.IMAGE))
+    with pytest.raises(BusError):
+        await refused(here.announce(key))
+
+
+@pytest.mark.parametrize("key_expr", ["", "/a", "a/", "a//b", "a/***", "a*", "a#b"])
+async def test_a_key_expression_is_one(buses: tuple[Bus, Bus], key_expr: str) -> None:
+    here, _ = buses
+    with pytest.raises(BusError):
+        await refused(here.subscribe(key_expr, LATEST))
+    with pytest.raises(BusError):
+        await refused(here.watch(key_expr))
+
+
+async def refused(context: AbstractAsyncContextManager[object]) -> None:
+    async with context:
+        pytest.fail("this must not be entered")
+
+
+def test_a_queue_holds_something() -> None:
+    with pytest.raises(ValueError, match="holds nothing"):
+        QUEUE(0)
+    assert QUEUE(1) == Queue(1)
+
+
+class Opener(Protocol):
+    def __call__(self) -> AbstractAsyncContextManager[Bus]: ...
+
+
+@pytest.fixture(params=["fake", "real"])
+def opener(request: pytest.FixtureRequest) -> Opener:
+    if request.param == "fake":
+        return FakeNetwork().open_bus
+    return lambda: open_bus(BusSettings(mode="router", listen=[free_endpoint()]))
+
+
+async def test_closing_the_bus_ends_everything_on_it(opener: Opener) -> None:
+    async with AsyncExitStack() as left_later:
+        async with opener() as bus:
+            subscription = await left_later.enter_async_context(bus.subscribe("**", LATEST))
+            watch = await left_later.enter_async_context(bus.watch("**"))
+            out = await left_later.enter_async_context(bus.publisher(KEY, QoS.RESULT))
+            await left_later.enter_async_context(bus.announce(KEY))
+            await until(lambda: out.wanted)
+            assert await next_of(watch) == Presence(KEY, alive=True)
+            reading = asyncio.gather(collect(subscription), collect(watch))
+            await asyncio.sleep(0)
+        samples, presences = await reading
+        assert (len(samples), len(presences)) == (0, 0)
+        assert not out.wanted
+        with pytest.raises(BusClosedError):
+            out.put(b"x")
+        for context in (bus.subscribe("**", LATEST), bus.watch("**"), bus.publisher(KEY, QoS.IMAGE), bus.announce(KEY)):
+            with pytest.raises(BusClosedError):
+                await refused(context)

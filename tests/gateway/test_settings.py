@@ -1,0 +1,47 @@
+import pytest
+from pydantic import ValidationError
+
+from gateway.settings import GatewaySettings
+
+
+def settings(**fields: object) -> GatewaySettings:
+    return GatewaySettings.model_validate({"robot": "r1", **fields})
+
+
+@pytest.mark.parametrize(
+    ("environment", "host"),
+    [({"ROS_HOSTNAME": "robot", "ROS_IP": "10.0.0.1"}, "robot"), ({"ROS_IP": "10.0.0.1"}, "10.0.0.1")],
+)
+def test_ros_own_variables_are_the_defaults(
+    environment: dict[str, str], host: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("ROS_HOSTNAME", "ROS_IP"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in {**environment, "ROS_MASTER_URI": "http://robot:11399/"}.items():
+        monkeypatch.setenv(name, value)
+    assert settings().ros_host == host
+    assert settings().ros_master == "http://robot:11399"
+    assert settings(ros_host="other").ros_host == "other"
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "reason"),
+    [
+        ("robot", "", "pattern"),
+        ("robot", "r/1", "pattern"),
+        ("robot", "a\n", "pattern"),
+        ("ros_master", "robot:11311", "looks like http://robot:11311"),
+        ("ros_master", "http://robot", "looks like http://robot:11311"),
+        ("cameras", {}, "name at least one camera"),
+        ("cameras", {"status": "/image"}, "camera name 'status' is reserved"),
+        ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
+        ("cameras", {"front": "image"}, "camera front: 'image' is not a ROS topic"),
+        ("cameras", {"front": "/image//raw"}, "is not a ROS topic"),
+    ],
+)
+def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        settings(**{field: value})
+    (mistake,) = caught.value.errors()
+    assert mistake["loc"][0] == field
+    assert reason in mistake["msg"]

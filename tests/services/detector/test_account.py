@@ -1,0 +1,48 @@
+import msgspec
+
+from schemas.header import Header
+from schemas.keys import CameraKey
+from services.detector.account import LINK, MALFORMED, REPLACED, Account
+from tests.schemas.frames import header
+
+
+def about(seq: int, boot_id: str = "boot") -> Header:
+    return msgspec.structs.replace(header(seq=seq), boot_id=boot_id)
+
+
+def account(*arrivals: tuple[Header, int]) -> Account:
+    made = Account(CameraKey("r1", "front"))
+    for arrival in arrivals:
+        made.arrived(*arrival)
+    return made
+
+
+def test_a_stream_without_holes_drops_nothing() -> None:
+    assert account((about(3), 0), (about(4), 0)).load().dropped == {}
+
+
+def test_a_gap_is_what_the_queue_replaced_and_the_rest_was_lost_on_the_link() -> None:
+    assert account((about(3), 0), (about(10), 4)).load().dropped == {REPLACED: 4, LINK: 2}
+
+
+def test_a_repeated_or_older_frame_is_no_gap() -> None:
+    assert account((about(3), 0), (about(3), 0), (about(1), 0)).load().dropped == {}
+
+
+def test_a_restarted_gateway_is_no_gap() -> None:
+    assert account((about(3), 0), (about(90, "next"), 0)).load().dropped == {}
+
+
+def test_a_pause_of_ours_is_no_gap() -> None:
+    made = account((about(3), 0))
+    made.begin()
+    made.arrived(about(90), 0)
+    assert made.load().dropped == {}
+
+
+def test_the_account_as_a_message() -> None:
+    made = account()
+    made.inferred = 2
+    made.dropped[MALFORMED] += 1
+    load = made.load()
+    assert (load.robot, load.camera, load.inferred, load.dropped) == ("r1", "front", 2, {MALFORMED: 1})

@@ -1,0 +1,188 @@
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+
+import msgspec
+import numpy as np
+import pytest
+
+from bus import QUEUE, Bus, Publisher, QoS, Subscription
+from bus.fake import FakeNetwork
+from schemas import codec, keys
+from schemas.codec import M
+from schemas.detections import ClassCount, ClassList, Detections
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey, Stream
+from schemas.status import CameraLoad, WorkerStatus
+from services.detector.account import FAILED, MALFORMED, REPLACED
+from services.detector.worker import Worker
+from tests.schemas.frames import header
+from tests.services.detector.fakes import FakeModel
+
+FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")
+
+
+def frame(seq: int, camera: CameraKey = FRONT, color: tuple[int, int, int] = (9, 8, 7)) -> ImageFrame:
+    pixels = np.full((4, 6, 3), color, np.uint8)
+    about = header(robot=camera.robot, camera=camera.camera, seq=seq)
+    return ImageFrame(header=about, height=4, width=6, encoding="bgr8", step=18, data=memoryview(pixels.tobytes()))
+
+
+class Rig:
+    """A worker on a fake bus, and the rest of the fleet as seen by a test."""
+
+    def __init__(self, bus: Bus, model: FakeModel) -> None:
+        self.bus = bus
+        self.model = model
+
+    @asynccontextmanager
+    async def camera(self, key: CameraKey) -> AsyncIterator[Publisher]:
+        async with (
+            self.bus.publisher(key.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as publisher,
+            self.bus.announce(key.alive(Stream.COLOR)),
+        ):
+            yield publisher
+
+    async def model_called(self) -> None:
+        await asyncio.to_thread(self.model.called.acquire, timeout=5)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(5):
+        while not condition():  # noqa: ASYNC110 - nobody tells
+            await asyncio.sleep(0.005)
+
+
+async def receive(subscription: Subscription, schema: type[M]) -> M:
+    async with asyncio.timeout(5):
+        sample = await anext(subscription)
+    return codec.decode(schema, sample.payload, sample.encoding)
+
+
+async def loads_after(statuses: Subscription, *, inferred: int) -> dict[str, CameraLoad]:
+    """Wait for the status that says so many frames were inferred; return its accounts by camera."""
+    while True:
+        status = await receive(statuses, WorkerStatus)
+        if sum(load.inferred for load in status.cameras) >= inferred:
+            return {load.camera: load for load in status.cameras}
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    network, model = FakeNetwork(), FakeModel()
+    with ThreadPoolExecutor(1) as executor:
+        async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
+            working = group.create_task(Worker(ours, model, "w1", executor).run())
+            yield Rig(theirs, model)
+            model.may_answer.set()
+            working.cancel()
+
+
+async def test_nobody_listens_so_nothing_is_asked_of_the_camera_or_the_model(rig: Rig) -> None:
+    async with rig.camera(FRONT) as camera:
+        await asyncio.sleep(0.05)
+        camera.put(codec.encode(frame(0)))
+        await asyncio.sleep(0.05)
+        assert not camera.wanted
+        assert not rig.model.seen
+
+
+async def test_a_listener_to_classes_makes_the_worker_infer_and_leaving_ends_it(rig: Rig) -> None:
+    async with rig.camera(FRONT) as camera:
+        async with rig.bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(9)) as classes:
+            await until(lambda: camera.wanted)
+            camera.put(codec.encode(frame(5)))
+            seen = await receive(classes, ClassList)
+            assert seen.classes == [ClassCount("box", 1, 0.75)]
+            assert (seen.header, seen.model, seen.worker) == (frame(5).header, "fake", "w1")
+            assert set(seen.spans) == {"queue", "model"}
+        await until(lambda: not camera.wanted)
+
+
+async def test_one_model_call_serves_every_output(rig: Rig) -> None:
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+        rig.bus.subscribe(FRONT.stream(Stream.DETECTIONS), QUEUE(9)) as detections,
+    ):
+        await until(lambda: camera.wanted)
+        camera.put(codec.encode(frame(0)))
+        found = await receive(detections, Detections)
+        assert (await receive(classes, ClassList)).header == found.header
+        (box,) = found.objects
+        assert box.mask is not None
+        assert box.mask.size == (4, 6)
+        assert len(rig.model.seen) == 1
+
+
+async def test_pixels_reach_the_model_as_they_were(rig: Rig) -> None:
+    async with rig.camera(FRONT) as camera, rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes:
+        await until(lambda: camera.wanted)
+        camera.put(codec.encode(frame(0, color=(1, 2, 3))))
+        await receive(classes, ClassList)
+        assert tuple(rig.model.seen[0][3, 5]) == (1, 2, 3)
+
+
+async def test_while_the_model_works_the_newest_frame_replaces_the_waiting_one(rig: Rig) -> None:
+    status_key = keys.worker_status("detector", "w1")
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+        rig.bus.subscribe(status_key, QUEUE(9)) as statuses,
+    ):
+        await until(lambda: camera.wanted)
+        rig.model.may_answer.clear()
+        camera.put(codec.encode(frame(0)))
+        await rig.model_called()
+        for seq in (1, 2, 3):
+            camera.put(codec.encode(frame(seq)))
+            await asyncio.sleep(0.01)
+        rig.model.may_answer.set()
+        assert [(await receive(classes, ClassList)).header.seq for _ in range(2)] == [0, 3]
+        assert (await loads_after(statuses, inferred=2))["front"].dropped == {REPLACED: 2}
+
+
+async def test_a_bad_frame_is_counted_and_harms_no_other(rig: Rig) -> None:
+    other = msgspec.structs.replace(frame(1), header=header(robot="r9"))
+    async with (
+        rig.camera(FRONT) as front,
+        rig.camera(REAR) as rear,
+        rig.bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(9)) as classes,
+        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+    ):
+        await until(lambda: front.wanted and rear.wanted)
+        for bad in (b"garbage", codec.encode(other), codec.encode(frame(2, color=FakeModel.FATAL))):
+            front.put(bad)
+            await asyncio.sleep(0.02)
+        front.put(codec.encode(frame(3)))
+        assert (await receive(classes, ClassList)).header.seq == 3
+        rear.put(codec.encode(frame(0, REAR)))
+        assert (await receive(classes, ClassList)).header.camera == "rear"
+        loads = await loads_after(statuses, inferred=2)
+        assert loads["front"].dropped == {MALFORMED: 2, FAILED: 1}
+        assert loads["rear"].dropped == {}
+
+
+async def test_a_camera_that_leaves_and_returns_is_served_again(rig: Rig) -> None:
+    async with rig.bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(9)) as classes:
+        for seq in (0, 1):
+            async with rig.camera(FRONT) as camera:
+                await until(lambda camera=camera: camera.wanted)  # type: ignore[misc]
+                camera.put(codec.encode(frame(seq)))
+                assert (await receive(classes, ClassList)).header.seq == seq
+
+
+async def test_a_key_that_is_no_camera_is_left_out(rig: Rig) -> None:
+    async with (
+        rig.bus.announce("fleet/r1/status/color/alive"),
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)),
+    ):
+        await until(lambda: camera.wanted)
+
+
+async def test_the_worker_is_present_and_says_goodbye(rig: Rig) -> None:
+    async with rig.bus.watch(keys.EVERY_WORKER_ALIVE) as watch:
+        presence = await anext(watch)
+        assert (keys.parse_worker(presence.key), presence.alive) == (("detector", "w1"), True)

@@ -1,0 +1,43 @@
+import numpy as np
+
+from services.simulator.training.evaluation import NEAR_AREA, NEAR_METRES, Found, match, near_objects
+from services.simulator.world import Camera, Drive, generate, render
+
+TRUTH = Found("box", np.array([10.0, 10, 30, 30]))
+
+
+def at(name: str, *box: float) -> Found:
+    return Found(name, np.array(box))
+
+
+def test_the_right_name_on_the_same_place_is_right() -> None:
+    assert match(TRUTH, [at("box", 11, 10, 31, 30)]) == (True, False)
+
+
+def test_the_wrong_name_on_the_same_place_is_wrong() -> None:
+    assert match(TRUTH, [at("pallet", 10, 10, 30, 30)]) == (False, True)
+
+
+def test_both_names_on_the_same_place_are_both() -> None:
+    assert match(TRUTH, [at("pallet", 10, 10, 30, 30), at("box", 10, 10, 30, 30)]) == (True, True)
+
+
+def test_elsewhere_or_nothing_is_neither() -> None:
+    assert match(TRUTH, [at("box", 40, 40, 60, 60), at("pallet", 20, 20, 40, 40)]) == (False, False)
+    assert match(TRUTH, []) == (False, False)
+
+
+def test_half_an_overlap_is_enough() -> None:
+    assert match(TRUTH, [at("box", 10, 10, 30, 20)]) == (True, False)
+    assert match(TRUTH, [at("box", 10, 10, 30, 19)]) == (False, False)
+
+
+def test_near_objects_are_large_and_near() -> None:
+    scene = generate(702)
+    seen = render(scene, Drive.plan(scene).pose(0.5), Camera())
+    found = near_objects(scene, seen)
+    assert found
+    for each in found:
+        left, top, right, bottom = each.box.astype(int)
+        assert (right - left) * (bottom - top) >= NEAR_AREA * seen.instances.size
+        assert seen.depth[top:bottom, left:right].min() <= NEAR_METRES

@@ -1,0 +1,21 @@
+"""Pictures of scenes that the shipped model was not trained on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.training.evaluation import Found, near_objects
+from services.simulator.world import Camera, Drive, Sensor, expose, generate, render
+
+UNSEEN_SEED = 700
+
+
+def near_view(fraction: float = 0.0, seed: int = UNSEEN_SEED) -> NDArray[np.uint8]:
+    """Look at what is near on a drive through an unseen scene: 480 x 640 x 3 in BGR, as Ultralytics takes it."""
+    return np.ascontiguousarray(near_view_with_truth(fraction, seed)[0][..., ::-1])
+
+
+def near_view_with_truth(fraction: float, seed: int = UNSEEN_SEED) -> tuple[NDArray[np.uint8], list[Found]]:
+    """Return the same picture in RGB, and the near objects in it."""
+    scene = generate(seed)
+    seen = render(scene, Drive.plan(scene).pose(fraction), Camera())
+    return expose(seen.color, Sensor(), np.random.default_rng(seed)), near_objects(scene, seen)

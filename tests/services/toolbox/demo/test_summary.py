@@ -1,0 +1,62 @@
+import pytest
+
+from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from services.toolbox.demo.summary import Summary, drops, percentile
+
+
+def summary(*, lists: dict[str, int], ages_s: tuple[float, ...] = (0.1, 0.2), first: float | None = 6.5) -> Summary:
+    return Summary(
+        robots=["r1", "r2"],
+        sent={"r1": 10, "r2": 9},
+        inferred=15,
+        dropped={"at the gateway: malformed": 2, "at the detector: replaced": 1},
+        lists=lists,
+        ages_s=ages_s,
+        first_list_s=first,
+    )
+
+
+def test_a_complete_run() -> None:
+    run = summary(lists={"r1": 8, "r2": 7})
+    assert run.complete
+    assert run.lines() == [
+        "frames sent:          19 (r1 10, r2 9)",
+        "frames inferred:      15",
+        "frames dropped:       1 at the detector: replaced, 2 at the gateway: malformed",
+        "class lists received: 15 (r1 8, r2 7)",
+        "first class list:     6.50 s after the start",
+        "age p50 / p99:        0.10 s / 0.20 s",
+        "result:               every robot was seen",
+    ]
+
+
+@pytest.mark.parametrize("lists", [{}, {"r1": 8}, {"r1": 8, "r2": 0}])
+def test_a_robot_that_was_not_seen_fails_the_run(lists: dict[str, int]) -> None:
+    run = summary(lists=lists)
+    assert not run.complete
+    assert run.lines()[-1].startswith("result:               no class list from")
+    assert run.lines()[-1].endswith("r2")
+
+
+def test_nothing_happened() -> None:
+    run = Summary(robots=["r1"], sent={}, inferred=0, dropped={}, lists={}, ages_s=(), first_list_s=None)
+    assert not run.complete
+    assert "age p50 / p99:        - / -" in run.lines()
+    assert "frames dropped:       none" in run.lines()
+
+
+@pytest.mark.parametrize(
+    ("count", "percent", "rank"), [(1, 99, 1), (2, 50, 1), (100, 99, 99), (101, 99, 100), (4, 50, 2)]
+)
+def test_percentile_is_by_nearest_rank(count: int, percent: int, rank: int) -> None:
+    assert percentile([float(number) for number in range(1, count + 1)], percent) == rank
+
+
+def test_drops_are_added_up_by_place_and_reason() -> None:
+    stream = StreamStatus(
+        camera="c", stream="color", topic="/t", wanted=True, publishers=1, received=5, forwarded=3, dropped={"bad": 2}
+    )
+    gateways = [GatewayStatus(robot=robot, boot_id="b", clock_id="c", sent_ns=0, streams=[stream]) for robot in "ab"]
+    load = CameraLoad(robot="a", camera="c", inferred=1, dropped={"late": 3, "bad": 0})
+    workers = [WorkerStatus(service="detector", worker="w", model="m", sent_ns=0, cameras=[load])]
+    assert drops(gateways, workers) == {"at the gateway: bad": 4, "at the detector: late": 3}
