@@ -12,13 +12,13 @@ from gateway.ros1.messages import deserialise, new_message, serialise
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import LinkFailure, Message
 from tests.gateway.ros1.waiting import until
-from tests.integration.ros import RosEnvironment
 from tests.integration.rospy_scripts import CAMERA, IMAGE_LISTENER, LISTENER, TALKER
 
 if TYPE_CHECKING:
     import pytest
 
     from gateway.ros1.publisher import Publication
+    from tests.integration.ros import RosEnvironment
 
 PIXELS = bytes(i % 251 for i in range(480 * 1920))
 STRING = "std_msgs/String"

@@ -1,3 +1,6 @@
+"""Jitter is no secret, hence the plain generators."""
+# ruff: noqa: S311
+
 from __future__ import annotations
 
 from random import Random

@@ -7,18 +7,15 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.ros1.errors import InvalidNameError, Ros1Error, StatusError, UnknownTypeError
-from gateway.ros1.messages import message_type
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
-from gateway.ros1.subscriber import LinkFailure, Message
-from gateway.ros1.wire.header import encode_header
-from gateway.ros1.wire.tcpros import message_prefix
 from gateway.ros1.xmlrpc_client import XmlRpcClient
-from tests.gateway.ros1.fakes import fake_publisher
 from tests.gateway.ros1.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
+
+    from gateway.ros1.subscriber import Message
 
 STRING = "std_msgs/String"
 NOBODY = "http://127.0.0.1:9/"
@@ -89,7 +86,7 @@ async def test_leaving_unregisters(master: RosMaster) -> None:
 
 
 async def test_error_of_the_body_stays_as_it_is_and_leaves_nothing(master: RosMaster) -> None:
-    with pytest.raises(ValueError, match="mine"):
+    with pytest.raises(ValueError, match="mine"):  # noqa: PT012 - the block is what is tested
         async with node("/a", master) as a, a.advertise("/chat", STRING):
             await until(lambda: a.registered, "it is registered")
             raise ValueError("mine")
@@ -187,16 +184,17 @@ async def test_name_that_is_taken_ends_the_registrations(master: RosMaster) -> N
 
 async def test_master_that_restarts_is_told_again() -> None:
     got: list[Message] = []
-    async with RosMaster() as first:
-        uri, port = first.uri, int(first.uri.rstrip("/").rpartition(":")[2])
-        stack = AsyncExitStack()
-        a = await stack.enter_async_context(Node("/a", master_uri=uri, poll_interval=0.05))
-        await stack.enter_async_context(a.subscribe("/chat", STRING, got.append))
-        await until(lambda: a.registered, "it is registered")
-    async with stack, RosMaster(port=port) as second, node("/b", second) as b:
-        async with b.advertise("/chat", STRING, latch=True) as publication:
-            publication.publish(b"again")
-            await until(lambda: got, "the message has come")
+    async with AsyncExitStack() as stack:
+        async with RosMaster() as first:
+            uri, port = first.uri, int(first.uri.rstrip("/").rpartition(":")[2])
+            a = await stack.enter_async_context(Node("/a", master_uri=uri, poll_interval=0.05))
+            await stack.enter_async_context(a.subscribe("/chat", STRING, got.append))
+            await until(lambda: a.registered, "it is registered")
+        second = await stack.enter_async_context(RosMaster(port=port))
+        b = await stack.enter_async_context(node("/b", second))
+        publication = await stack.enter_async_context(b.advertise("/chat", STRING, latch=True))
+        publication.publish(b"again")
+        await until(lambda: got, "the message has come")
 
 
 async def test_slave_api_of_a_running_node(master: RosMaster) -> None:
@@ -218,67 +216,3 @@ async def test_slave_api_of_a_running_node(master: RosMaster) -> None:
             [["/chat", [[0, 5, 1, -1, True]]]],
             [],
         ]
-
-
-async def register(master: RosMaster, uri: str) -> None:
-    """Register a slave URI as a publisher, in a name of its own."""
-    async with XmlRpcClient() as client:
-        name = f"/fake{uri.rstrip('/').rpartition(':')[2]}"
-        await client.call(master.uri, "registerPublisher", name, "/chat", STRING, uri)
-
-
-def stream(*messages: bytes) -> bytes:
-    kind = message_type(STRING)
-    header = encode_header({"type": kind.name, "md5sum": kind.md5sum, "callerid": "/fake"})
-    return header + b"".join(message_prefix(len(message)) + message for message in messages)
-
-
-@pytest.mark.parametrize(
-    ("data", "failure"),
-    [
-        pytest.param(b"garbage" * 1000, LinkFailure.PROTOCOL, id="garbage"),
-        pytest.param(stream(b"x" * 101), LinkFailure.PROTOCOL, id="over the cap"),
-        pytest.param(encode_header({"error": "go away"}), LinkFailure.REFUSED, id="refused"),
-        pytest.param(encode_header({"type": "a/B", "md5sum": "0"}), LinkFailure.MISMATCH, id="mismatch"),
-        pytest.param(stream(), LinkFailure.CLOSED, id="closed"),
-    ],
-)
-async def test_failing_publisher_is_counted_and_tried_again(
-    master: RosMaster, data: bytes, failure: LinkFailure
-) -> None:
-    async with (
-        fake_publisher(data) as uri,
-        node("/a", master) as a,
-        a.subscribe("/chat", STRING, print, max_message_bytes=100) as subscription,
-    ):
-        await register(master, uri)
-        await until(lambda: subscription.counters.failures[failure] >= 2, "it has failed twice")
-        assert set(subscription.counters.failures) == {failure}
-        assert subscription.counters.links[uri].failures[failure] >= 2
-
-
-async def test_publisher_that_never_sends_its_header_is_given_up(master: RosMaster) -> None:
-    async with (
-        fake_publisher(b"", hang=True) as uri,
-        Node("/a", master_uri=master.uri, timeout=0.1) as a,
-        a.subscribe("/chat", STRING, print) as subscription,
-    ):
-        await register(master, uri)
-        await until(lambda: subscription.counters.failures[LinkFailure.UNREACHABLE], "it is given up")
-
-
-async def test_publisher_of_another_type_than_the_first_is_refused(master: RosMaster) -> None:
-    got: list[Message] = []
-    other = encode_header({"type": "a/B", "md5sum": "0" * 32, "callerid": "/other"})
-    async with (
-        fake_publisher(stream(b"first"), hang=True) as good,
-        fake_publisher(other, hang=True) as bad,
-        node("/a", master) as a,
-        a.subscribe("/chat", "*", got.append) as subscription,
-    ):
-        await register(master, good)
-        await until(lambda: got, "the first publisher is heard")
-        assert subscription.type == message_type(STRING).topic_type
-        await register(master, bad)
-        await until(lambda: subscription.counters.failures[LinkFailure.MISMATCH], "the second is refused")
-        assert subscription.counters.links[good].connected

@@ -96,7 +96,7 @@ def test_list_of_publishers_that_is_none(node: FakeNode, publishers: Any) -> Non
 
 def test_nothing_is_subscribed_to_parameters(node: FakeNode) -> None:
     with pytest.raises(StatusError) as error:
-        ask(node, "paramUpdate", "/use_sim_time", True)
+        ask(node, "paramUpdate", "/use_sim_time", 1)
     assert error.value.code == -1
 
 

@@ -19,7 +19,7 @@ async def test_leaving_cancels_the_tasks_and_waits_for_them() -> None:
 
 
 async def test_error_of_the_body_stays_as_it_is() -> None:
-    with pytest.raises(ValueError, match="mine"):
+    with pytest.raises(ValueError, match="mine"):  # noqa: PT012 - the block is what is tested
         async with TaskScope() as scope:
             scope.start(forever(), "forever")
             raise ValueError("mine")
@@ -29,7 +29,7 @@ async def test_failing_task_cancels_the_body() -> None:
     async def fail() -> None:
         raise ValueError("its")
 
-    with pytest.raises(ExceptionGroup) as caught:
+    with pytest.raises(ExceptionGroup) as caught:  # noqa: PT012 - the block is what is tested
         async with TaskScope() as scope:
             scope.start(fail(), "fail")
             await forever()

@@ -68,7 +68,7 @@ async def test_bad_answers(answer: bytes, error: type[Ros1Error]) -> None:
 
 async def test_no_answer_ends_at_the_deadline() -> None:
     async with peer(b"") as uri, XmlRpcClient(timeout=0.05) as client:
-        with pytest.raises(UnreachableError, match="within 0.05 s"):
+        with pytest.raises(UnreachableError, match="no answer within"):
             await client.call(uri, "getUri", "/a")
 
 

@@ -102,7 +102,7 @@ async def test_server_goes_on_after_garbage(server: XmlRpcServer, client: XmlRpc
 
 async def test_port_that_is_taken_is_an_error_and_leaves_nothing(server: XmlRpcServer) -> None:
     port = int(server.uri.rstrip("/").rpartition(":")[2])
-    with pytest.raises(OSError, match="address already in use"):
+    with pytest.raises(OSError, match="Address already in use"):
         async with XmlRpcServer(Api(), host="127.0.0.1", port=port):
             pass
 

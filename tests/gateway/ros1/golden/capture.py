@@ -10,8 +10,10 @@ import tempfile
 import threading
 import time
 import xmlrpc.client
+from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 from xmlrpc.server import SimpleXMLRPCServer
 
 FOLDER = Path(__file__).parent
@@ -69,7 +71,7 @@ def recording_proxy(master_port: int) -> ThreadingHTTPServer:
     return ThreadingHTTPServer((LOOPBACK, 0), Handler)
 
 
-def wait_for(call, *arguments):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN002, ANN201
+def wait_for(call: Callable[..., Any], *arguments: object) -> Any:
     for _ in range(100):
         try:
             code, _, value = call(*arguments)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -83,7 +84,7 @@ def test_stream_cut_anywhere_gives_the_same_events(bodies: list[bytes], cuts: li
     connection = subscriber()
     events: list[SubscriberEvent] = []
     edges = [0, *sorted(cut for cut in cuts if cut < len(stream)), len(stream)]
-    for start, end in zip(edges, edges[1:], strict=False):
+    for start, end in pairwise(edges):
         events += connection.receive_data(stream[start:end])
     assert events[1:] == [MessageReceived(bytearray(body)) for body in bodies]
 

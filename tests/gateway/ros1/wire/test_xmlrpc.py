@@ -63,7 +63,7 @@ def test_body_split_at_every_byte_is_the_same(stream: bytes) -> None:
 
 def test_body_of_the_largest_size_and_one_byte_more() -> None:
     size = len(REGISTER_PUBLISHER)
-    assert decode(REGISTER_PUBLISHER, size)
+    assert isinstance(decode(REGISTER_PUBLISHER, size), MethodCall)
     with pytest.raises(XmlRpcError, match="over the limit"):
         decode(REGISTER_PUBLISHER, size - 1)
 
