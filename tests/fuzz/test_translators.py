@@ -30,7 +30,7 @@ images = st.builds(
 def take(message: bytes) -> None:
     forward = StreamForward(CameraKey("r1", "front"), Stream.COLOR, "/image", IMAGE_TRANSLATOR, "boot")
     payload = forward.take(message, "/camera", 0)
-    status = forward.status(wanted=True, publishers=1, replaced=0)
+    status = forward.status(wanted=True, publishers=1, replaced=0, broken_links={})
     if payload is None:
         assert (status.forwarded, status.dropped) == (0, {MALFORMED: 1})
     else:

@@ -131,3 +131,13 @@ async def test_a_malformed_message_does_not_stop_the_stream(rig: Rig, caplog: py
             assert (await receive(frames)).header.stamp_ns == 1_000_000_001
     assert rig.forward.status().dropped == {MALFORMED: 1}
     assert f"{TOPIC} from /camera: message left out" in caplog.text
+
+
+async def test_a_publisher_that_breaks_off_is_counted_even_after_the_subscription_ended(rig: Rig) -> None:
+    async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)):
+        async with rig.camera.advertise(TOPIC, TYPE_NAME) as publication:
+            await until(lambda: publication.subscriber_count == 1)
+        await until(lambda: rig.forward.status().broken_links)
+        counted = rig.forward.status().broken_links
+    await until(lambda: rig.forward.subscription is None)
+    assert rig.forward.status().broken_links == counted
