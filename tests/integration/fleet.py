@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Final
 
@@ -42,14 +42,15 @@ class FleetRig:
         async with self.bus.subscribe(key_expr, QUEUE(1000)) as subscription:
             yield subscription
 
-    async def stream_status(self, robot: str, camera: str, **at_least: int) -> StreamStatus:
-        """Wait until the gateway has counted at least so much; return its account of the camera."""
+    async def stream_status(
+        self, robot: str, camera: str, until: Callable[[StreamStatus], bool] = lambda _: True
+    ) -> StreamStatus:
+        """Wait until the gateway's account of the camera is such; return it."""
         async with asyncio.timeout(PATIENCE_S), self.subscribed(keys.gateway_status(robot)) as statuses:
             async for sample in statuses:
                 status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
                 for stream in status.streams:
-                    counts = {**stream.dropped, "received": stream.received, "publishers": stream.publishers}
-                    if stream.camera == camera and all(counts.get(n, 0) >= least for n, least in at_least.items()):
+                    if stream.camera == camera and until(stream):
                         return stream
         raise AssertionError("the bus was closed")
 
