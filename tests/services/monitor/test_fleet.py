@@ -113,12 +113,11 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
     assert fleet.see(seen(0), 0.0, 0)
     with pytest.raises(FleetFullError, match="r2"):
         fleet.see(seen(0, robot="r2"), 0.0, 0)
-    for add in (
-        lambda: fleet.robot_presence("r2", alive=True),
-        lambda: fleet.camera_presence(CameraKey("r1", "rear"), alive=True),
-        lambda: fleet.gateway_status(status(robot="r2")),
-    ):
-        with pytest.raises(FleetFullError):
-            add()
+    with pytest.raises(FleetFullError):
+        fleet.robot_presence("r2", alive=True)
+    with pytest.raises(FleetFullError):
+        fleet.camera_presence(CameraKey("r1", "rear"), alive=True)
+    with pytest.raises(FleetFullError):
+        fleet.gateway_status(status(robot="r2"))
     assert fleet.see(seen(1), 1.0, 0)
     fleet.robot_presence("r2", alive=False)
