@@ -15,10 +15,9 @@ demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by its
 test: .venv/.test ros lint types tests  ## install what the tests need and run every check
 
 lint:
-	@echo "[check] format, lint, import rules"
+	@echo "[check] format, lint"
 	@$(BIN)/ruff format --check --quiet .
 	@$(BIN)/ruff check --quiet .
-	@$(BIN)/lint-imports --no-logo --no-timings
 
 types:
 	@echo "[check] types"

@@ -13,9 +13,9 @@ class QoS(Enum):
     IMAGE = "image"
     """Best effort, low priority, dropped under congestion; one waits at most, the newest."""
     RESULT = "result"
-    """Reliable, high priority; the last one reaches late subscribers, a lost last one is recovered."""
+    """Reliable, high priority; the last one reaches late subscribers and those whose link was cut."""
     STATUS = "status"
-    """Like RESULT at normal priority and without recovery: the next one comes anyway."""
+    """Like RESULT at normal priority."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +163,8 @@ class Bus(Protocol):
     ) -> AbstractAsyncContextManager[Subscription]:
         """Subscribe to a key expression.
 
-        With `history` the last RESULT or STATUS of each publisher comes first and lost ones are recovered. Image
-        streams have neither: subscribe to them without, which costs the network less.
+        With `history` the last RESULT or STATUS of each publisher comes first, also after a link was cut. Images have
+        none: subscribe to them without, which costs the network less.
         """
 
     def announce(self, key: str, /) -> AbstractAsyncContextManager[None]:

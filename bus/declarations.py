@@ -16,9 +16,6 @@ from bus.writing import MessageWriter
 
 IMAGES_WAITING: Final = 1
 RESULTS_WAITING: Final = 64
-HEARTBEAT_S: Final = 1.0
-"""How long after it a lost last result is noticed at most."""
-
 RETIRE_GRACE_S: Final = 1.0
 STOP_GRACE_S: Final = 0.2
 
@@ -69,29 +66,27 @@ class ZenohPublisher(MessageWriter):
         self._declared.callback(listener.undeclare)
         self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
         status: Any = matching.matching_status  # the stub says bool
-        self._demand.offer(status.matching, initial=True)
+        self._demand.offer(wanted=status.matching, initial=True)
         self._lane.admit(self)
 
     def _declare_cached(self, session: zenoh.Session) -> ext.AdvancedPublisher:
-        result = self._qos is QoS.RESULT
         publisher = ext.declare_advanced_publisher(
             session,
             self._key,
             encoding=self._encoding,
             congestion_control=CongestionControl.DROP,
-            priority=Priority.INTERACTIVE_HIGH if result else Priority.DATA,
+            priority=Priority.INTERACTIVE_HIGH if self._qos is QoS.RESULT else Priority.DATA,
             reliability=Reliability.RELIABLE,
             cache=ext.CacheConfig(1),
-            sample_miss_detection=ext.MissDetectionConfig(
-                heartbeat=None, sporadic_heartbeat=HEARTBEAT_S if result else None
-            ),
+            # No heartbeat: undeclaring one can hold the interpreter lock for ten seconds (1.10).
+            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
             publisher_detection=True,
         )
         self._declared.callback(publisher.undeclare)
         return publisher
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
-        self._demand.offer(status.matching)
+        self._demand.offer(wanted=status.matching)
 
     def write(self, payload: bytes | bytearray) -> None:
         """Send on the lane's thread."""
@@ -124,7 +119,6 @@ class ZenohSubscription(SampleReader):
             self._key_expr,
             callback,
             history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-            recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
         )
 
     def undeclare(self) -> None:

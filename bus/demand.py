@@ -20,7 +20,7 @@ class Demand:
         self._ended = False
         self.wanted = False
 
-    def offer(self, wanted: bool, *, initial: bool = False) -> None:  # noqa: FBT001 - the one value it is about
+    def offer(self, *, wanted: bool, initial: bool = False) -> None:
         """Tell the demand; an `initial` word loses against anything heard before. Any thread."""
         with self._lock:
             if initial and self._heard:

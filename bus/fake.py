@@ -105,7 +105,7 @@ class FakeNetwork:
 
     def _tell_publishers(self) -> None:
         for publisher in self.matching("**", _FakePublisher):
-            publisher.demand.offer(bool(self.matching(publisher.key, _FakeSubscription)))
+            publisher.demand.offer(wanted=bool(self.matching(publisher.key, _FakeSubscription)))
 
 
 class _FakeBus:

@@ -4,6 +4,7 @@ import contextlib
 import json
 import logging
 import queue
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -107,9 +108,12 @@ class SessionThread:
             self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
         except zenoh.ZError as error:
             if self._settings.mode != "client":
-                raise BusError(f"cannot open the bus as a {self._settings.mode}: {error}") from error
+                endpoints = ", ".join(self._settings.listen)
+                raise BusError(
+                    f"cannot open the bus as a {self._settings.mode} (listen {endpoints}): {_reason(error)}"
+                ) from error
             if first:
-                _log.warning("waiting for a router at %s (%s)", self._where, error)
+                _log.warning("waiting for a router at %s (%s)", self._where, _reason(error))
             self._retry_at = time.monotonic() + RETRY_S
             return
         self._retry_at = None
@@ -146,7 +150,7 @@ class SessionThread:
             declaration.declare(self._session)
         except zenoh.ZError as error:
             self._undeclare(declaration)
-            raise BusError(f"cannot declare: {error}") from error
+            raise BusError(f"cannot declare: {_reason(error)}") from error
 
     def _undeclare(self, declaration: Declaration) -> None:
         if declaration not in self._kept:
@@ -167,3 +171,8 @@ class SessionThread:
         except zenoh.ZError as error:
             _log.warning("the session did not close cleanly: %s", error)
         then()
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """Return Zenoh's message without the places in its own sources."""
+    return re.sub(r" at \S+\.rs:\d+\.?", "", str(error))

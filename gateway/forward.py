@@ -2,9 +2,10 @@
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from bus import Bus, Publisher, QoS
 from bus.shared_demand import SharedDemand, while_wanted
@@ -16,12 +17,16 @@ from schemas.status import StreamStatus
 
 @dataclass(slots=True)
 class Forward:
-    """A stream that is offered on the bus; `subscription` is there while it is subscribed on ROS."""
+    """A stream that is offered on the bus.
+
+    subscription: there while it is subscribed on ROS. broken_before: links that earlier subscriptions lost, by reason.
+    """
 
     stream: StreamForward
     demand: SharedDemand
     publisher: Publisher
     subscription: Subscription | None = None
+    broken_before: Counter[str] = field(default_factory=Counter)
 
     def status(self) -> StreamStatus:
         """Account for the stream's messages so far."""
@@ -30,7 +35,11 @@ class Forward:
             wanted=self.demand.wanted,
             publishers=sum(link.connected for link in links),
             replaced=self.publisher.counts.dropped,
+            broken_links=self.broken_before + self._broken_now(),
         )
+
+    def _broken_now(self) -> Counter[str]:
+        return Counter(self.subscription.counters.failures) if self.subscription else Counter()
 
     async def run(self, node: Node) -> None:
         """Subscribe on ROS whenever the stream is wanted, for ever."""
@@ -43,6 +52,7 @@ class Forward:
             try:
                 await asyncio.Event().wait()
             finally:
+                self.broken_before += self._broken_now()
                 self.subscription = None
 
     def _on_message(self, message: Message) -> None:

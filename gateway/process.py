@@ -42,7 +42,7 @@ async def run(settings: GatewaySettings) -> None:
         forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
-        tasks.append(group.create_task(_report(bus, settings.robot, boot_id, forwards)))
+        tasks.append(group.create_task(_report(bus, node, settings, boot_id, forwards)))
         await node.shutdown_requested.wait()
         for task in tasks:
             task.cancel()
@@ -53,19 +53,22 @@ def node_name(robot: str) -> str:
     return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{os.getpid()}"
 
 
-async def _report(bus: Bus, robot: str, boot_id: str, forwards: Sequence[Forward]) -> None:
+async def _report(bus: Bus, node: Node, settings: GatewaySettings, boot_id: str, forwards: Sequence[Forward]) -> None:
+    clock = clock_id()
+
     def account() -> bytes:
+        missing = "" if node.master_answers is not False else f"the ROS master at {settings.ros_master}"
         status = GatewayStatus(
-            robot=robot,
+            robot=settings.robot,
             boot_id=boot_id,
             clock_id=clock,
             sent_ns=time.time_ns(),
+            waiting_for=missing,
             streams=[forward.status() for forward in forwards],
         )
         return codec.encode(status)
 
-    clock = clock_id()
-    key = keys.gateway_status(robot)
+    key = keys.gateway_status(settings.robot)
     async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(GatewayStatus)) as publisher:
         try:
             while True:

@@ -47,19 +47,16 @@ class GatewaySettings(BusSettings):
     """Forward a robot's ROS 1 cameras onto Zenoh while somebody wants them. Runs on the robot, needs no ROS install."""
 
     robot: Annotated[str, Field(pattern=f"^{NAME.pattern}$", description="this robot's name, unique in the fleet")]
-    ros_master: Annotated[
-        str,
-        AfterValidator(_master),
-        Field(default_factory=master_uri, description="the ROS master's address; ROS_MASTER_URI unless given"),
-    ]
-    ros_host: Annotated[
-        str,
-        Field(
-            default_factory=host_name,
-            min_length=1,
-            description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
-        ),
-    ]
+    ros_master: Annotated[str, AfterValidator(_master)] = Field(
+        default_factory=master_uri,
+        validate_default=True,
+        description="the ROS master's address; ROS_MASTER_URI unless given",
+    )
+    ros_host: str = Field(
+        default_factory=host_name,
+        min_length=1,
+        description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
+    )
     cameras: Annotated[
         dict[str, str],
         AfterValidator(_cameras),

@@ -2,6 +2,7 @@
 
 import logging
 from collections import Counter
+from collections.abc import Mapping
 from typing import Final
 
 from gateway.ros1.errors import MessageError
@@ -62,7 +63,7 @@ class StreamForward:
         self._translated += 1
         return payload
 
-    def status(self, *, wanted: bool, publishers: int, replaced: int) -> StreamStatus:
+    def status(self, *, wanted: bool, publishers: int, replaced: int, broken_links: Mapping[str, int]) -> StreamStatus:
         """Account for every message; `replaced` is how many payloads a newer one replaced before the link."""
         dropped = self._dropped + Counter({REPLACED: replaced})
         return StreamStatus(
@@ -74,4 +75,5 @@ class StreamForward:
             received=self._received,
             forwarded=self._translated - replaced,
             dropped=dict(dropped),
+            broken_links=dict(broken_links),
         )

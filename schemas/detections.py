@@ -6,18 +6,21 @@ import msgspec
 
 from schemas.errors import SchemaError
 from schemas.header import Count, Header, Label, Spans
-from schemas.image import Side
+from schemas.image import MAX_SIDE, Side
 
 MAX_DETECTIONS = 1_000
+
+
+Edge = Annotated[float, msgspec.Meta(ge=0, le=MAX_SIDE)]
 
 
 class Box(msgspec.Struct, frozen=True):
     """Corners of an upright rectangle in pixels of the image; (0, 0) is the outer corner of the first pixel."""
 
-    x1: float
-    y1: float
-    x2: float
-    y2: float
+    x1: Edge
+    y1: Edge
+    x2: Edge
+    y2: Edge
 
 
 class Mask(msgspec.Struct, frozen=True):

@@ -7,7 +7,7 @@ import msgspec
 from schemas.header import Count, Label, Name, Nanoseconds
 
 Drops = Annotated[dict[Label, Count], msgspec.Meta(max_length=64)]
-"""Frames dropped since the process started, by reason."""
+"""Counts since the process started, by reason."""
 
 MAX_STREAMS = 1_000
 
@@ -15,7 +15,8 @@ MAX_STREAMS = 1_000
 class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     """One ROS topic on its way to one Zenoh key. Counts are frames since the gateway started.
 
-    wanted: somebody on Zenoh subscribes. publishers: ROS publishers connected now.
+    wanted: somebody on Zenoh subscribes. publishers: ROS publishers connected now. broken_links: how often a connection
+    to a ROS publisher failed or ended, by reason.
     """
 
     camera: Name
@@ -26,6 +27,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     received: Count
     forwarded: Count
     dropped: Drops = {}
+    broken_links: Drops = {}
 
 
 class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,8 +1,9 @@
-"""Which address to listen on, given the name that others are told."""
+"""Where to listen, given the name that others are told."""
 
 from __future__ import annotations
 
 import ipaddress
+import socket
 
 
 def listen_address(host: str) -> str:
@@ -16,6 +17,20 @@ def listen_address(host: str) -> str:
     if address.is_loopback:
         return host
     return "::" if address.version == 6 else "0.0.0.0"  # noqa: S104 - what ROS_IP asks for
+
+
+def listen(host: str, port: int = 0) -> socket.socket:
+    """Return a listening, non-blocking socket; port 0 takes a free one.
+
+    Raises:
+        OSError: the port is taken.
+
+    """
+    address = listen_address(host)
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    listener = socket.create_server((address, port), family=family, backlog=128)
+    listener.settimeout(0)
+    return listener
 
 
 def uri_host(host: str) -> str:

@@ -76,8 +76,8 @@ class _Link(asyncio.BufferedProtocol):
         transport.write(self._connection.opening)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        if exc is not None and self.error is None:
-            self.error = UnreachableError(f"connection lost: {exc}")
+        if self.error is None and not self.first_event.is_set():
+            self.error = UnreachableError(f"the connection ended before the header did: {exc or 'end of stream'}")
         self.lost.set()
         self.first_event.set()
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from gateway.ros1.errors import InvalidNameError, MessageError, UnknownTypeError
 from gateway.ros1.names import validate_type
@@ -14,6 +14,9 @@ from gateway.ros1.wire.tcpros import ANY, TopicType
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
+
+# Of ROS 1's common types, those that rosbags does not have.
+_FURTHER_TYPES = {"tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +37,23 @@ ANY_TYPE = MessageType(ANY, ANY, "")
 
 @cache
 def _store() -> Typestore:
-    return get_typestore(Stores.ROS1_NOETIC)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for name, definition in _FURTHER_TYPES.items():
+        store.register(get_types_from_msg(definition, _spelt(name)))
+    return store
+
+
+def _spelt(name: str) -> str:
+    """Return a legal type name as rosbags spells it."""
+    package, _, short = name.partition("/")
+    return f"{package}/msg/{short}"
 
 
 def _internal(name: str) -> str:
     try:
-        package, _, short = validate_type(name).partition("/")
+        internal = _spelt(validate_type(name))
     except InvalidNameError as error:
         raise UnknownTypeError(str(error)) from error
-    internal = f"{package}/msg/{short}"
     if internal not in _store().types:
         raise UnknownTypeError(f"no definition of the message type {name}")
     return internal

@@ -85,6 +85,11 @@ class Node:
         """Whether the master answers and has taken all of the node's registrations."""
         return self._registrar.settled
 
+    @property
+    def master_answers(self) -> bool | None:
+        """Whether the master answered when it was last asked; None before that."""
+        return self._registrar.master_answers
+
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:
             await stack.enter_async_context(self._client)

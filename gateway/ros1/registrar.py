@@ -72,7 +72,7 @@ class Registrar:
     async def run(self, caller_api: str) -> None:
         """Register `caller_api`, the node's slave URI, for what is wanted, until cancelled."""
         self._caller_api = caller_api
-        compare = False
+        compare = True
         while True:
             self._wake.clear()
             waiters, self._waiters = self._waiters, []

@@ -8,7 +8,8 @@ import socket
 from typing import TYPE_CHECKING, Self
 
 from gateway.ros1.errors import TcprosError, WireError
-from gateway.ros1.hosts import listen_address
+from gateway.ros1.hosts import listen
+from gateway.ros1.lograte import LogRate
 from gateway.ros1.tasks import cancel_and_wait
 from gateway.ros1.wire.tcpros import PublisherConnection, SubscriberRefused
 
@@ -46,6 +47,7 @@ class TcprosServer:
         self._listener: socket.socket | None = None
         self._accepting: asyncio.Task[None] | None = None
         self._port = 0
+        self._log_rate = LogRate()
 
     @property
     def address(self) -> tuple[str, int]:
@@ -53,10 +55,7 @@ class TcprosServer:
         return self._host, self._port
 
     async def __aenter__(self) -> Self:
-        address = listen_address(self._host)
-        family = socket.AF_INET6 if ":" in address else socket.AF_INET
-        self._listener = socket.create_server((address, 0), family=family, backlog=64)
-        self._listener.settimeout(0)
+        self._listener = listen(self._host)
         self._port = self._listener.getsockname()[1]
         self._accepting = self._scope.start(self._accept(self._listener), "TCPROS listener")
         return self
@@ -67,23 +66,26 @@ class TcprosServer:
         tasks = set(self._connections)
         if self._accepting is not None:
             tasks.add(self._accepting)
-        await cancel_and_wait(tasks)
+        try:
+            await cancel_and_wait(tasks)
+        finally:
+            if self._listener is not None:
+                self._listener.close()
 
     async def _accept(self, listener: socket.socket) -> None:
         loop = asyncio.get_running_loop()
-        with listener:
-            while True:
-                try:
-                    connection, peer = await loop.sock_accept(listener)
-                except OSError as error:
-                    _log.warning("cannot accept a subscriber: %s", error)
-                    await asyncio.sleep(_RETRY_ACCEPT_S)
-                    continue
-                self._start(connection, f"{peer[0]}:{peer[1]}")
+        while True:
+            try:
+                connection, peer = await loop.sock_accept(listener)
+            except OSError as error:
+                self._warn("cannot accept a subscriber: %s", error)
+                await asyncio.sleep(_RETRY_ACCEPT_S)
+                continue
+            self._start(connection, f"{peer[0]}:{peer[1]}")
 
     def _start(self, connection: socket.socket, peer: str) -> None:
         if len(self._connections) >= _MAX_CONNECTIONS:
-            _log.warning("%s is turned away: %d subscribers already", peer, _MAX_CONNECTIONS)
+            self._warn("%s is turned away: %d subscribers already", peer, _MAX_CONNECTIONS)
             connection.close()
             return
         task = self._scope.start(self._serve(connection, peer), f"subscriber {peer}")
@@ -96,16 +98,19 @@ class TcprosServer:
             async with asyncio.timeout(self._timeout):
                 event = await self._handshake(connection)
         except (WireError, OSError) as error:
-            _log.warning("%s is no subscriber: %r", peer, error)
+            self._warn("%s is no subscriber: %r", peer, error)
             return
         if isinstance(event, SubscriberRefused):
-            _log.warning("%s is refused: %s", peer, event.reason)
+            self._warn("%s is refused: %s", peer, event.reason)
             return
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(event.tcp_nodelay))
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         publication = self._publications.get(event.topic)
         if publication is not None:
             await publication.serve(connection, event)
+
+    def _warn(self, text: str, *arguments: object) -> None:
+        _log.log(self._log_rate.level(asyncio.get_running_loop().time()), text, *arguments)
 
     async def _handshake(self, connection: socket.socket) -> PublisherEvent:
         """Return how the subscriber's header is answered; a refusal is sent already."""

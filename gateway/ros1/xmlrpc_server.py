@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 from aiohttp import web
 
 from gateway.ros1.errors import StatusError, WireError, XmlRpcError
-from gateway.ros1.hosts import listen_address, uri_host
+from gateway.ros1.hosts import listen, uri_host
+from gateway.ros1.lograte import LogRate
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Body, Decoder, Fault, MethodCall, MethodResponse, encode
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 _CHUNK_BYTES = 64 << 10
 _MAX_CONCURRENT = 256
+_SHUTDOWN_S = 0.5
 
 
 class Api(Protocol):
@@ -51,7 +53,9 @@ class XmlRpcServer:
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
         self._active = 0
-        self._runner = web.ServerRunner(web.Server(self._handle, access_log=None), shutdown_timeout=0.5)
+        self._log_rate = LogRate()
+        self._http = web.Server(self._handle, access_log=None)
+        self._server: asyncio.Server | None = None
 
     @property
     def uri(self) -> str:
@@ -59,19 +63,24 @@ class XmlRpcServer:
         return f"http://{uri_host(self._host)}:{self._port}/"
 
     async def __aenter__(self) -> Self:
-        await self._runner.setup()
+        listener = listen(self._host, self._port)
+        self._port = listener.getsockname()[1]
+        # Whoever is cancelled while a server starts cannot close it, unless it is made first and started then.
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(self._http, sock=listener, start_serving=False)
         try:
-            await web.TCPSite(self._runner, listen_address(self._host), self._port).start()
+            await self._server.start_serving()
         except BaseException:
-            await self._runner.cleanup()
+            self._server.close()
             raise
-        self._port = self._runner.addresses[0][1]
         return self
 
     async def __aexit__(
         self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
     ) -> None:
-        await self._runner.cleanup()
+        if self._server is not None:
+            self._server.close()
+        await self._http.shutdown(_SHUTDOWN_S)
 
     async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
         if request.method != "POST":
@@ -83,7 +92,8 @@ class XmlRpcServer:
             async with asyncio.timeout(self._timeout):
                 body = await self._read(request)
         except WireError as error:
-            _log.warning("a request from %s is not XML-RPC: %s", request.remote, error)
+            level = self._log_rate.level(asyncio.get_running_loop().time())
+            _log.log(level, "a request from %s is not XML-RPC: %s", request.remote, error)
             return web.Response(status=400)
         except TimeoutError:
             return web.Response(status=408)

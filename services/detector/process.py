@@ -2,7 +2,9 @@
 
 import asyncio
 import logging
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from bus import open_bus
 from services.detector.settings import DetectorSettings
@@ -18,9 +20,12 @@ async def run(settings: DetectorSettings) -> None:
     Raises:
         ModelError: the model cannot be used.
     """
-    with ThreadPoolExecutor(1, thread_name_prefix="model") as executor:
+    with (
+        tempfile.TemporaryDirectory(prefix="fleetsight-") as folder,
+        ThreadPoolExecutor(1, thread_name_prefix="model") as executor,
+    ):
         log.info("loading %s", settings.model)
-        model = await asyncio.get_running_loop().run_in_executor(executor, load, settings)
+        model = await asyncio.get_running_loop().run_in_executor(executor, load, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
         async with open_bus(settings) as bus:
             await Worker(bus, model, settings.worker, executor).run()

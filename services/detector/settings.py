@@ -31,9 +31,9 @@ class DetectorSettings(BusSettings):
     max_detections: Annotated[int, Field(ge=1, le=1000, description="most objects reported per image")] = 300
     device: Annotated[str | None, Field(description="cpu, cuda:0, ...; the best there is unless given")] = None
     threads: Annotated[int, Field(ge=0, description="CPU threads for inference; 0 uses every core")] = 0
-    worker: Annotated[
-        str, Field(pattern=f"^{NAME.pattern}$", description="this worker's name", default_factory=default_worker_name)
-    ]
+    worker: str = Field(
+        default_factory=default_worker_name, pattern=f"^{NAME.pattern}$", description="this worker's name"
+    )
 
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:

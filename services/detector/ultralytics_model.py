@@ -1,7 +1,6 @@
 """The model that Ultralytics runs. Only `load` imports torch and ultralytics, and it keeps both off the network."""
 
 import os
-import tempfile
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +13,6 @@ from services.detector.model import Model, ModelError
 from services.detector.settings import DetectorSettings
 
 TASKS: Final = ("segment", "detect")
-_config_folder: Final = tempfile.TemporaryDirectory(prefix="fleetsight-")  # nobody's settings but ours
 BLANK: Final[NDArray[np.uint8]] = np.zeros((480, 640, 3), np.uint8)
 
 
@@ -50,13 +48,15 @@ class UltralyticsModel:
         return sorted(found, key=lambda detection: -detection.score)
 
 
-def load(settings: DetectorSettings) -> Model:
+def load(settings: DetectorSettings, folder: Path) -> Model:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
+
+    folder: where Ultralytics keeps its settings, so that they are nobody's but ours.
 
     Raises:
         ModelError: the file is no model, or of a task that finds no objects.
     """
-    _keep_off_the_network(download=settings.download)
+    _keep_off_the_network(folder, download=settings.download)
     import torch  # noqa: PLC0415
     from ultralytics.models import YOLO  # noqa: PLC0415
     from ultralytics.utils import SETTINGS  # noqa: PLC0415
@@ -74,11 +74,11 @@ def load(settings: DetectorSettings) -> Model:
     return model
 
 
-def _keep_off_the_network(*, download: bool) -> None:
+def _keep_off_the_network(folder: Path, *, download: bool) -> None:
     os.environ["YOLO_OFFLINE"] = str(not download)
     os.environ["YOLO_AUTOINSTALL"] = "false"
     os.environ["YOLO_VERBOSE"] = "false"
-    os.environ["YOLO_CONFIG_DIR"] = _config_folder.name
+    os.environ["YOLO_CONFIG_DIR"] = str(folder)
     os.environ["ULTRALYTICS_SAFE_LOAD"] = "true"  # weights are data: nothing in them is executed
 
 

@@ -1,7 +1,7 @@
 """What the fleet sees: pure state that messages, presence and time move on."""
 
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,6 +12,12 @@ from schemas.status import GatewayStatus, WorkerStatus
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
+MAX_MEMBERS: Final = 20_000
+"""How many robots, cameras or workers are followed; whoever floods the bus with names fills no memory."""
+
+
+class FleetFullError(Exception):
+    """Too many robots, cameras or workers to follow another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +60,8 @@ class _Camera:
 class Fleet:
     """Every robot and camera ever seen, what is in view of it and how it is doing.
 
-    clock_id: the clock of this machine; a robot's ages are exact when it reads the same one.
+    clock_id: the clock of this machine; a robot's ages are exact when it reads the same one. Every method that may add
+    a member raises FleetFullError when there are MAX_MEMBERS already.
     """
 
     def __init__(self, clock_id: str) -> None:
@@ -69,19 +76,23 @@ class Fleet:
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
+        if alive:
+            _make_room(self._alive, robot)
         (self._alive.add if alive else self._alive.discard)(robot)
 
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went stays on the list."""
-        self._cameras.setdefault(key, _Camera())
+        self._camera(key)
         (self._available.add if alive else self._available.discard)(key)
 
     def gateway_status(self, status: GatewayStatus) -> None:
         """Keep a gateway's newest account of itself."""
+        _make_room(self.gateways, status.robot)
         self.gateways[status.robot] = status
 
     def worker_status(self, status: WorkerStatus) -> None:
         """Keep a worker's newest account of itself."""
+        _make_room(self.workers, (status.service, status.worker))
         self.workers[status.service, status.worker] = status
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> bool:
@@ -91,7 +102,7 @@ class Fleet:
             False for a list about a frame that is not newer than the camera's last one: a double.
         """
         key = CameraKey(seen.header.robot, seen.header.camera)
-        camera = self._cameras.setdefault(key, _Camera())
+        camera = self._camera(key)
         last = camera.latest.header if camera.latest else None
         if last and last.boot_id == seen.header.boot_id and seen.header.seq <= last.seq:
             return False
@@ -124,9 +135,18 @@ class Fleet:
             counts[key.robot] += camera.lists
         return counts
 
+    def _camera(self, key: CameraKey) -> _Camera:
+        _make_room(self._cameras, key)
+        return self._cameras.setdefault(key, _Camera())
+
     def _same_clock(self, robot: str) -> bool:
         status = self.gateways.get(robot)
         return status is not None and status.clock_id == self._clock_id
+
+
+def _make_room(members: Collection[object], name: object) -> None:
+    if name not in members and len(members) >= MAX_MEMBERS:
+        raise FleetFullError(f"{len(members)} are followed already, {name} is left out")
 
 
 def _age(camera: _Camera, now_s: float) -> Age | None:

@@ -15,7 +15,7 @@ from schemas.errors import SchemaError
 from schemas.keys import Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.display import show
-from services.monitor.fleet import Fleet
+from services.monitor.fleet import Fleet, FleetFullError
 from services.monitor.settings import MonitorSettings
 
 log = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ async def _receive(bus: Bus, key_expr: str, take: Callable[[Sample], None]) -> N
         async for sample in subscription:
             try:
                 take(sample)
-            except SchemaError as error:
+            except (SchemaError, FleetFullError) as error:
                 log.warning("%s: message left out: %s", sample.key, error)
 
 
@@ -56,7 +56,7 @@ async def _watch(bus: Bus, key_expr: str, take: Callable[[str, bool], None]) -> 
         async for presence in watch:
             try:
                 take(presence.key, presence.alive)
-            except SchemaError as error:
+            except (SchemaError, FleetFullError) as error:
                 log.warning("%s: presence left out: %s", presence.key, error)
 
 

@@ -1,10 +1,10 @@
 """Settings of the fleet monitor."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from bus.settings import BusSettings
+from bus.settings import BusSettings, Endpoint
 
 
 class MonitorSettings(BusSettings):
@@ -14,8 +14,15 @@ class MonitorSettings(BusSettings):
         Literal["router", "peer", "client"],
         Field(description="part in the Zenoh network: 'router' takes connections itself, 'client' needs a router"),
     ] = "router"
-    connect: Annotated[list[str], Field(description="Zenoh endpoints to connect to")] = []
+    connect: Annotated[list[Endpoint], Field(description="Zenoh endpoints to connect to")] = []
     listen: Annotated[
-        list[str], Field(description="Zenoh endpoints to listen on (tcp/0.0.0.0:7447 for other machines)")
+        list[Endpoint], Field(description="Zenoh endpoints to listen on (tcp/0.0.0.0:7447 for other machines)")
     ] = ["tcp/127.0.0.1:7447"]
     refresh_s: Annotated[float, Field(ge=0.1, le=60, description="seconds between two pictures of the table")] = 0.5
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_client_does_not_listen(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("mode") == "client":
+            return {"listen": [], "connect": ["tcp/127.0.0.1:7447"], **given}
+        return given

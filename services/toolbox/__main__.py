@@ -4,6 +4,7 @@ import importlib.metadata
 import sys
 from collections.abc import Sequence
 from functools import partial
+from typing import NoReturn
 
 from pydantic import BaseModel
 
@@ -73,5 +74,10 @@ def _run(command: Command, settings: BaseModel) -> int:
         raise
 
 
+def console() -> NoReturn:
+    """Run the command line of this process and leave it."""
+    process.leave(main())
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    console()

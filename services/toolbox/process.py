@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import Awaitable, Callable
-from typing import Final
+from typing import Final, NoReturn
 
 log = logging.getLogger(__name__)
 
@@ -33,9 +33,9 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int:
 
     def stop(number: signal.Signals) -> None:
         if signalled.is_set():
-            _leave(f"second {number.name}")
+            _give_up(f"second {number.name}")
         signalled.set()
-        loop.call_later(DEADLINE_S, _leave, f"not done {DEADLINE_S} s after {number.name}")
+        loop.call_later(DEADLINE_S, _give_up, f"not done {DEADLINE_S} s after {number.name}")
         work.cancel()
 
     for number in SIGNALS:
@@ -51,8 +51,15 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int:
             loop.remove_signal_handler(number)
 
 
-def _leave(why: str) -> None:
+def leave(code: int) -> NoReturn:
+    """End the process with an exit code. What is ours is closed by now; torch would take a second to end itself."""
+    logging.shutdown()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
+
+
+def _give_up(why: str) -> NoReturn:
     log.error("leaving at once: %s", why)
-    with contextlib.suppress(OSError):
-        sys.stderr.flush()
-    os._exit(EXIT_FAILED)
+    leave(EXIT_FAILED)

@@ -9,12 +9,12 @@ from services.detector.model import Model
 from services.detector.settings import DetectorSettings
 from services.detector.ultralytics_model import load
 from tests.services.detector.fakes import FakeModel
-from tests.services.simulator.views import near_view
+from tests.services.detector.views import near_view
 
 
 @pytest.fixture(scope="module", params=["fake", "shipped"])
-def model(request: pytest.FixtureRequest) -> Model:
-    return FakeModel() if request.param == "fake" else load(DetectorSettings(worker="w"))
+def model(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Model:
+    return FakeModel() if request.param == "fake" else load(DetectorSettings(), tmp_path_factory.mktemp("ultralytics"))
 
 
 @pytest.fixture(scope="module")

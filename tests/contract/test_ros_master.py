@@ -14,7 +14,8 @@ from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 from tests.gateway.ros1.fakes import FakeSlave
-from tests.integration.ros import real_master, require_ros, until
+from tests.gateway.ros1.waiting import until
+from tests.integration.ros import real_master, require_ros
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable

@@ -71,13 +71,13 @@ def test_a_malformed_image_costs_itself_only(
     assert reason in caplog.text
     assert "/image from /camera" in caplog.text
     assert frame(forward.take(message(), "/camera", 3)).header.seq == 1
-    assert forward.status(wanted=True, publishers=1, replaced=0).dropped == {MALFORMED: 1}
+    assert forward.status(wanted=True, publishers=1, replaced=0, broken_links={}).dropped == {MALFORMED: 1}
 
 
 def test_every_message_is_accounted_for(forward: StreamForward) -> None:
     for data in (message(), b"", message(), message()):
         forward.take(data, "/camera", 0)
-    assert forward.status(wanted=True, publishers=2, replaced=1) == StreamStatus(
+    assert forward.status(wanted=True, publishers=2, replaced=1, broken_links={"refused": 3}) == StreamStatus(
         camera="front",
         stream="color",
         topic="/image",
@@ -86,6 +86,7 @@ def test_every_message_is_accounted_for(forward: StreamForward) -> None:
         received=4,
         forwarded=2,
         dropped={MALFORMED: 1, REPLACED: 1},
+        broken_links={"refused": 3},
     )
 
 

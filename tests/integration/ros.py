@@ -15,9 +15,10 @@ import pytest
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.master import MasterClient
 from gateway.ros1.xmlrpc_client import XmlRpcClient
+from tests.gateway.ros1.waiting import until
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import AsyncIterator
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 ROSMASTER = "/usr/bin/rosmaster"
@@ -40,16 +41,6 @@ def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port: int = probe.getsockname()[1]
         return port
-
-
-async def until(condition: Callable[[], object], what: str, limit_s: float = START_TIMEOUT_S) -> None:
-    """Return when the condition holds; fail the test when it does not within the limit."""
-    try:
-        async with asyncio.timeout(limit_s):
-            while not condition():
-                await asyncio.sleep(0.02)
-    except TimeoutError:
-        pytest.fail(f"waited {limit_s} s in vain until {what}")
 
 
 class RosProcess:
@@ -127,7 +118,7 @@ class RosEnvironment:
         async with XmlRpcClient(timeout=1.0) as client:
             api = MasterClient(client, uri=self.master_uri, caller_id="/test")
             async with asyncio.timeout(START_TIMEOUT_S):
-                while not await _answers(api):
+                while not await _answers(api):  # noqa: ASYNC110 - another process
                     await asyncio.sleep(0.05)
 
     async def end_master(self) -> None:

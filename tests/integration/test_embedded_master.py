@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
-from tests.integration.ros import RosEnvironment, until
+from tests.gateway.ros1.waiting import until
+from tests.integration.ros import RosEnvironment
 from tests.integration.rospy_scripts import LISTENER, TALKER
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from gateway.ros1.node import Node
 from gateway.ros1.subscriber import LinkFailure
 from gateway.ros1.wire.header import encode_header
 from tests.gateway.ros1.fakes import fake_publisher
-from tests.integration.ros import until
+from tests.gateway.ros1.waiting import until
 from tests.integration.rospy_scripts import TALKER
 
 if TYPE_CHECKING:

@@ -11,13 +11,14 @@ from gateway.ros1.image import Image, decode_image, encode_image
 from gateway.ros1.messages import deserialise, new_message, serialise
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import LinkFailure, Message
-from tests.integration.ros import RosEnvironment, until
+from tests.gateway.ros1.waiting import until
 from tests.integration.rospy_scripts import CAMERA, IMAGE_LISTENER, LISTENER, TALKER
 
 if TYPE_CHECKING:
     import pytest
 
     from gateway.ros1.publisher import Publication
+    from tests.integration.ros import RosEnvironment
 
 PIXELS = bytes(i % 251 for i in range(480 * 1920))
 STRING = "std_msgs/String"
@@ -104,7 +105,7 @@ async def test_killed_publisher_does_not_delay_a_live_one_listed_after_it(ros: R
 
 async def until_registered(node: Node, topic: str, names: set[str]) -> None:
     async with asyncio.timeout(20):
-        while set((await node.master.get_system_state()).publishers.get(topic, ())) != names:
+        while set((await node.master.get_system_state()).publishers.get(topic, ())) != names:  # noqa: ASYNC110
             await asyncio.sleep(0.05)
 
 

@@ -5,7 +5,7 @@ import json
 import logging
 import socket
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from typing import Final
 
@@ -48,11 +48,11 @@ async def run(settings: DemoSettings) -> int:
                 await asyncio.sleep(LAST_WORDS_S)
                 watching.cancel()
     except* ChildFailedError as failed:
-        for error in failed.exceptions:
+        for error in _leaves(failed):
             log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
         ended_well = False
     finally:
-        summary = _add_up(fleet, children, began_s)
+        summary = _add_up(settings, fleet, children, began_s)
         console.print("\n".join(summary.lines()), markup=False, highlight=False, soft_wrap=True)
     return 0 if ended_well and summary.complete else EXIT_FAILED
 
@@ -65,13 +65,17 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
         *("--master-port", str(master_port)),
     ]
     gateways = {
-        f"gateway r{number + 1}": [
-            *("gateway", "--robot", f"r{number + 1}", "--connect", endpoint),
-            *("--ros-master", f"http://127.0.0.1:{master_port + number}", "--ros-host", "127.0.0.1"),
+        f"gateway {robot}": [
+            *("gateway", "--robot", robot, "--connect", endpoint),
+            *("--ros-master", f"http://127.0.0.1:{port}", "--ros-host", "127.0.0.1"),
         ]
-        for number in range(settings.robots)
+        for port, robot in enumerate(_robots(settings), master_port)
     }
     return {"simulator": simulator, **gateways, "detector": ["detector", "--connect", endpoint, *model]}
+
+
+def _robots(settings: DemoSettings) -> list[str]:
+    return [f"r{number}" for number in range(1, settings.robots + 1)]
 
 
 def free_ports(count: int) -> int:
@@ -116,9 +120,18 @@ async def _keep(name: str, command: Sequence[str], children: dict[str, Child], s
         await started.ended()
 
 
-def _add_up(fleet: Fleet, children: Mapping[str, Child], began_s: float) -> Summary:
+def _leaves(group: BaseExceptionGroup[ChildFailedError]) -> Iterator[ChildFailedError]:
+    for error in group.exceptions:
+        if isinstance(error, BaseExceptionGroup):
+            yield from _leaves(error)
+        else:
+            yield error
+
+
+def _add_up(settings: DemoSettings, fleet: Fleet, children: Mapping[str, Child], began_s: float) -> Summary:
     output = children["simulator"].output if "simulator" in children else []
     return Summary(
+        robots=_robots(settings),
         sent=json.loads(output[-1])["sent"] if output else {},
         inferred=sum(camera.inferred for worker in fleet.workers.values() for camera in worker.cameras),
         dropped=drops(fleet.gateways.values(), fleet.workers.values()),

@@ -11,11 +11,12 @@ from schemas.status import GatewayStatus, WorkerStatus
 class Summary:
     """Counts of one run.
 
-    sent: frames per robot as its camera counted them. lists: class lists per robot as the monitor counted them.
-    dropped: frames by place and reason. ages_s: from a frame's arrival at its gateway to its class list's at the
-    monitor. first_list_s: from the start of the demo.
+    robots: those that should have been seen. sent: frames per robot as its camera counted them. lists: class lists per
+    robot as the monitor counted them. dropped: frames by place and reason. ages_s: from a frame's arrival at its
+    gateway to its class list's at the monitor. first_list_s: from the start of the demo.
     """
 
+    robots: Sequence[str]
     sent: Mapping[str, int]
     inferred: int
     dropped: Mapping[str, int]
@@ -26,13 +27,16 @@ class Summary:
     @property
     def complete(self) -> bool:
         """Whether every robot's class lists arrived."""
-        return bool(self.sent) and all(self.lists.get(robot, 0) > 0 for robot in self.sent)
+        return not self._unseen()
+
+    def _unseen(self) -> list[str]:
+        return [robot for robot in self.robots if not self.lists.get(robot)]
 
     def lines(self) -> list[str]:
         """Return the summary as it is printed."""
         ages = sorted(self.ages_s)
         lost = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items())) or "none"
-        missing = ", ".join(robot for robot in self.sent if not self.lists.get(robot))
+        missing = ", ".join(self._unseen())
         return [
             f"frames sent:          {sum(self.sent.values())} ({_per_robot(self.sent)})",
             f"frames inferred:      {self.inferred}",

@@ -32,6 +32,7 @@ async def fake_publisher(stream: bytes, *, hang: bool = False) -> AsyncIterator[
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writers.append(writer)
+        await reader.read(4096)
         writer.write(stream)
         while hang and await reader.read(4096):
             pass
@@ -40,10 +41,12 @@ async def fake_publisher(stream: bytes, *, hang: bool = False) -> AsyncIterator[
     listener = await asyncio.start_server(serve, "127.0.0.1", 0)
     port = listener.sockets[0].getsockname()[1]
     slave = FakeSlave(lambda _method, _params: ["TCPROS", "127.0.0.1", port])
-    async with XmlRpcServer(slave, host="127.0.0.1") as server:
-        yield server.uri
-    listener.close()
-    for writer in writers:
-        writer.transport.abort()
-    await asyncio.gather(*(writer.wait_closed() for writer in writers), return_exceptions=True)
-    await listener.wait_closed()
+    try:
+        async with XmlRpcServer(slave, host="127.0.0.1") as server:
+            yield server.uri
+    finally:
+        listener.close()
+        for writer in writers:
+            writer.transport.abort()
+        await asyncio.gather(*(writer.wait_closed() for writer in writers), return_exceptions=True)
+        await listener.wait_closed()

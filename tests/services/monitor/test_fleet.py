@@ -4,7 +4,8 @@ import pytest
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
-from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor import fleet as module
+from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, FleetFullError, Row
 from tests.schemas.frames import header
 
 FRONT = CameraKey("r1", "front")
@@ -104,3 +105,19 @@ def test_robots_without_lists_are_counted_too_and_rows_are_ordered() -> None:
     fleet.see(seen(robot="r2"), 0.0, 0)
     assert fleet.lists_per_robot() == {"r0": 0, "r1": 0, "r2": 1}
     assert [str(row.key) for row in fleet.rows(0.0)] == ["r1/front", "r2/front"]
+
+
+def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_MEMBERS", 1)
+    fleet = online_fleet()
+    assert fleet.see(seen(0), 0.0, 0)
+    with pytest.raises(FleetFullError, match="r2"):
+        fleet.see(seen(0, robot="r2"), 0.0, 0)
+    with pytest.raises(FleetFullError):
+        fleet.robot_presence("r2", alive=True)
+    with pytest.raises(FleetFullError):
+        fleet.camera_presence(CameraKey("r1", "rear"), alive=True)
+    with pytest.raises(FleetFullError):
+        fleet.gateway_status(status(robot="r2"))
+    assert fleet.see(seen(1), 1.0, 0)
+    fleet.robot_presence("r2", alive=False)

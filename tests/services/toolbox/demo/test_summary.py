@@ -6,6 +6,7 @@ from services.toolbox.demo.summary import Summary, drops, percentile
 
 def summary(*, lists: dict[str, int], ages_s: tuple[float, ...] = (0.1, 0.2), first: float | None = 6.5) -> Summary:
     return Summary(
+        robots=["r1", "r2"],
         sent={"r1": 10, "r2": 9},
         inferred=15,
         dropped={"at the gateway: malformed": 2, "at the detector: replaced": 1},
@@ -38,7 +39,7 @@ def test_a_robot_that_was_not_seen_fails_the_run(lists: dict[str, int]) -> None:
 
 
 def test_nothing_happened() -> None:
-    run = Summary(sent={}, inferred=0, dropped={}, lists={}, ages_s=(), first_list_s=None)
+    run = Summary(robots=["r1"], sent={}, inferred=0, dropped={}, lists={}, ages_s=(), first_list_s=None)
     assert not run.complete
     assert "age p50 / p99:        - / -" in run.lines()
     assert "frames dropped:       none" in run.lines()

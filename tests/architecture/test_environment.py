@@ -1,0 +1,38 @@
+"""Only settings modules and entry points read the environment, files named by the user, or arguments."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("schemas", "bus", "gateway", "services")
+READERS = ("settings.py", "__main__.py")
+MAY_ALSO = {
+    "services/detector/ultralytics_model.py": "tells Ultralytics, through its environment, to stay off the network",
+    "services/simulator/training/engine.py": "tells Ultralytics, through its environment, to stay off the network",
+    "services/toolbox/demo/children.py": "gives its processes an environment of their own",
+}
+
+
+def sources() -> Iterator[Path]:
+    for room in ROOMS:
+        yield from (ROOT / room).rglob("*.py")
+
+
+def reads_environment(tree: ast.AST) -> bool:
+    return any(
+        isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and (node.value.id, node.attr) in {("os", "environ"), ("os", "getenv"), ("sys", "argv")}
+        for node in ast.walk(tree)
+    )
+
+
+def test_who_reads_the_environment() -> None:
+    found = {str(path.relative_to(ROOT)) for path in sources() if reads_environment(ast.parse(path.read_text()))}
+    others = {path for path in found if Path(path).name not in READERS}
+    assert others == set(MAY_ALSO)
+
+
+def test_no_module_is_a_drawer_for_everything() -> None:
+    assert not [path for path in sources() if path.stem in {"utils", "util", "helpers", "misc", "common"}]

@@ -1,0 +1,81 @@
+import asyncio
+
+import pytest
+
+from bus.shared_demand import SharedDemand, while_wanted
+
+
+async def settle() -> None:
+    for _ in range(10):
+        await asyncio.sleep(0)
+
+
+async def test_wanted_while_any_publisher_is() -> None:
+    demand = SharedDemand()
+    first, second = demand.of("first"), demand.of("second")
+    assert not demand.wanted
+    first(True)  # noqa: FBT003 - the bus calls it so
+    second(True)  # noqa: FBT003
+    first(False)  # noqa: FBT003
+    assert demand.wanted
+    second(False)  # noqa: FBT003
+    assert not demand.wanted
+
+
+async def test_work_runs_while_wanted_and_is_cleaned_up_after() -> None:
+    demand, seen = SharedDemand(), []
+
+    async def work() -> None:
+        seen.append("begun")
+        try:
+            await asyncio.Event().wait()
+        finally:
+            seen.append("ended")
+
+    running = asyncio.create_task(while_wanted(demand, work))
+    await settle()
+    assert seen == []
+    tell = demand.of("only")
+    for wanted in (True, False, True):
+        tell(wanted)
+        await settle()
+    assert seen == ["begun", "ended", "begun"]
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    assert seen == ["begun", "ended", "begun", "ended"]
+
+
+async def test_a_change_and_back_before_anybody_looks_changes_nothing() -> None:
+    demand, begun = SharedDemand(), 0
+
+    async def work() -> None:
+        nonlocal begun
+        begun += 1
+        await asyncio.Event().wait()
+
+    running = asyncio.create_task(while_wanted(demand, work))
+    tell = demand.of("only")
+    tell(True)  # noqa: FBT003
+    tell(False)  # noqa: FBT003
+    await settle()
+    assert begun <= 1
+    tell(True)  # noqa: FBT003
+    await settle()
+    assert demand.wanted
+    assert begun >= 1
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+
+
+async def test_work_that_fails_ends_it_all() -> None:
+    demand = SharedDemand()
+
+    async def work() -> None:
+        raise RuntimeError("broken")
+
+    demand.of("only")(True)  # noqa: FBT003
+    with pytest.raises(ExceptionGroup) as caught:
+        await while_wanted(demand, work)
+    assert isinstance(caught.value.exceptions[0], RuntimeError)

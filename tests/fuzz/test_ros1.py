@@ -1,0 +1,93 @@
+"""Whatever comes in, only the documented errors come out."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from gateway.ros1.errors import HeaderError, LinkRefusedError, MessageError, TypeMismatchError, WireError, XmlRpcError
+from gateway.ros1.image import decode_image
+from gateway.ros1.messages import deserialise
+from gateway.ros1.wire.header import decode_header
+from gateway.ros1.wire.tcpros import Offer, PublisherConnection, SubscriberConnection, TopicType
+from gateway.ros1.wire.xmlrpc import decode
+from tests.gateway.ros1.goldens import (
+    IMAGE,
+    IMAGE_MD5,
+    PUBLISHER_HEADER,
+    REGISTER_PUBLISHER,
+    REGISTER_PUBLISHER_RESPONSE,
+    SUBSCRIBER_HEADER,
+    TOPIC,
+)
+
+IMAGE_TYPE = TopicType("sensor_msgs/Image", IMAGE_MD5)
+TYPES = (
+    "sensor_msgs/Image",
+    "sensor_msgs/CameraInfo",
+    "sensor_msgs/PointCloud2",
+    "std_msgs/String",
+    "tf2_msgs/TFMessage",
+)
+many = settings(max_examples=300, deadline=None)
+
+
+@st.composite
+def spoilt(draw: st.DrawFn, good: bytes) -> bytes:
+    """Bytes that were good before some of them were overwritten, cut out or put in."""
+    data = bytearray(good)
+    for _ in range(draw(st.integers(1, 4))):
+        start = draw(st.integers(0, len(data)))
+        data[start : start + draw(st.integers(0, 8))] = draw(st.binary(max_size=8))
+    return bytes(data)
+
+
+@many
+@given(st.binary(max_size=300) | spoilt(PUBLISHER_HEADER[4:]))
+def test_header(body: bytes) -> None:
+    with suppress(HeaderError):
+        decode_header(body)
+
+
+@many
+@given(st.binary(max_size=300) | spoilt(PUBLISHER_HEADER + IMAGE))
+def test_subscriber_side(stream: bytes) -> None:
+    connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=IMAGE_TYPE, max_message_bytes=1 << 16)
+    with suppress(WireError, LinkRefusedError, TypeMismatchError):
+        connection.receive_data(stream)
+
+
+@many
+@given(st.binary(max_size=300) | spoilt(SUBSCRIBER_HEADER))
+def test_publisher_side(stream: bytes) -> None:
+    connection = PublisherConnection(callerid="/ours", offers={TOPIC: Offer(TOPIC, IMAGE_TYPE, "")})
+    with suppress(WireError):
+        connection.receive_data(stream)
+
+
+@many
+@given(st.binary(max_size=300) | spoilt(REGISTER_PUBLISHER) | spoilt(REGISTER_PUBLISHER_RESPONSE))
+@example(b"<methodResponse><params><param><value><array></array></value></param></params></methodResponse>")
+@example(b"<methodCall><methodName>x</methodName><value><struct><member/></struct></value></methodCall>")
+@example(b"<params><value><dateTime.iso8601>x</dateTime.iso8601></value></params>")
+@example(b"<params><value><base64>\xc3\xa4</base64></value></params>")
+@example(b"<params><value><bigdecimal>x</bigdecimal></value></params>")
+def test_xmlrpc(body: bytes) -> None:
+    with suppress(XmlRpcError):
+        decode(body)
+
+
+@many
+@given(st.binary(max_size=300) | spoilt(IMAGE[4:]))
+def test_image(message: bytes) -> None:
+    with suppress(MessageError):
+        decode_image(message)
+
+
+@many
+@given(st.sampled_from(TYPES), st.binary(max_size=300) | spoilt(IMAGE[4:]))
+def test_messages(name: str, message: bytes) -> None:
+    with suppress(MessageError):
+        deserialise(name, message)

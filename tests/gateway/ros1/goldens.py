@@ -1,0 +1,16 @@
+"""Bytes of a real rospy; see golden/README.md."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+GOLDEN = Path(__file__).parent / "golden"
+PUBLISHER_HEADER = (GOLDEN / "publisher-header.bin").read_bytes()
+PUBLISHER_REFUSAL = (GOLDEN / "publisher-refusal.bin").read_bytes()
+SUBSCRIBER_HEADER = (GOLDEN / "subscriber-header.bin").read_bytes()
+IMAGE = (GOLDEN / "image.bin").read_bytes()
+REGISTER_PUBLISHER = (GOLDEN / "registerPublisher.xml").read_bytes()
+REGISTER_PUBLISHER_RESPONSE = (GOLDEN / "registerPublisher-response.xml").read_bytes()
+
+IMAGE_MD5 = "060021388200f6f0f447d0fcd9c64743"
+TOPIC = "/camera/image_raw"

@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import asyncio
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.ros1.errors import HeaderError, Ros1Error, UnreachableError
+from gateway.ros1.link import run_link
+from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent, TopicType
+from tests.gateway.ros1.goldens import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, TOPIC
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+
+@asynccontextmanager
+async def publisher(data: bytes, *, hang: bool = False) -> AsyncIterator[tuple[str, int]]:
+    """Send these bytes to whoever connects; yields the address."""
+    done = asyncio.Event()
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.read(4096)
+        writer.write(data)
+        if hang:
+            await done.wait()
+        writer.close()
+
+    async with await asyncio.start_server(serve, "127.0.0.1", 0) as server:
+        yield server.sockets[0].getsockname()
+        done.set()
+
+
+async def receive(address: tuple[str, int], timeout_s: float = 5.0) -> list[SubscriberEvent]:
+    events: list[SubscriberEvent] = []
+    expected = TopicType("sensor_msgs/Image", IMAGE_MD5)
+    connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=expected)
+    await run_link(address, connection, events.append, handshake_timeout=timeout_s)
+    return events
+
+
+async def test_events_come_until_the_stream_ends() -> None:
+    async with publisher(PUBLISHER_HEADER + IMAGE * 3) as address:
+        assert len(await receive(address)) == 4
+
+
+async def test_message_that_is_cut_off_is_none() -> None:
+    async with publisher(PUBLISHER_HEADER + IMAGE[:-1]) as address:
+        assert len(await receive(address)) == 1
+
+
+@pytest.mark.parametrize("data", [b"", PUBLISHER_HEADER[:-1]])
+async def test_stream_that_ends_before_the_header_does(data: bytes) -> None:
+    async with publisher(data) as address:
+        with pytest.raises(UnreachableError, match="before the header"):
+            await receive(address)
+
+
+async def test_header_that_does_not_come_in_time() -> None:
+    async with publisher(PUBLISHER_HEADER[:-1], hang=True) as address:
+        with pytest.raises(UnreachableError, match="no TCPROS connection"):
+            await receive(address, 0.05)
+
+
+async def test_nobody_listens() -> None:
+    with pytest.raises(UnreachableError):
+        await receive(("127.0.0.1", 9))
+
+
+async def test_error_of_the_parser_ends_the_link() -> None:
+    async with publisher(b"\x01\x00\x00\x00x", hang=True) as address:
+        with pytest.raises(HeaderError):
+            await receive(address)
+
+
+async def test_error_of_the_receiver_ends_the_link() -> None:
+    def refuse(_event: SubscriberEvent) -> None:
+        raise Ros1Error("not mine")
+
+    connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=TopicType("*", "*"))
+    async with publisher(PUBLISHER_HEADER + IMAGE, hang=True) as address:
+        with pytest.raises(Ros1Error, match="not mine"):
+            await run_link(address, connection, refuse, handshake_timeout=5.0)

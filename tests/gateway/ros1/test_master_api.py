@@ -1,0 +1,90 @@
+"""What the contract suite cannot ask of a real master; the rest is in tests/contract/test_ros_master.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.ros1.errors import StatusError
+from gateway.ros1.master_api import MasterApi
+
+URI = "http://127.0.0.1:1/"
+OTHER = "http://127.0.0.1:2/"
+
+
+class RecordingNotifier:
+    def __init__(self) -> None:
+        self.calls: list[tuple[Any, ...]] = []
+
+    def notify(self, uri: str, method: str, key: str, *params: Any) -> None:
+        self.calls.append((uri, method, key, *params))
+
+
+@pytest.fixture
+def notifier() -> RecordingNotifier:
+    return RecordingNotifier()
+
+
+@pytest.fixture
+def api(notifier: RecordingNotifier) -> MasterApi:
+    return MasterApi(notifier)
+
+
+def test_services(api: MasterApi) -> None:
+    api.call("registerService", ("/a", "/add", "rosrpc://127.0.0.1:5", URI))
+    assert api.call("lookupService", ("/x", "/add"))[1] == "rosrpc://127.0.0.1:5"
+    api.call("registerService", ("/b", "/add", "rosrpc://127.0.0.1:6", OTHER))
+    assert api.call("lookupService", ("/x", "/add"))[1] == "rosrpc://127.0.0.1:6"
+    assert api.call("getSystemState", ("/x",))[1] == [[], [], [["/add", ["/b"]]]]
+    assert api.call("unregisterService", ("/a", "/add", "rosrpc://127.0.0.1:5"))[1] == 0
+    assert api.call("unregisterService", ("/b", "/add", "rosrpc://127.0.0.1:6"))[1] == 1
+    with pytest.raises(StatusError):
+        api.call("lookupService", ("/x", "/add"))
+    with pytest.raises(StatusError):
+        api.call("lookupNode", ("/x", "/b"))
+
+
+def test_taking_a_name_tells_the_older_node_and_its_subscribers(api: MasterApi, notifier: RecordingNotifier) -> None:
+    api.call("registerSubscriber", ("/listener", "/chat", "a/A", OTHER))
+    api.call("registerPublisher", ("/a", "/chat", "a/A", URI))
+    notifier.calls.clear()
+    api.call("registerPublisher", ("/a", "/else", "a/A", "http://127.0.0.1:3/"))
+    assert notifier.calls == [
+        (URI, "shutdown", "", "[/a] new node registered with same name"),
+        (OTHER, "publisherUpdate", "/chat", "/chat", []),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("method", "params"),
+    [
+        ("registerPublisher", ("/a",)),
+        ("registerPublisher", ("/a", "/chat", "no type", URI)),
+        ("registerPublisher", ("relative", "/chat", "a/A", URI)),
+        ("registerPublisher", ("/a", 5, "a/A", URI)),
+        ("registerPublisher", ("/a", "/chat", "a/A", 5)),
+        ("setParam", ("/a", "", 1)),
+        ("setParam", ("/a", "/", 1)),
+        ("getParam", ("/a", "no spaces")),
+        ("searchParam", ("relative", "x")),
+        ("getSystemState", ()),
+        ("getSystemState", (5,)),
+    ],
+)
+def test_wrong_parameters_are_the_callers_error(api: MasterApi, method: str, params: tuple[Any, ...]) -> None:
+    with pytest.raises(StatusError) as error:
+        api.call(method, params)
+    assert error.value.code == -1
+
+
+def test_published_topics_within_a_namespace(api: MasterApi) -> None:
+    for topic in ("/ns/a", "/ns/b/c", "/nsx/d"):
+        api.call("registerPublisher", ("/n", topic, "a/A", URI))
+    found = [topic for topic, _ in api.call("getPublishedTopics", ("/n", "/ns"))[1]]
+    assert found == ["/ns/a", "/ns/b/c"]
+
+
+def test_unknown_method(api: MasterApi) -> None:
+    with pytest.raises(LookupError):
+        api.call("selfDestruct", ("/a",))

@@ -1,0 +1,218 @@
+from __future__ import annotations
+
+import asyncio
+from contextlib import AsyncExitStack
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.ros1.errors import InvalidNameError, Ros1Error, StatusError, UnknownTypeError
+from gateway.ros1.node import Node
+from gateway.ros1.rosmaster import RosMaster
+from gateway.ros1.xmlrpc_client import XmlRpcClient
+from tests.gateway.ros1.waiting import until
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from gateway.ros1.subscriber import Message
+
+STRING = "std_msgs/String"
+NOBODY = "http://127.0.0.1:9/"
+
+
+@pytest.fixture
+async def master() -> AsyncIterator[RosMaster]:
+    async with RosMaster() as running:
+        yield running
+
+
+def node(name: str, master: RosMaster) -> Node:
+    return Node(name, master_uri=master.uri, poll_interval=0.1, timeout=2.0)
+
+
+async def test_message_goes_from_node_to_node(master: RosMaster) -> None:
+    got: list[Message] = []
+    async with (
+        node("/a", master) as a,
+        node("/b", master) as b,
+        a.advertise("/chat", STRING) as publication,
+        b.subscribe("/chat", STRING, got.append) as subscription,
+    ):
+        await until(lambda: publication.subscriber_count == 1, "they are connected")
+        publication.publish(b"one")
+        await until(lambda: got, "the message has come")
+        assert (publication.counters.published, publication.counters.sent) == (1, 1)
+        assert (subscription.counters.messages, subscription.counters.bytes) == (1, 3)
+        assert subscription.counters.links[a.uri].connected
+    assert (bytes(got[0].data), got[0].callerid, got[0].uri) == (b"one", "/a", a.uri)
+
+
+async def test_node_hears_itself(master: RosMaster) -> None:
+    got: list[Message] = []
+    async with (
+        node("/a", master) as a,
+        a.advertise("/chat", STRING, latch=True) as publication,
+        a.subscribe("/chat", STRING, got.append),
+    ):
+        publication.publish(b"me")
+        await until(lambda: got, "the message has come")
+
+
+async def test_relative_and_private_topics(master: RosMaster) -> None:
+    async with (
+        node("/ns/a", master) as a,
+        a.advertise("chat", STRING) as public,
+        a.advertise("~chat", STRING) as private,
+    ):
+        assert (public.topic, private.topic) == ("/ns/chat", "/ns/a/chat")
+        assert a.publications() == {"/ns/chat": STRING, "/ns/a/chat": STRING}
+
+
+async def test_leaving_unregisters(master: RosMaster) -> None:
+    async with node("/watch", master) as watch:
+        async with (
+            node("/a", master) as a,
+            a.advertise("/chat", STRING),
+            a.subscribe("/color", "sensor_msgs/Image", print),
+        ):
+            await until(lambda: a.registered, "it is registered")
+            state = await watch.master.get_system_state()
+            assert (state.publishers, state.subscribers) == ({"/chat": ("/a",)}, {"/color": ("/a",)})
+        state = await watch.master.get_system_state()
+        assert (state.publishers, state.subscribers) == ({}, {})
+        with pytest.raises(StatusError):
+            await watch.master.lookup_node("/a")
+
+
+async def test_error_of_the_body_stays_as_it_is_and_leaves_nothing(master: RosMaster) -> None:
+    with pytest.raises(ValueError, match="mine"):  # noqa: PT012 - the block is what is tested
+        async with node("/a", master) as a, a.advertise("/chat", STRING):
+            await until(lambda: a.registered, "it is registered")
+            raise ValueError("mine")
+    async with node("/watch", master) as watch:
+        assert (await watch.master.get_system_state()).publishers == {}
+
+
+async def test_leaving_does_not_wait_for_an_absent_master() -> None:
+    async with asyncio.timeout(10), Node("/a", master_uri=NOBODY, poll_interval=100) as a, a.advertise("/chat", STRING):
+        pass
+
+
+async def test_subscribing_again_after_leaving(master: RosMaster) -> None:
+    async with (
+        node("/a", master) as a,
+        node("/b", master) as b,
+        b.advertise("/chat", STRING, latch=True) as publication,
+    ):
+        publication.publish(b"kept")
+        for _ in range(3):
+            got: list[Message] = []
+            async with a.subscribe("/chat", STRING, got.append):
+                await until(lambda: got, "the message has come")  # noqa: B023 - awaited within the loop
+
+
+async def test_publisher_that_leaves_is_dropped_and_one_that_comes_is_heard(master: RosMaster) -> None:
+    got: list[Message] = []
+    async with node("/b", master) as b, b.subscribe("/chat", STRING, got.append) as subscription:
+        for name in ("/first", "/second"):
+            async with node(name, master) as a, a.advertise("/chat", STRING, latch=True) as publication:
+                publication.publish(name.encode())
+                await until(lambda: got and got[-1].callerid == name, "it is heard")  # noqa: B023
+            await until(lambda: not subscription.publisher_uris, "it is dropped")
+        assert subscription.counters.links == {}
+    assert [bytes(message.data) for message in got] == [b"/first", b"/second"]
+
+
+async def test_one_topic_is_subscribed_and_advertised_once(master: RosMaster) -> None:
+    async with node("/a", master) as a, a.advertise("/chat", STRING), a.subscribe("/chat", STRING, print):
+        with pytest.raises(Ros1Error, match="publishes /chat already"):
+            async with a.advertise("chat", STRING):
+                pass
+        with pytest.raises(Ros1Error, match="subscribes to /chat already"):
+            async with a.subscribe("chat", STRING, print):
+                pass
+
+
+async def test_bad_names_and_types(master: RosMaster) -> None:
+    with pytest.raises(InvalidNameError):
+        node("relative", master)
+    async with node("/a", master) as a:
+        with pytest.raises(InvalidNameError):
+            async with a.subscribe("no spaces", STRING, print):
+                pass
+        with pytest.raises(UnknownTypeError):
+            async with a.subscribe("/chat", "std_msgs/Nothing", print):
+                pass
+        with pytest.raises(InvalidNameError):
+            async with a.advertise("/chat", "*"):
+                pass
+        assert a.subscriptions() == a.publications() == {}
+
+
+async def test_callback_that_fails_is_counted_logged_and_harms_nothing(
+    master: RosMaster, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(message: Message) -> None:
+        raise ValueError(f"cannot take {bytes(message.data).decode()}")
+
+    async with (
+        node("/a", master) as a,
+        a.advertise("/chat", STRING, queue_size=10) as publication,
+        a.subscribe("/chat", STRING, fail) as subscription,
+    ):
+        await until(lambda: publication.subscriber_count, "they are connected")
+        for data in (b"one", b"two"):
+            publication.publish(data)
+        await until(lambda: subscription.counters.callback_errors == 2, "both have failed")
+        assert subscription.counters.failures.total() == 0
+    assert "cannot take one" in caplog.text
+    assert a.uri in caplog.text
+
+
+async def test_name_that_is_taken_ends_the_registrations(master: RosMaster) -> None:
+    async with node("/a", master) as first, first.advertise("/chat", STRING):
+        await until(lambda: first.registered, "the first is registered")
+        async with node("/a", master) as second, second.advertise("/other", STRING):
+            async with asyncio.timeout(10):
+                await first.shutdown_requested.wait()
+            await until(lambda: second.registered, "the second is registered")
+            assert not second.shutdown_requested.is_set()
+            state = await second.master.get_system_state()
+            assert state.publishers == {"/other": ("/a",)}
+
+
+async def test_master_that_restarts_is_told_again() -> None:
+    got: list[Message] = []
+    async with AsyncExitStack() as stack:
+        async with RosMaster() as first:
+            uri, port = first.uri, int(first.uri.rstrip("/").rpartition(":")[2])
+            a = await stack.enter_async_context(Node("/a", master_uri=uri, poll_interval=0.05))
+            await stack.enter_async_context(a.subscribe("/chat", STRING, got.append))
+            await until(lambda: a.registered, "it is registered")
+        second = await stack.enter_async_context(RosMaster(port=port))
+        b = await stack.enter_async_context(node("/b", second))
+        publication = await stack.enter_async_context(b.advertise("/chat", STRING, latch=True))
+        publication.publish(b"again")
+        await until(lambda: got, "the message has come")
+
+
+async def test_slave_api_of_a_running_node(master: RosMaster) -> None:
+    async with (
+        node("/a", master) as a,
+        a.advertise("/chat", STRING, latch=True) as publication,
+        a.subscribe("/chat", STRING, lambda _: None) as subscription,
+        XmlRpcClient() as client,
+    ):
+        publication.publish(b"12345")
+        await until(lambda: subscription.counters.messages, "the message has come")
+        assert await client.call(a.uri, "getMasterUri", "/test") == master.uri
+        assert await client.call(a.uri, "getBusInfo", "/test") == [
+            [0, "/a", "o", "TCPROS", "/chat", True],
+            [0, a.uri, "i", "TCPROS", "/chat", True],
+        ]
+        assert await client.call(a.uri, "getBusStats", "/test") == [
+            [["/chat", 5, [[0, 5, 1, True]]]],
+            [["/chat", [[0, 5, 1, -1, True]]]],
+            [],
+        ]

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import asyncio
+import socket
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.ros1.publisher import Publication
+from gateway.ros1.wire.tcpros import Offer, SubscriberAccepted, TopicType, message_prefix
+from tests.gateway.ros1.waiting import until
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+HUGE = bytes(20 << 20)  # more than the kernel buffers for one connection
+ACCEPTED = SubscriberAccepted("/peer", "/chat", tcp_nodelay=True, reply=b"reply")
+
+
+def publication(*, latching: bool = False, queue_size: int = 1) -> Publication:
+    return Publication(Offer("/chat", TopicType("a/A", "0"), "", latching), queue_size=queue_size)
+
+
+@asynccontextmanager
+async def subscriber(to: Publication) -> AsyncIterator[asyncio.StreamReader]:
+    """Connect to a publication as its server would; yields what the subscriber reads, past the reply."""
+    ours, theirs = socket.socketpair()
+    ours.setblocking(False)  # noqa: FBT003 - socket's own signature
+    reader, writer = await asyncio.open_connection(sock=theirs)
+    with ours:
+        serving = asyncio.ensure_future(to.serve(ours, ACCEPTED))
+        assert await reader.readexactly(5) == b"reply"
+        try:
+            yield reader
+        finally:
+            writer.transport.abort()
+            await serving
+
+
+async def read_message(reader: asyncio.StreamReader) -> bytes:
+    return await reader.readexactly(int.from_bytes(await reader.readexactly(4), "little"))
+
+
+@pytest.mark.parametrize("size", [0, 1, (64 << 10) - 1, 64 << 10, 1 << 20])
+async def test_messages_of_all_sizes_are_framed(size: int) -> None:
+    topic = publication()
+    async with subscriber(topic) as reader:
+        topic.publish(b"x" * size)
+        assert await reader.readexactly(4) == message_prefix(size)
+        assert await reader.readexactly(size) == b"x" * size
+    assert (topic.counters.published, topic.counters.sent, topic.counters.bytes) == (1, 1, size)
+
+
+async def test_slow_subscriber_gets_the_newest_and_delays_nobody() -> None:
+    topic = publication()
+    async with subscriber(topic) as slow, subscriber(topic) as fast:
+        topic.publish(HUGE)
+        assert await read_message(fast) == HUGE
+        for i in range(100):
+            topic.publish(b"%d" % i)
+            assert await read_message(fast) == b"%d" % i
+        assert topic.counters.replaced == 99
+        assert await read_message(slow) == HUGE
+        assert await read_message(slow) == b"99"
+
+
+async def test_queue_keeps_as_many_as_it_is_told() -> None:
+    topic = publication(queue_size=3)
+    async with subscriber(topic) as reader:
+        for i in range(5):
+            topic.publish(b"%d" % i)
+        assert [await read_message(reader) for _ in range(3)] == [b"2", b"3", b"4"]
+    assert topic.counters.replaced == 2
+
+
+async def test_latched_message_goes_to_newcomers() -> None:
+    topic = publication(latching=True)
+    topic.publish(b"old")
+    topic.publish(b"new")
+    async with subscriber(topic) as first, subscriber(topic) as second:
+        assert [await read_message(reader) for reader in (first, second)] == [b"new", b"new"]
+
+
+async def test_message_without_subscribers_is_gone() -> None:
+    topic = publication()
+    topic.publish(b"unheard")
+    async with subscriber(topic) as reader:
+        topic.publish(b"heard")
+        assert await read_message(reader) == b"heard"
+
+
+async def test_subscriber_that_leaves_is_forgotten() -> None:
+    topic = publication()
+    async with subscriber(topic):
+        assert topic.subscriber_count == 1
+    assert topic.subscriber_count == 0
+    topic.publish(b"to nobody")
+
+
+async def test_subscriber_that_leaves_in_the_middle_of_a_message() -> None:
+    topic = publication()
+    async with subscriber(topic) as reader:
+        topic.publish(HUGE)
+        await reader.readexactly(1000)
+    assert topic.subscriber_count == 0
+    assert topic.counters.sent == 0
+
+
+async def test_closing_ends_the_connections() -> None:
+    topic = publication()
+    async with subscriber(topic) as reader:
+        topic.close()
+        assert await reader.read() == b""
+        await until(lambda: topic.subscriber_count == 0, "the subscriber is forgotten")
+
+
+def test_queue_has_to_hold_something() -> None:
+    with pytest.raises(ValueError, match="queue_size"):
+        publication(queue_size=0)

@@ -1,0 +1,61 @@
+"""Masters that refuse; masters that come and go are in test_node.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gateway.ros1.errors import StatusError
+from gateway.ros1.node import Node
+from gateway.ros1.xmlrpc_server import XmlRpcServer
+from tests.gateway.ros1.waiting import until
+
+if TYPE_CHECKING:
+    import pytest
+
+
+class RefusingMaster:
+    """Takes every topic but one."""
+
+    def __init__(self, refused: str) -> None:
+        self.refused = refused
+        self.registered: list[str] = []
+        self.attempts = 0
+
+    def call(self, method: str, params: tuple[Any, ...]) -> tuple[str, Any]:
+        if method == "registerPublisher":
+            self.attempts += 1
+            if params[1] == self.refused:
+                raise StatusError(-1, "not that one")
+            self.registered.append(params[1])
+            return "", []
+        if method == "getSystemState":
+            return "", [[[topic, ["/a"]] for topic in self.registered], [], []]
+        return "", 1
+
+
+async def test_refused_registration_is_logged_once_and_keeps_no_other_from_being_made(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    master = RefusingMaster("/refused")
+    async with (
+        XmlRpcServer(master, host="127.0.0.1") as server,
+        Node("/a", master_uri=server.uri, poll_interval=0.02) as node,
+        node.advertise("/refused", "std_msgs/String"),
+        node.advertise("/taken", "std_msgs/String"),
+    ):
+        await until(lambda: master.attempts >= 4, "the refused one is tried again")
+        assert not node.registered
+        assert master.registered == ["/taken"]
+    assert caplog.text.count("the ROS master refuses publisher /refused: status -1: not that one") == 1
+
+
+async def test_registration_that_is_taken_later_counts() -> None:
+    master = RefusingMaster("/refused")
+    async with (
+        XmlRpcServer(master, host="127.0.0.1") as server,
+        Node("/a", master_uri=server.uri, poll_interval=0.02) as node,
+        node.advertise("/refused", "std_msgs/String"),
+    ):
+        await until(lambda: master.attempts, "it is refused")
+        master.refused = ""
+        await until(lambda: node.registered, "it is registered")

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+from gateway.ros1.master import SystemState
+from gateway.ros1.registrations import Changes, Registration, Registrations, Role
+
+CHAT = Registration(Role.PUBLISHER, "/chat", "std_msgs/String")
+COLOR = Registration(Role.SUBSCRIBER, "/color", "sensor_msgs/Image")
+NOTHING = Changes((), ())
+
+
+def registered(*registrations: Registration) -> Registrations:
+    book = Registrations("/ours")
+    for registration in registrations:
+        book.wanted.add(registration)
+        book.registering(registration)
+        book.registered(registration)
+    return book
+
+
+def state(publishers: dict[str, tuple[str, ...]], subscribers: dict[str, tuple[str, ...]]) -> SystemState:
+    return SystemState(publishers, subscribers, {})
+
+
+def test_wanted_is_registered_once() -> None:
+    book = Registrations("/ours")
+    book.wanted.add(CHAT)
+    assert book.plan() == Changes((), (CHAT,))
+    book.registering(CHAT)
+    assert book.plan() == Changes((), (CHAT,))
+    book.registered(CHAT)
+    assert book.plan() == NOTHING
+
+
+def test_released_is_unregistered_once() -> None:
+    book = registered(CHAT)
+    book.wanted.discard(CHAT)
+    assert book.plan() == Changes((CHAT,), ())
+    book.unregistered(CHAT)
+    assert book.plan() == NOTHING
+
+
+def test_registering_that_may_have_arrived_is_unregistered() -> None:
+    book = Registrations("/ours")
+    book.registering(CHAT)
+    assert book.plan() == Changes((CHAT,), ())
+
+
+def test_what_was_never_tried_is_not_unregistered() -> None:
+    book = Registrations("/ours")
+    book.wanted.add(CHAT)
+    book.wanted.discard(CHAT)
+    assert book.plan() == NOTHING
+
+
+def test_wanted_again_while_it_was_unregistered() -> None:
+    book = registered(CHAT)
+    book.unregistered(CHAT)
+    assert book.plan() == Changes((), (CHAT,))
+
+
+def test_restarted_master_has_forgotten_us() -> None:
+    book = registered(CHAT, COLOR)
+    book.compare(state({}, {}), {})
+    assert set(book.plan().register) == {CHAT, COLOR}
+
+
+def test_confirmed_is_left_alone() -> None:
+    book = registered(CHAT, COLOR)
+    book.compare(state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)}), {"/color": 1})
+    assert book.plan() == NOTHING
+
+
+def test_lost_update_about_publishers_registers_the_subscription_again() -> None:
+    book = registered(COLOR)
+    book.compare(state({"/color": ("/cam", "/cam2")}, {"/color": ("/ours",)}), {"/color": 1})
+    assert book.plan() == Changes((), (COLOR,))
+
+
+def test_only_the_own_role_counts() -> None:
+    book = registered(CHAT)
+    book.compare(state({"/chat": ("/other",)}, {"/chat": ("/ours",)}), {})
+    assert book.plan() == Changes((), (CHAT,))

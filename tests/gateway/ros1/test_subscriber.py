@@ -1,0 +1,118 @@
+"""Subscriptions to publishers that fail; those to publishers that do not are in test_node.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gateway.ros1.messages import message_type
+from gateway.ros1.node import Node
+from gateway.ros1.rosmaster import RosMaster
+from gateway.ros1.subscriber import MAX_PUBLISHERS, LinkFailure, Message
+from gateway.ros1.wire.header import encode_header
+from gateway.ros1.wire.tcpros import message_prefix
+from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc_server import XmlRpcServer
+from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
+from tests.gateway.ros1.waiting import until
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+STRING = "std_msgs/String"
+
+
+@pytest.fixture
+async def master() -> AsyncIterator[RosMaster]:
+    async with RosMaster() as running:
+        yield running
+
+
+def node(name: str, master: RosMaster) -> Node:
+    return Node(name, master_uri=master.uri, poll_interval=0.1, timeout=2.0)
+
+
+async def register(master: RosMaster, uri: str) -> None:
+    """Register a slave URI as a publisher, in a name of its own."""
+    async with XmlRpcClient() as client:
+        name = f"/fake{uri.rstrip('/').rpartition(':')[2]}"
+        await client.call(master.uri, "registerPublisher", name, "/chat", STRING, uri)
+
+
+def stream(*messages: bytes) -> bytes:
+    kind = message_type(STRING)
+    header = encode_header({"type": kind.name, "md5sum": kind.md5sum, "callerid": "/fake"})
+    return header + b"".join(message_prefix(len(message)) + message for message in messages)
+
+
+@pytest.mark.parametrize(
+    ("data", "failure"),
+    [
+        pytest.param(b"garbage" * 1000, LinkFailure.PROTOCOL, id="garbage"),
+        pytest.param(stream(b"x" * 101), LinkFailure.PROTOCOL, id="over the cap"),
+        pytest.param(encode_header({"error": "go away"}), LinkFailure.REFUSED, id="refused"),
+        pytest.param(encode_header({"type": "a/B", "md5sum": "0"}), LinkFailure.MISMATCH, id="mismatch"),
+        pytest.param(stream(), LinkFailure.CLOSED, id="closed"),
+    ],
+)
+async def test_failing_publisher_is_counted_and_tried_again(
+    master: RosMaster, data: bytes, failure: LinkFailure
+) -> None:
+    async with (
+        fake_publisher(data) as uri,
+        node("/a", master) as a,
+        a.subscribe("/chat", STRING, print, max_message_bytes=100) as subscription,
+    ):
+        await register(master, uri)
+        await until(lambda: subscription.counters.failures[failure] >= 2, "it has failed twice")
+        assert set(subscription.counters.failures) == {failure}
+        assert subscription.counters.links[uri].failures[failure] >= 2
+
+
+async def test_publisher_that_never_sends_its_header_is_given_up(master: RosMaster) -> None:
+    async with (
+        fake_publisher(b"", hang=True) as uri,
+        Node("/a", master_uri=master.uri, timeout=0.1) as a,
+        a.subscribe("/chat", STRING, print) as subscription,
+    ):
+        await register(master, uri)
+        await until(lambda: subscription.counters.failures[LinkFailure.UNREACHABLE], "it is given up")
+
+
+async def test_publisher_of_another_type_than_the_first_is_refused(master: RosMaster) -> None:
+    got: list[Message] = []
+    other = encode_header({"type": "a/B", "md5sum": "0" * 32, "callerid": "/other"})
+    async with (
+        fake_publisher(stream(b"first"), hang=True) as good,
+        fake_publisher(other, hang=True) as bad,
+        node("/a", master) as a,
+        a.subscribe("/chat", "*", got.append) as subscription,
+    ):
+        await register(master, good)
+        await until(lambda: got, "the first publisher is heard")
+        assert subscription.type == message_type(STRING).topic_type
+        await register(master, bad)
+        await until(lambda: subscription.counters.failures[LinkFailure.MISMATCH], "the second is refused")
+        assert subscription.counters.links[good].connected
+
+
+@pytest.mark.parametrize("answer", [[], 0, ["UDPROS", "127.0.0.1", 1], ["TCPROS", "", 1], ["TCPROS", "127.0.0.1", 0]])
+async def test_publisher_that_offers_no_tcpros_is_tried_again(master: RosMaster, answer: object) -> None:
+    slave = FakeSlave(lambda _method, _params: answer)
+    async with (
+        XmlRpcServer(slave, host="127.0.0.1") as server,
+        node("/a", master) as a,
+        a.subscribe("/chat", STRING, print) as subscription,
+    ):
+        await register(master, server.uri)
+        await until(lambda: subscription.counters.failures[LinkFailure.UNREACHABLE] >= 2, "it has failed twice")
+    assert slave.calls[0] == ("requestTopic", ("/a", "/chat", [["TCPROS"]]))
+
+
+async def test_number_of_links_is_bounded(master: RosMaster) -> None:
+    async with node("/a", master) as a, a.subscribe("/chat", STRING, print) as subscription:
+        a.publishers_updated("/chat", [f"http://127.0.0.1:9/{i}" for i in range(MAX_PUBLISHERS + 1)])
+        assert len(subscription.publisher_uris) == MAX_PUBLISHERS
+        a.publishers_updated("/chat", [])
+        assert len(subscription.publisher_uris) == 0

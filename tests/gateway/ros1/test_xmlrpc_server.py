@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gateway.ros1.errors import FaultError, StatusError, UnreachableError, XmlRpcError
+from gateway.ros1.wire.xmlrpc import MethodCall, encode
+from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc_server import XmlRpcServer
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+
+class Api:
+    def call(self, method: str, params: tuple[Any, ...]) -> tuple[str, Any]:
+        match method:
+            case "echo":
+                return "echoed", list(params)
+            case "fail":
+                raise StatusError(0, "not today", [])
+            case "big":
+                return "", 2**40
+            case _:
+                raise LookupError(method)
+
+
+@pytest.fixture
+async def server() -> AsyncIterator[XmlRpcServer]:
+    async with XmlRpcServer(Api(), host="127.0.0.1", timeout=0.3, max_body_bytes=10_000) as running:
+        yield running
+
+
+@pytest.fixture
+async def client() -> AsyncIterator[XmlRpcClient]:
+    async with XmlRpcClient(timeout=5.0) as running:
+        yield running
+
+
+async def raw(server: XmlRpcServer, request: bytes) -> bytes:
+    """Return all that the server answers to raw bytes."""
+    port = int(server.uri.rstrip("/").rpartition(":")[2])
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(request)
+    try:
+        return await reader.readline()
+    finally:
+        writer.close()
+        await writer.wait_closed()
+
+
+async def test_call_and_answer(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    assert await client.call(server.uri, "echo", "a", 1, [True, {"x": 0.5}]) == ["a", 1, [True, {"x": 0.5}]]
+
+
+async def test_many_calls_at_once(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    answers = await asyncio.gather(*(client.call(server.uri, "echo", i) for i in range(100)))
+    assert answers == [[i] for i in range(100)]
+
+
+async def test_failure_keeps_its_code_and_text(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    with pytest.raises(StatusError, match="not today") as error:
+        await client.call(server.uri, "fail")
+    assert error.value.code == 0
+
+
+async def test_unknown_method_is_a_fault(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    with pytest.raises(FaultError, match="no method 'nothing'"):
+        await client.call(server.uri, "nothing")
+
+
+async def test_answer_that_xmlrpc_cannot_carry_is_a_fault(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    with pytest.raises(FaultError, match="cannot be XML-RPC"):
+        await client.call(server.uri, "big")
+
+
+async def test_request_over_the_limit_is_refused(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    with pytest.raises(UnreachableError, match="400"):
+        await client.call(server.uri, "echo", "x" * 10_000)
+
+
+@pytest.mark.parametrize(
+    ("request_bytes", "status"),
+    [
+        (b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", b"405"),
+        (b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 3\r\n\r\nabc", b"400"),
+        (b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 300\r\n\r\n<methodCall>", b"408"),
+        (b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 17\r\n\r\n<methodResponse/>", b"400"),
+    ],
+    ids=["GET", "not XML", "never completed", "no call"],
+)
+async def test_what_is_no_call(server: XmlRpcServer, request_bytes: bytes, status: bytes) -> None:
+    assert (await raw(server, request_bytes)).split()[1] == status
+
+
+async def test_server_goes_on_after_garbage(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    await raw(server, b"\x00\x01\x02 garbage\r\n\r\n")
+    assert await client.call(server.uri, "echo", 1) == [1]
+
+
+async def test_port_that_is_taken_is_an_error_and_leaves_nothing(server: XmlRpcServer) -> None:
+    port = int(server.uri.rstrip("/").rpartition(":")[2])
+    with pytest.raises(OSError, match="Address already in use"):
+        async with XmlRpcServer(Api(), host="127.0.0.1", port=port):
+            pass
+
+
+async def test_nobody_is_there(client: XmlRpcClient) -> None:
+    with pytest.raises(UnreachableError):
+        await client.call("http://127.0.0.1:9/", "echo")
+
+
+@pytest.mark.parametrize("uri", ["", "nonsense", "http://", "ftp://127.0.0.1/", "http://127.0.0.1:99999/"])
+async def test_uri_that_is_none(client: XmlRpcClient, uri: str) -> None:
+    with pytest.raises(UnreachableError):
+        await client.call(uri, "echo")
+
+
+async def test_parameter_that_xmlrpc_cannot_carry(server: XmlRpcServer, client: XmlRpcClient) -> None:
+    with pytest.raises(XmlRpcError):
+        await client.call(server.uri, "echo", None)
+
+
+def test_request_body_is_what_rospy_would_send() -> None:
+    assert encode(MethodCall("echo", ("a",))).startswith(b"<?xml version='1.0'?>\n<methodCall>\n<methodName>echo<")

@@ -1,0 +1,55 @@
+"""Cancelled at any await, a gateway's stream leaves nothing: no task, socket, registration, declaration or token."""
+
+import asyncio
+
+from bus import QUEUE
+from bus.fake import FakeNetwork
+from gateway.forward import offering
+from gateway.ros1.image import TYPE_NAME
+from gateway.ros1.node import Node
+from gateway.ros1.rosmaster import RosMaster
+from gateway.stream import StreamForward
+from gateway.translators import IMAGE_TRANSLATOR
+from schemas.keys import CameraKey, Stream
+from tests.gateway.ros1.cancelling import cancel_everywhere, open_sockets
+from tests.gateway.ros1.waiting import until
+
+FRONT = CameraKey("r1", "front")
+TOPIC = "/front/color/image_raw"
+
+
+async def test_a_wanted_stream() -> None:
+    network = FakeNetwork()
+    async with (
+        RosMaster() as master,
+        Node("/watch", master_uri=master.uri) as watch,
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        theirs.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)),
+        theirs.watch("fleet/*/*/color/alive") as tokens,
+    ):
+        await watch.master.get_pid()
+        tasks, sockets = asyncio.all_tasks(), open_sockets()
+
+        async def life() -> None:
+            stream = StreamForward(FRONT, Stream.COLOR, TOPIC, IMAGE_TRANSLATOR, "boot")
+            async with (
+                Node("/gateway", master_uri=master.uri) as node,
+                node.advertise(TOPIC, TYPE_NAME),
+                offering(ours, stream) as forward,
+                asyncio.TaskGroup() as group,
+            ):
+                running = group.create_task(forward.run(node))
+                while not forward.status().publishers:  # noqa: ASYNC110 - each turn of the loop is a suspension
+                    await asyncio.sleep(0)
+                running.cancel()
+
+        async def nothing_is_left(n: int) -> None:
+            state = await watch.master.get_system_state()
+            assert (state.publishers, state.subscribers) == ({}, {}), n
+            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
+            await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
+
+        assert await cancel_everywhere(life, nothing_is_left) > 20
+        async with ours.announce(FRONT.alive(Stream.COLOR)):
+            assert (await anext(tokens)).alive  # no token of a cancelled life is still there to be merged with

@@ -1,0 +1,41 @@
+import asyncio
+
+import pytest
+
+from bus import QUEUE, BusSettings, open_bus
+from gateway.process import node_name, run
+from gateway.ros1.names import validate_global
+from gateway.ros1.rosmaster import RosMaster
+from gateway.settings import GatewaySettings
+from schemas import codec, keys
+from schemas.status import GatewayStatus
+from services.toolbox.demo.process import free_ports
+
+
+@pytest.mark.parametrize("robot", ["r1", "forklift-7.b", "1"])
+def test_a_robots_name_makes_a_legal_node_name(robot: str) -> None:
+    assert validate_global(node_name(robot)).startswith("/fleetsight_gateway_")
+
+
+async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_comes() -> None:
+    port, endpoint = free_ports(1), f"tcp/127.0.0.1:{free_ports(1)}"
+    settings = GatewaySettings(
+        robot="r1", ros_master=f"http://127.0.0.1:{port}", ros_host="127.0.0.1", connect=[endpoint]
+    )
+    async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus:
+        running = asyncio.create_task(run(settings))
+        async with bus.subscribe(keys.gateway_status("r1"), QUEUE(9)) as statuses, asyncio.timeout(30):
+
+            async def until_waiting_for(text: str) -> GatewayStatus:
+                async for sample in statuses:
+                    status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
+                    if status.waiting_for == text:
+                        return status
+                raise AssertionError("the bus was closed")
+
+            waiting = await until_waiting_for(f"the ROS master at http://127.0.0.1:{port}")
+            assert [stream.topic for stream in waiting.streams] == ["/camera/color/image_raw"]
+            async with RosMaster(port=port):
+                assert (await until_waiting_for("")).boot_id == waiting.boot_id
+        running.cancel()
+        await asyncio.wait([running])

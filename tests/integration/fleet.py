@@ -1,0 +1,71 @@
+"""The fleet as its users run it: real processes around a router that the test embeds."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager
+from typing import Final
+
+from bus import QUEUE, Bus, BusSettings, Subscription, open_bus
+from schemas import codec, keys
+from schemas.codec import M
+from schemas.status import GatewayStatus, StreamStatus
+from services.toolbox.demo.children import Child, child
+from services.toolbox.demo.process import free_ports
+
+PATIENCE_S: Final = 60
+
+log = logging.getLogger(__name__)
+
+
+class FleetRig:
+    """A router, and `fleetsight` processes that connect to it."""
+
+    def __init__(self, bus: Bus, endpoint: str, stack: AsyncExitStack) -> None:
+        self.bus = bus
+        self._endpoint = endpoint
+        self._stack = stack
+
+    async def start(self, command: str, *options: str) -> Child:
+        """Start `fleetsight COMMAND OPTIONS` until the rig is taken down."""
+        arguments = [command, "--connect", self._endpoint, *options]
+        return await self._stack.enter_async_context(child(command, arguments, log.info))
+
+    async def gateway(self, robot: str, master: str, cameras: Mapping[str, str]) -> Child:
+        """Start a robot's gateway."""
+        names = [option for camera, topic in cameras.items() for option in ("--cameras", f"{camera}={topic}")]
+        return await self.start("gateway", "--robot", robot, "--ros-master", master, "--ros-host", "127.0.0.1", *names)
+
+    @asynccontextmanager
+    async def subscribed(self, key_expr: str) -> AsyncIterator[Subscription]:
+        """Subscribe as any other program of the fleet would."""
+        async with self.bus.subscribe(key_expr, QUEUE(1000)) as subscription:
+            yield subscription
+
+    async def stream_status(
+        self, robot: str, camera: str, until: Callable[[StreamStatus], bool] = lambda _: True
+    ) -> StreamStatus:
+        """Wait until the gateway's account of the camera is such; return it."""
+        async with asyncio.timeout(PATIENCE_S), self.subscribed(keys.gateway_status(robot)) as statuses:
+            async for sample in statuses:
+                status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
+                for stream in status.streams:
+                    if stream.camera == camera and until(stream):
+                        return stream
+        raise AssertionError("the bus was closed")
+
+
+async def receive(subscription: Subscription, schema: type[M]) -> M:
+    """Wait for the next message."""
+    async with asyncio.timeout(PATIENCE_S):
+        sample = await anext(subscription)
+    return codec.decode(schema, sample.payload, sample.encoding)
+
+
+@asynccontextmanager
+async def fleet_rig() -> AsyncIterator[FleetRig]:
+    """Embed a router, as the monitor does; what the rig started ends with it."""
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
+    async with AsyncExitStack() as stack:
+        bus = await stack.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint])))
+        yield FleetRig(bus, endpoint, stack)

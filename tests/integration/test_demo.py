@@ -1,0 +1,88 @@
+"""`fleetsight demo` as a user runs it."""
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import psutil
+import pytest
+
+from services.toolbox.process import EXIT_FAILED
+
+DEMO = (sys.executable, "-m", "services.toolbox", "demo", "--robots", "3", "--hz", "1")
+PATIENCE_S = 60
+
+
+@contextmanager
+def demo(*options: str) -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen(
+        [*DEMO, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as running:
+        try:
+            yield running
+        finally:
+            running.kill()
+
+
+def until_said(running: subprocess.Popen[str], pattern: str) -> None:
+    assert running.stdout is not None
+    assert any(re.search(pattern, line) for line in running.stdout)
+
+
+def processes(running: subprocess.Popen[str]) -> list[psutil.Process]:
+    """Return the demo's five processes: simulator, three gateways and the detector."""
+    found = psutil.Process(running.pid).children(recursive=True)
+    assert len(found) == 5
+    return found
+
+
+@pytest.mark.timeout(180)
+def test_it_stops_by_itself_and_adds_up() -> None:
+    with demo("--seconds", "25") as running:
+        said, _ = running.communicate(timeout=PATIENCE_S * 2)
+    assert running.returncode == 0, said
+    for robot in ("r1", "r2", "r3"):
+        assert re.search(rf"^{robot}/camera: online, .*(box|pallet|forklift|nothing)", said, re.MULTILINE)
+    sent, inferred, lists = (
+        int(number)
+        for label in ("frames sent", "frames inferred", "class lists received")
+        for number in re.findall(rf"^{label}: +(\d+)", said, re.MULTILINE)
+    )
+    assert 0 < inferred <= sent
+    assert 0 < lists <= inferred
+    assert re.search(r"^class lists received: .*r1 [1-9].*r2 [1-9].*r3 [1-9]", said, re.MULTILINE)
+    assert re.search(r"^age p50 / p99: +[\d.]+ s / [\d.]+ s$", said, re.MULTILINE)
+    assert said.endswith("every robot was seen\n")
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_everything(number: signal.Signals) -> None:
+    with demo() as running:
+        until_said(running, "gateway r3: .*connected")
+        started = processes(running)
+        running.send_signal(number)
+        said, _ = running.communicate(timeout=PATIENCE_S)
+    assert "frames sent:" in said
+    assert psutil.wait_procs(started, timeout=0)[1] == []
+
+
+@pytest.mark.timeout(120)
+def test_nothing_outlives_a_demo_that_is_killed() -> None:
+    with demo() as running:
+        until_said(running, "gateway r3: .*connected")
+        started = processes(running)
+        running.kill()
+        _, alive = psutil.wait_procs(started, timeout=PATIENCE_S)
+    assert alive == []
+
+
+@pytest.mark.timeout(120)
+def test_a_process_that_fails_ends_the_demo_with_its_reason() -> None:
+    with demo("--model", "no-such-model.pt") as running:
+        said, _ = running.communicate(timeout=PATIENCE_S)
+    assert running.returncode == EXIT_FAILED
+    assert "detector ended with exit code 2: fleetsight detector: --model no-such-model.pt: no such file" in said

@@ -1,0 +1,45 @@
+"""Cancelled at any await, a worker leaves nothing: no task, declaration or token."""
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+
+from bus import QUEUE, QoS
+from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey, Stream
+from services.detector.worker import Worker
+from tests.gateway.ros1.cancelling import cancel_everywhere
+from tests.gateway.ros1.waiting import until
+from tests.services.detector.fakes import FakeModel
+from tests.services.detector.test_worker import frame
+
+FRONT = CameraKey("r1", "front")
+
+
+async def test_a_worker_with_a_wanted_camera() -> None:
+    network = FakeNetwork()
+    with ThreadPoolExecutor(1) as executor:
+        async with (
+            network.open_bus() as theirs,
+            theirs.announce(FRONT.alive(Stream.COLOR)),
+            theirs.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+            theirs.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as camera,
+        ):
+            tasks = asyncio.all_tasks()
+
+            async def life() -> None:
+                before = classes.counts.received
+                async with network.open_bus() as ours, asyncio.TaskGroup() as group:
+                    working = group.create_task(Worker(ours, FakeModel(), "w1", executor).run())
+                    while classes.counts.received == before:  # each turn of the loop is a suspension
+                        if camera.wanted:
+                            camera.put(codec.encode(frame(0)))
+                        await asyncio.sleep(0)
+                    working.cancel()
+
+            async def nothing_is_left(n: int) -> None:
+                await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
+                await until(lambda: not camera.wanted, f"nothing is subscribed after {n}")
+
+            assert await cancel_everywhere(life, nothing_is_left) > 10

@@ -1,0 +1,31 @@
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from schemas.keys import NAME
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings, default_worker_name
+
+
+def test_the_shipped_model_is_there() -> None:
+    assert Path(DetectorSettings().model) == SHIPPED_MODEL
+
+
+def test_an_absent_file_is_an_error_unless_downloading_is_allowed() -> None:
+    with pytest.raises(ValidationError, match=r"--model yolo11n-seg\.pt: no such file"):
+        DetectorSettings(model="yolo11n-seg.pt")
+    assert DetectorSettings(model="yolo11n-seg.pt", download=True).model == "yolo11n-seg.pt"
+
+
+def test_a_workers_own_name_can_be_a_key() -> None:
+    assert NAME.fullmatch(default_worker_name())
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("confidence", -0.1), ("confidence", 1.1), ("iou", 2), ("max_detections", 0), ("threads", -1), ("worker", "a/b")],
+)
+def test_what_is_out_of_range_is_named(field: str, value: object) -> None:
+    with pytest.raises(ValidationError) as caught:
+        DetectorSettings.model_validate({field: value, "model": "x", "download": True})
+    assert caught.value.errors()[0]["loc"] == (field,)

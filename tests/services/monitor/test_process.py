@@ -1,0 +1,129 @@
+import asyncio
+import io
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+from rich.console import Console
+
+from bus import Bus, QoS
+from bus.fake import FakeNetwork
+from schemas import codec, keys
+from schemas.codec import Message
+from schemas.detections import ClassCount, ClassList
+from schemas.keys import CameraKey, Stream
+from schemas.status import GatewayStatus, WorkerStatus
+from services.monitor.display import show
+from services.monitor.fleet import Fleet
+from services.monitor.process import watch_fleet
+from tests.schemas.frames import header
+
+FRONT = CameraKey("r1", "front")
+SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")
+GATEWAY = GatewayStatus(robot="r1", boot_id="b", clock_id="clock", sent_ns=1)
+WORKER = WorkerStatus(service="detector", worker="w1", model="m", sent_ns=1)
+
+
+@pytest.fixture
+def fleet() -> Fleet:
+    return Fleet("clock")
+
+
+@pytest.fixture
+async def bus(fleet: Fleet) -> AsyncIterator[Bus]:
+    """The rest of the fleet's bus, watched by a monitor."""
+    network = FakeNetwork()
+    async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
+        watching = group.create_task(watch_fleet(ours, fleet))
+        await asyncio.sleep(0.01)
+        yield theirs
+        watching.cancel()
+
+
+async def publish(bus: Bus, key: str, message: Message) -> None:
+    await send(bus, key, codec.encode(message), codec.encoding(type(message)))
+
+
+async def send(bus: Bus, key: str, payload: bytes, encoding: str) -> None:
+    async with bus.publisher(key, QoS.RESULT, encoding=encoding) as publisher:
+        publisher.put(payload)
+
+
+async def until(condition: Callable[[], object]) -> None:
+    async with asyncio.timeout(5):
+        while not condition():  # noqa: ASYNC110 - nobody tells
+            await asyncio.sleep(0.005)
+
+
+async def test_presence_and_class_lists_fill_the_fleet(bus: Bus, fleet: Fleet) -> None:
+    async with bus.announce(keys.robot_alive("r1")), bus.announce(FRONT.alive(Stream.COLOR)):
+        await publish(bus, FRONT.stream(Stream.CLASSES), SEEN)
+        await until(lambda: fleet.lists_per_robot()["r1"])
+        (row,) = fleet.rows(0)
+        assert (row.key, row.online, row.classes) == (FRONT, True, (ClassCount("box", 2, 0.9),))
+    await until(lambda: not next(fleet.rows(0)).online)
+
+
+async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
+    await publish(bus, keys.gateway_status("r1"), GATEWAY)
+    await publish(bus, keys.worker_status("detector", "w1"), WORKER)
+    await until(lambda: fleet.gateways and fleet.workers)
+    assert fleet.gateways == {"r1": GATEWAY}
+    assert fleet.workers == {("detector", "w1"): WORKER}
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("fleet/r2/front/classes", SEEN),
+        ("fleet/r1/rear/classes", SEEN),
+        ("fleet/r2/status", GATEWAY),
+        ("workers/detector/w2/status", WORKER),
+        ("workers/distance/w1/status", WORKER),
+    ],
+)
+async def test_a_message_that_is_not_its_keys_is_left_out(bus: Bus, fleet: Fleet, key: str, message: Message) -> None:
+    await publish(bus, key, message)
+    await publish(bus, FRONT.stream(Stream.CLASSES), SEEN)
+    await until(lambda: fleet.lists_per_robot()["r1"])
+    assert fleet.lists_per_robot() == {"r1": 1}
+    assert (fleet.gateways, fleet.workers) == ({}, {})
+
+
+@pytest.mark.parametrize("key", [FRONT.stream(Stream.CLASSES), "fleet/r1/status", "workers/detector/w1/status"])
+async def test_garbage_is_left_out_and_harms_no_other(bus: Bus, fleet: Fleet, key: str) -> None:
+    for encoding in ("", codec.encoding(ClassList)):
+        await send(bus, key, b"\xc1garbage", encoding)
+    await publish(bus, FRONT.stream(Stream.CLASSES), SEEN)
+    await until(lambda: fleet.lists_per_robot()["r1"])
+
+
+async def test_a_token_under_an_odd_key_is_left_out(bus: Bus, fleet: Fleet) -> None:
+    async with bus.announce("fleet/r1/status/color/alive"), bus.announce(FRONT.alive(Stream.COLOR)):
+        await until(lambda: [row.key for row in fleet.rows(0)] == [FRONT])
+
+
+async def test_without_a_terminal_changes_are_printed_once(fleet: Fleet) -> None:
+    console = Console(file=io.StringIO(), force_terminal=False)
+    fleet.camera_presence(FRONT, alive=True)
+    showing = asyncio.create_task(show(fleet, console, 0.01, note=""))
+    await asyncio.sleep(0.1)
+    fleet.see(SEEN, 0, 0)
+    await asyncio.sleep(0.1)
+    showing.cancel()
+    await asyncio.wait([showing])
+    assert isinstance(console.file, io.StringIO)
+    first, second = console.file.getvalue().splitlines()
+    assert first == "r1/front: offline, waiting for the first class list, age -, 0.0/s"
+    assert second.startswith("r1/front: offline, 2 box, age > ")
+
+
+async def test_on_a_terminal_the_table_is_drawn(fleet: Fleet) -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=100)
+    fleet.camera_presence(FRONT, alive=True)
+    showing = asyncio.create_task(show(fleet, console, 0.01, note="listening"))
+    await asyncio.sleep(0.05)
+    showing.cancel()
+    await asyncio.wait([showing])
+    assert isinstance(console.file, io.StringIO)
+    assert "waiting for the first class list" in console.file.getvalue()
+    assert "listening" in console.file.getvalue()
