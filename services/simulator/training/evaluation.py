@@ -147,7 +147,8 @@ def is_invented(prediction: Found, classes: NDArray[np.int32]) -> bool:
     window = classes[top:bottom, left:right]
     if window.size < NEAR_AREA * classes.size:
         return False
-    return bool(np.mean(window == [*CLASSES].index(prediction.name)) < FOUNDED_SHARE)
+    names: tuple[str, ...] = CLASSES
+    return bool(np.mean(window == names.index(prediction.name)) < FOUNDED_SHARE)
 
 
 def _iou(one: Box, other: Box) -> float:
