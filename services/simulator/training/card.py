@@ -46,15 +46,18 @@ On drives through held-out scenes, of the objects whose visible part covers at l
 within {near_metres:.0f} m, {near_share:.1%} were named right: a box of the right class with an IoU of at least
 {iou:.1f}, at a confidence of at least {confidence:.2f}.
 
-| class | near objects | named right | only named wrong |
-|---|---|---|---|
+| class | near objects | named right | only named wrong | invented |
+|---|---|---|---|---|
 {near_rows}
+
+"Invented" are predictions of at least the same size in these {pictures} pictures where nothing of that class was.
 
 ## What it is not
 
 It has seen no photograph: every picture it knows was rendered from cuboids. How it does on a real camera is not
 measured; train on pictures of your own site before you rely on it. Objects that are far, small or mostly hidden are
-often missed. Things that it was never shown (people, cars, hand pallet trucks) may be taken for one of its classes.
+often missed, and trolleys, posts or bare walls are sometimes taken for forklifts. Things that it was never shown
+(people, cars, hand pallet trucks) may be taken for one of its classes.
 
 Licence: AGPL-3.0-or-later, as the project and the architecture's definition in Ultralytics are.
 """
@@ -77,6 +80,7 @@ def model_card(settings: TrainingSettings, masks: MaskFigures, near: NearFigures
         near_area=NEAR_AREA,
         near_metres=NEAR_METRES,
         near_share=near.share,
+        pictures=near.pictures,
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
@@ -91,5 +95,5 @@ def _command(settings: TrainingSettings) -> str:
 
 
 def _near_row(near: NearFigures, name: str) -> str:
-    counts = (figures.get(name, 0) for figures in (near.objects, near.named, near.misnamed))
+    counts = (figures.get(name, 0) for figures in (near.objects, near.named, near.misnamed, near.invented))
     return f"| {name} | " + " | ".join(str(count) for count in counts) + " |"

@@ -72,7 +72,7 @@ def _mapped(jobs: Iterable[Job], workers: int) -> Iterator[None]:
         return
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-        yield from pool.map(_write_scene, jobs, chunksize=4)
+        yield from pool.map(_write_scene, jobs)
 
 
 def _write_scene(job: Job) -> None:

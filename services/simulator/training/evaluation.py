@@ -16,6 +16,7 @@ NEAR_METRES: Final = 4.0
 NEAR_AREA: Final = 0.01
 MATCHING_IOU: Final = 0.5
 CONFIDENCE: Final = 0.35
+FOUNDED_SHARE: Final = 0.1
 Box = NDArray[np.float64]
 
 
@@ -30,11 +31,16 @@ class MaskFigures:
 
 @dataclass(frozen=True, slots=True)
 class NearFigures:
-    """Of the near objects of each class on drives through unseen scenes: how many, named right, and misnamed."""
+    """Of the near objects of each class on drives through unseen scenes: how many, named right, and misnamed.
 
+    `invented` counts the large predictions of each class in `pictures` where nothing of that class was.
+    """
+
+    pictures: int
     objects: dict[str, int]
     named: dict[str, int]
     misnamed: dict[str, int]
+    invented: dict[str, int]
 
     @property
     def share(self) -> float:
@@ -48,6 +54,15 @@ class Found:
 
     name: str
     box: Box
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """An RGB picture, the near objects in it, and the class index of every pixel (-1 for the background)."""
+
+    image: NDArray[np.uint8]
+    near: list[Found]
+    classes: NDArray[np.int32]
 
 
 def mask_figures(weights: Path, dataset: Path, work_dir: Path, batch: int, device: str) -> MaskFigures:
@@ -76,26 +91,28 @@ def near_figures(
 ) -> NearFigures:
     """Drive through the scenes of `seeds`, `frames` pictures each, and ask the model what is near."""
     model = load_ultralytics(work_dir / "ultralytics").YOLO(str(weights))
-    objects, named, misnamed = Counter[str](), Counter[str](), Counter[str]()
+    objects, named, misnamed, invented = (Counter[str]() for _ in range(4))
     for done, seed in enumerate(seeds, start=1):
-        for image, truths in near_views(seed, frames):
-            predictions = predicted(model, image)
-            for truth in truths:
+        for view in near_views(seed, frames):
+            predictions = predicted(model, view.image)
+            invented.update(found.name for found in predictions if is_invented(found, view.classes))
+            for truth in view.near:
                 right, wrong = match(truth, predictions)
                 objects[truth.name] += 1
                 named[truth.name] += right
                 misnamed[truth.name] += wrong and not right
         report(done)
-    return NearFigures(dict(objects), dict(named), dict(misnamed))
+    return NearFigures(len(seeds) * frames, dict(objects), dict(named), dict(misnamed), dict(invented))
 
 
-def near_views(seed: int, frames: int) -> Iterator[tuple[NDArray[np.uint8], list[Found]]]:
-    """Pictures (RGB, 640x480) on a drive through the scene of `seed`, with the near objects in each."""
+def near_views(seed: int, frames: int) -> Iterator[View]:
+    """Pictures (640x480) on a drive through the scene of `seed`."""
     scene, camera, rng = generate(seed), Camera(), np.random.default_rng([seed, 4])
     drive, sensor = Drive.plan(scene), Sensor()
     for index in range(frames):
         rendering = render(scene, drive.pose(index / frames), camera)
-        yield expose(rendering.color, sensor, rng), near_objects(scene, rendering)
+        image = expose(rendering.color, sensor, rng)
+        yield View(image, near_objects(scene, rendering), scene.instance_classes[rendering.instances])
 
 
 def near_objects(scene: Scene, rendering: Rendering) -> list[Found]:
@@ -122,6 +139,16 @@ def match(truth: Found, predictions: list[Found]) -> tuple[bool, bool]:
     """Whether some prediction lies on `truth` with the right name, and whether one does with a wrong name."""
     on_it = [p.name for p in predictions if _iou(truth.box, p.box) >= MATCHING_IOU]
     return truth.name in on_it, any(name != truth.name for name in on_it)
+
+
+def is_invented(prediction: Found, classes: NDArray[np.int32]) -> bool:
+    """Whether a large prediction has next to nothing of its class inside its box."""
+    left, top, right, bottom = np.rint(prediction.box).astype(int)
+    window = classes[top:bottom, left:right]
+    if window.size < NEAR_AREA * classes.size:
+        return False
+    names: tuple[str, ...] = CLASSES
+    return bool(np.mean(window == names.index(prediction.name)) < FOUNDED_SHARE)
 
 
 def _iou(one: Box, other: Box) -> float:

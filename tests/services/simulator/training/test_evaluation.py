@@ -1,6 +1,6 @@
 import numpy as np
 
-from services.simulator.training.evaluation import NEAR_AREA, NEAR_METRES, Found, match, near_objects
+from services.simulator.training.evaluation import NEAR_AREA, NEAR_METRES, Found, is_invented, match, near_objects
 from services.simulator.world import Camera, Drive, generate, render
 
 TRUTH = Found("box", np.array([10.0, 10, 30, 30]))
@@ -30,6 +30,15 @@ def test_elsewhere_or_nothing_is_neither() -> None:
 def test_half_an_overlap_is_enough() -> None:
     assert match(TRUTH, [at("box", 10, 10, 30, 20)]) == (True, False)
     assert match(TRUTH, [at("box", 10, 10, 30, 19)]) == (False, False)
+
+
+def test_a_large_prediction_of_what_is_not_there_is_invented() -> None:
+    classes = np.full((100, 100), -1, np.int32)
+    classes[:20, :20] = 0
+    assert is_invented(at("box", 50, 50, 70, 70), classes)
+    assert is_invented(at("pallet", 0, 0, 20, 20), classes)
+    assert not is_invented(at("box", 0, 0, 30, 30), classes)
+    assert not is_invented(at("box", 50, 50, 59, 59), classes)
 
 
 def test_near_objects_are_large_and_near() -> None:

@@ -62,8 +62,8 @@ def test_the_shipped_file_is_small_and_says_nothing_about_its_maker() -> None:
 def test_the_shipped_model_names_near_objects_on_unseen_drives(model: Any) -> None:
     right = []
     for seed in (700, 702, 706, 707):
-        for image, truths in near_views(seed, 6):
-            predictions = predicted(model, image)
-            right += [match(truth, predictions)[0] for truth in truths]
+        for view in near_views(seed, 6):
+            predictions = predicted(model, view.image)
+            right += [match(truth, predictions)[0] for truth in view.near]
     assert len(right) > 30
     assert np.mean(right) > 0.8
