@@ -73,21 +73,23 @@ class RosProcess:
         return self.output
 
     def kill(self) -> None:
+        self._signal(signal.SIGKILL)
+
+    def _signal(self, sign: signal.Signals) -> None:
+        """Signal the process and those it started, as rosbag starts its player: the group is its own."""
         with suppress(ProcessLookupError):
-            self._process.kill()
+            os.killpg(self._process.pid, sign)
 
     async def end(self, sign: signal.Signals = signal.SIGINT) -> None:
         """End the process: politely, then, past the deadline, not."""
         if self._process.returncode is None:
-            with suppress(ProcessLookupError):
-                self._process.send_signal(sign)
+            self._signal(sign)
             with suppress(TimeoutError):
                 async with asyncio.timeout(END_TIMEOUT_S):
                     await self._process.wait()
         self.kill()
         await self._process.wait()
-        self._reading.cancel()
-        await asyncio.wait([self._reading])
+        await self._reading
 
     async def _read(self) -> None:
         stream = self._process.stdout
@@ -140,6 +142,7 @@ class RosEnvironment:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
+            start_new_session=True,
         )
         self._processes.append(RosProcess(process))
         return self._processes[-1]
