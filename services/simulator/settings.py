@@ -21,7 +21,7 @@ class SimulatorSettings(BaseModel):
     robots: Annotated[int, Field(ge=1, le=100, description="how many robots; they are called r1, r2, ...")] = 1
     hz: Annotated[float, Field(gt=0, le=60, description="images per second and robot")] = 2.0
     width: Annotated[int, Field(ge=16, le=4096, description="pixels in a row")] = 640
-    height: Annotated[int, Field(ge=16, le=4096, description="rows of an image")] = 1200
+    height: Annotated[int, Field(ge=16, le=4096, description="rows of an image")] = 480
     frames: Annotated[
         int, Field(ge=1, le=10_000, description="images of a robot's drive; it starts over after the last")
     ] = 120
