@@ -8,9 +8,11 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Field
 
 from bus.settings import BusSettings
+from gateway.ros1.addresses import validate_host, validate_master_uri
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey
 
+MAX_TOPIC: Final = 256
 TOPIC: Final = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
 
@@ -24,12 +26,6 @@ def host_name() -> str:
     return os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP") or socket.gethostname()
 
 
-def _master(uri: str) -> str:
-    if not re.fullmatch(r"http://[^\s/:]+:\d{1,5}/?", uri):
-        raise ValueError("a ROS master's address looks like http://robot:11311")
-    return uri.rstrip("/")
-
-
 def _cameras(cameras: dict[str, str]) -> dict[str, str]:
     if not cameras:
         raise ValueError("name at least one camera, like front=/front/color/image_raw")
@@ -38,8 +34,10 @@ def _cameras(cameras: dict[str, str]) -> dict[str, str]:
             CameraKey("robot", camera)
         except SchemaError as error:
             raise ValueError(str(error)) from error
-        if not TOPIC.fullmatch(topic):
+        if len(topic) > MAX_TOPIC or not TOPIC.fullmatch(topic):
             raise ValueError(f"camera {camera}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+    if len(set(cameras.values())) < len(cameras):
+        raise ValueError("two cameras cannot be the same topic")
     return cameras
 
 
@@ -47,14 +45,14 @@ class GatewaySettings(BusSettings):
     """Forward a robot's ROS 1 cameras onto Zenoh while somebody wants them. Runs on the robot, needs no ROS install."""
 
     robot: Annotated[str, Field(pattern=f"^{NAME.pattern}$", description="this robot's name, unique in the fleet")]
-    ros_master: Annotated[str, AfterValidator(_master)] = Field(
+    ros_master: Annotated[str, AfterValidator(validate_master_uri)] = Field(
         default_factory=master_uri,
         validate_default=True,
         description="the ROS master's address; ROS_MASTER_URI unless given",
     )
-    ros_host: str = Field(
+    ros_host: Annotated[str, AfterValidator(validate_host)] = Field(
         default_factory=host_name,
-        min_length=1,
+        validate_default=True,
         description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
     )
     cameras: Annotated[

@@ -11,6 +11,7 @@ BYTES_PER_PIXEL: Final = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8":
 """Encodings of sensor_msgs/image_encodings.h that this contract carries."""
 
 MAX_SIDE: Final = 16_384
+MAX_STEP: Final = MAX_SIDE * 16
 
 Side = Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE)]
 
@@ -25,7 +26,7 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
     height: Side
     width: Side
     encoding: Annotated[str, msgspec.Meta(max_length=32)]
-    step: Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE * 16)]
+    step: Annotated[int, msgspec.Meta(ge=1, le=MAX_STEP)]
     data: memoryview
 
     def __post_init__(self) -> None:
@@ -50,5 +51,7 @@ def check_layout(height: int, width: int, encoding: str, step: int, size: int) -
     row = width * BYTES_PER_PIXEL[encoding]
     if step < row:
         raise SchemaError(f"step too short: {step} bytes a row, {width} {encoding} pixels need {row}")
+    if step > MAX_STEP:
+        raise SchemaError(f"absurd step: {step} bytes a row, at most {MAX_STEP}")
     if size != step * height:
         raise SchemaError(f"data does not fit: {size} bytes, step x height is {step * height}")

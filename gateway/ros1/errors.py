@@ -23,8 +23,8 @@ class Ros1Error(Exception):
     """Base class of all errors of this package."""
 
 
-class InvalidNameError(Ros1Error):
-    """Not a legal graph resource name."""
+class InvalidNameError(Ros1Error, ValueError):
+    """Not a legal graph resource name, or no address."""
 
 
 class WireError(Ros1Error):

@@ -3,7 +3,9 @@
 import os
 from typing import Annotated
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
+
+from gateway.ros1.addresses import validate_host, validate_master_uri
 
 
 def master_uri() -> str | None:
@@ -26,15 +28,20 @@ class SimulatorSettings(BaseModel):
         int, Field(ge=1, le=10_000, description="images of a robot's drive; it starts over after the last")
     ] = 120
     seed: Annotated[int, Field(ge=0, description="robot n drives through the warehouse of seed + n")] = 0
-    ros_master: Annotated[
-        str | None,
-        Field(default_factory=master_uri, description="a real master to register at; ROS_MASTER_URI unless given"),
-    ]
+    ros_master: Annotated[str, AfterValidator(validate_master_uri)] | None = Field(
+        default_factory=master_uri,
+        validate_default=True,
+        description="a real master to register at; ROS_MASTER_URI unless given",
+    )
     master_port: Annotated[
         int,
         Field(
             ge=0, le=65_435, description="the first robot's own master listens here, the next ones' on the next ports"
         ),
     ] = 11_311
-    ros_host: Annotated[str, Field(description="name or address at which ROS nodes reach this machine")] = "127.0.0.1"
+    ros_host: Annotated[
+        str,
+        AfterValidator(validate_host),
+        Field(description="name or address at which ROS nodes reach this machine"),
+    ] = "127.0.0.1"
     summary: Annotated[bool, Field(description="at the end, print the counts as one JSON object")] = False

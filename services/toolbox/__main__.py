@@ -69,7 +69,7 @@ def _run(command: Command, settings: BaseModel) -> int:
     try:
         return process.run(partial(main_function, settings))
     except Exception as error:
-        if isinstance(error, command.load_refusal()):
+        if isinstance(error, command.load_refusals()):
             raise UsageError(" ".join(str(error).split())) from error
         raise
 

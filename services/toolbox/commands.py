@@ -14,7 +14,7 @@ Run = Callable[[BaseModel], Awaitable[int | None]]
 class Command:
     """A subcommand. Names are "module:name".
 
-    run: a coroutine function that takes the settings. refusal: the error it raises for settings that turn out to be
+    run: a coroutine function that takes the settings. refusals: the errors it raises for settings that turn out to be
     wrong once used. extra: what must be installed beyond the base.
     """
 
@@ -22,7 +22,7 @@ class Command:
     summary: str
     settings: str
     run: str
-    refusal: str = "bus:BusError"
+    refusals: tuple[str, ...] = ("bus:BusError",)
     extra: str | None = None
 
     def load_settings(self) -> type[BaseModel]:
@@ -35,10 +35,9 @@ class Command:
         found: Run = _load(self.run)
         return found
 
-    def load_refusal(self) -> type[Exception]:
-        """Import the error that refuses settings."""
-        found: type[Exception] = _load(self.refusal)
-        return found
+    def load_refusals(self) -> tuple[type[Exception], ...]:
+        """Import the errors that refuse settings."""
+        return tuple(_load(refusal) for refusal in self.refusals)
 
 
 def _load(reference: str) -> Any:
@@ -58,7 +57,7 @@ COMMANDS: Final = (
         "anywhere: run a YOLO model on the cameras whose results somebody wants",
         "services.detector.settings:DetectorSettings",
         "services.detector.process:run",
-        refusal="services.detector.model:ModelError",
+        refusals=("bus:BusError", "services.detector.model:ModelError"),
         extra="detector",
     ),
     Command(
@@ -73,7 +72,7 @@ COMMANDS: Final = (
         "robots that are not there: ROS 1 cameras in a rendered warehouse",
         "services.simulator.settings:SimulatorSettings",
         "services.simulator.process:run",
-        refusal="services.simulator.process:MasterError",
+        refusals=("services.simulator.process:MasterError",),
         extra="simulator",
     ),
     Command(
@@ -81,7 +80,7 @@ COMMANDS: Final = (
         "make the shipped model from nothing: render, train, validate, write weights and card",
         "services.simulator.training.settings:TrainingSettings",
         "services.simulator.training.process:run",
-        refusal="services.simulator.training.errors:TrainingError",
+        refusals=("services.simulator.training.errors:TrainingError",),
         extra="train",
     ),
     Command(

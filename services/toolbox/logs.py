@@ -1,14 +1,15 @@
-"""Logging of a process: one line an event on stderr, and no source can flood it."""
+"""Logging of a process: one line an event on stderr, and nobody can flood it."""
 
 import logging
 import sys
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TextIO
 
 FORMAT: Final = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
 PERIOD_S: Final = 10.0
 MAX_SOURCES: Final = 1_024
+MAX_EVENTS: Final = 100
 
 
 @dataclass(slots=True)
@@ -17,25 +18,53 @@ class _Window:
     held_back: int = 0
 
 
-class RateLimit:
-    """Lets one event per source through in each period and counts those held back; sources remembered are bounded."""
+@dataclass(frozen=True, slots=True)
+class Admitted:
+    """An event that is let through, and how many were held back before it."""
 
-    def __init__(self, period_s: float = PERIOD_S, max_sources: int = MAX_SOURCES) -> None:
+    of_its_source: int = 0
+    of_others: int = 0
+
+    def __str__(self) -> str:
+        """Say what was held back, or nothing."""
+        more = f" (and {self.of_its_source} more like it)" if self.of_its_source else ""
+        return more + (f" (and {self.of_others} events of other sources)" if self.of_others else "")
+
+
+class RateLimit:
+    """Lets one event per source through in each period, and `max_events` of all sources together; counts the rest."""
+
+    def __init__(
+        self, period_s: float = PERIOD_S, max_sources: int = MAX_SOURCES, max_events: int = MAX_EVENTS
+    ) -> None:
         self._period_s = period_s
         self._max_sources = max_sources
-        self._windows: OrderedDict[tuple[object, ...], _Window] = OrderedDict()
+        self._max_events = max_events
+        self._sources: OrderedDict[tuple[object, ...], _Window] = OrderedDict()
+        self._everybody = _Window(float("-inf"))
+        self._let_through = 0
 
-    def admit(self, source: tuple[object, ...], now: float) -> int | None:
-        """Return None to hold the event back, else how many were held back since the last one let through."""
-        window = self._windows.get(source)
+    def admit(self, source: tuple[object, ...], now: float) -> Admitted | None:
+        """Return None to hold the event back."""
+        window = self._sources.get(source)
         if window is not None and now - window.opened < self._period_s:
             window.held_back += 1
             return None
-        self._windows[source] = _Window(now)
-        self._windows.move_to_end(source)
-        if len(self._windows) > self._max_sources:
-            self._windows.popitem(last=False)
-        return window.held_back if window else 0
+        others = 0
+        if now - self._everybody.opened >= self._period_s:
+            others, self._everybody, self._let_through = self._everybody.held_back, _Window(now), 0
+        if self._let_through >= self._max_events:
+            self._everybody.held_back += 1
+            return None
+        self._let_through += 1
+        self._remember(source, now)
+        return Admitted(window.held_back if window else 0, others)
+
+    def _remember(self, source: tuple[object, ...], now: float) -> None:
+        self._sources[source] = _Window(now)
+        self._sources.move_to_end(source)
+        if len(self._sources) > self._max_sources:
+            self._sources.popitem(last=False)
 
 
 class RateLimitFilter(logging.Filter):
@@ -50,15 +79,30 @@ class RateLimitFilter(logging.Filter):
         if record.levelno < logging.WARNING:
             return True
         first = str(record.args[0]) if isinstance(record.args, tuple) and record.args else ""
-        held_back = self._limit.admit((record.name, record.msg, first), record.created)
-        if held_back:
-            record.msg, record.args = f"{record.getMessage()} (and {held_back} more like it)", ()
-        return held_back is not None
+        admitted = self._limit.admit((record.name, record.msg, first), record.created)
+        if admitted is None:
+            return False
+        if more := str(admitted):
+            record.msg, record.args = record.getMessage() + more, ()
+        return True
+
+
+class StderrHandler(logging.StreamHandler[TextIO]):
+    """Writes to what sys.stderr is at that moment, so that a live picture on the terminal is not written over."""
+
+    @property
+    def stream(self) -> TextIO:
+        """Where to write."""
+        return sys.stderr
+
+    @stream.setter
+    def stream(self, _: TextIO) -> None:
+        """Ignore it: the base class remembers the stream of the beginning."""
 
 
 def configure(level: str) -> None:
     """Write records of `level` and above to stderr."""
-    handler = logging.StreamHandler(sys.stderr)
+    handler = StderrHandler()
     handler.setFormatter(logging.Formatter(FORMAT))
     handler.addFilter(RateLimitFilter(RateLimit()))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)

@@ -1,6 +1,7 @@
 """Load a process's settings: options first, then the environment, then a YAML or TOML file, then defaults."""
 
 import inspect
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -47,9 +48,15 @@ class _EnvironmentSource(EnvSettingsSource):
             return super().decode_complex_value(field_name, field, value)
         except ValueError:
             parts = [part.strip() for part in value.split(",")]
-        if "dict" in str(field.annotation):
-            return dict(part.split("=", 1) for part in parts if "=" in part)
-        return parts
+        return _pairs(field_name, parts) if "dict" in str(field.annotation) else parts
+
+
+def _pairs(name: str, parts: Sequence[str]) -> dict[str, str]:
+    pairs = [part.partition("=") for part in parts]
+    mapping = {key.strip(): value.strip() for key, _, value in pairs}
+    if any(not sign for _, sign, _ in pairs) or len(mapping) < len(pairs):
+        raise UsageError(f"{ENV_PREFIX}{name.upper()} {','.join(parts)[:80]!r}: write it like name=value,other=value")
+    return mapping
 
 
 def load(model: type[S], argv: Sequence[str], *, prog: str) -> Loaded[S]:
@@ -66,7 +73,7 @@ def load(model: type[S], argv: Sequence[str], *, prog: str) -> Loaded[S]:
     except ValidationError as error:
         raise UsageError(_first_mistake(error)) from error
     except SettingsError as error:
-        raise UsageError(str(error).removeprefix("error parsing CLI: ")) from error
+        raise UsageError(_unparsed(str(error))) from error
     return Loaded(settings, found.log_level)
 
 
@@ -129,6 +136,14 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 def _wrong_file(path: Path, reason: str, cause: Exception | None = None) -> NoReturn:
     raise UsageError(f"--config {path}: {' '.join(reason.split())}") from cause
+
+
+def _unparsed(message: str) -> str:
+    """Say what could not be read from the command line; pydantic's own words on name=value pairs are Python's."""
+    unreadable = re.match(r"Parsing error encountered for (\w+):", message)
+    if unreadable is None:
+        return message.removeprefix("error parsing CLI: ")
+    return f"--{unreadable[1].replace('_', '-')}: write it like name=value"
 
 
 def _first_mistake(error: ValidationError) -> str:

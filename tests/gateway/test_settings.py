@@ -37,6 +37,10 @@ def test_ros_own_variables_are_the_defaults(
         ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
         ("cameras", {"front": "image"}, "camera front: 'image' is not a ROS topic"),
         ("cameras", {"front": "/image//raw"}, "is not a ROS topic"),
+        ("cameras", {"front": "/" + "a" * 256}, "is not a ROS topic"),
+        ("cameras", {"front": "/image", "rear": "/image"}, "two cameras cannot be the same topic"),
+        ("ros_master", "http://robot:99999", "looks like http://robot:11311"),
+        ("ros_host", "bad host", "neither a host's name nor an address"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:

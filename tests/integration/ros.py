@@ -23,7 +23,13 @@ if TYPE_CHECKING:
 SYSTEM_PYTHON = "/usr/bin/python3"
 ROSMASTER = "/usr/bin/rosmaster"
 ROSTOPIC = "/usr/bin/rostopic"
-_NEEDED = (ROSMASTER, ROSTOPIC, "/usr/lib/python3/dist-packages/rospy", "/usr/lib/python3/dist-packages/sensor_msgs")
+_PACKAGES = Path("/usr/lib/python3/dist-packages")
+_NEEDED = (
+    ROSMASTER,
+    ROSTOPIC,
+    "/usr/bin/rosbag",
+    *(str(_PACKAGES / name) for name in ("rospy", "sensor_msgs", "std_msgs")),
+)
 END_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 20.0
 

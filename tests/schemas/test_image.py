@@ -1,7 +1,7 @@
 import pytest
 
 from schemas.errors import SchemaError
-from schemas.image import MAX_SIDE, check_layout
+from schemas.image import MAX_SIDE, MAX_STEP, check_layout
 
 
 @pytest.mark.parametrize(("encoding", "row"), [("rgb8", 18), ("bgr8", 18), ("rgba8", 24), ("bgra8", 24), ("mono8", 6)])
@@ -31,3 +31,9 @@ def test_the_largest_image_fits() -> None:
 def test_unknown_encoding() -> None:
     with pytest.raises(SchemaError, match="unknown encoding: 'rgb9'"):
         check_layout(4, 6, "rgb9", 18, 72)
+
+
+def test_a_row_as_long_as_the_contract_carries() -> None:
+    check_layout(1, 6, "rgb8", MAX_STEP, MAX_STEP)
+    with pytest.raises(SchemaError, match="absurd step"):
+        check_layout(1, 6, "rgb8", MAX_STEP + 1, MAX_STEP + 1)

@@ -1,20 +1,33 @@
+import io
 import logging
+import sys
 
-from services.toolbox.logs import RateLimit, RateLimitFilter
+import pytest
+
+from services.toolbox.logs import Admitted, RateLimit, RateLimitFilter, StderrHandler
 
 
 def test_one_event_a_period_and_the_count_of_the_rest() -> None:
     limit = RateLimit(period_s=10)
-    assert limit.admit(("a",), 0) == 0
+    assert limit.admit(("a",), 0) == Admitted()
     assert limit.admit(("a",), 0) is None
     assert limit.admit(("a",), 9.9) is None
-    assert limit.admit(("a",), 10) == 2
-    assert limit.admit(("a",), 20) == 0
+    assert limit.admit(("a",), 10) == Admitted(of_its_source=2)
+    assert limit.admit(("a",), 20) == Admitted()
 
 
 def test_sources_do_not_share_a_limit() -> None:
     limit = RateLimit(period_s=10)
-    assert [limit.admit((source,), 0) for source in "aba"] == [0, 0, None]
+    assert [limit.admit((source,), 0) for source in "aba"] == [Admitted(), Admitted(), None]
+
+
+def test_many_sources_together_are_limited_too() -> None:
+    limit = RateLimit(period_s=10, max_sources=4, max_events=20)
+    let_through = [limit.admit((number % 50,), now=number / 1000) for number in range(5000)]
+    assert sum(admitted is not None for admitted in let_through) == 20
+    later = limit.admit(("new",), 10)
+    assert later is not None
+    assert later.of_others > 4000  # the rest is still counted with its source
 
 
 def test_remembered_sources_are_bounded_and_the_oldest_goes_first() -> None:
@@ -22,7 +35,7 @@ def test_remembered_sources_are_bounded_and_the_oldest_goes_first() -> None:
     for source in "abc":
         limit.admit((source,), 0)
     assert limit.admit(("c",), 1) is None
-    assert limit.admit(("a",), 1) == 0
+    assert limit.admit(("a",), 1) == Admitted()
 
 
 def record(text: str, *args: object, level: int = logging.WARNING, at: float = 0) -> logging.LogRecord:
@@ -44,3 +57,11 @@ def test_the_first_argument_is_the_source_and_what_was_held_back_is_said() -> No
 def test_information_is_never_held_back() -> None:
     held = RateLimitFilter(RateLimit(period_s=10))
     assert all(held.filter(record("%s is here", "r1", level=logging.INFO)) for _ in range(3))
+
+
+def test_lines_go_to_where_stderr_points_when_they_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    handler = StderrHandler()
+    redirected = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", redirected)
+    handler.emit(record("here"))
+    assert redirected.getvalue() == "here\n"

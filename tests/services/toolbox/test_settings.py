@@ -62,6 +62,7 @@ def test_toml_file(tmp_path: Path) -> None:
         (("--robot", "r", "--rate-hz", "fast"), "--rate-hz 'fast': Input should be a valid number"),
         (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r"),
         (("--robot",), "argument --robot: expected one argument"),
+        (("--robot", "r", "--cameras", "front"), "--cameras: write it like name=value"),
         (("--robot", "r", "--config", "missing.yaml"), "--config missing.yaml: [Errno 2] No such file"),
     ],
 )
@@ -98,3 +99,10 @@ def test_help_lists_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
     assert caught.value.code == 0
     shown = capsys.readouterr().out
     assert all(f"--{option}" in shown for option in ("robot", "connect", "cameras", "rate-hz", "config", "log-level"))
+
+
+@pytest.mark.parametrize("value", ["front", "front,rear=/r", "front=/a,front=/b"])
+def test_pairs_that_are_none_name_their_variable(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FLEETSIGHT_CAMERAS", value)
+    with pytest.raises(UsageError, match=r"FLEETSIGHT_CAMERAS .*: write it like name=value"):
+        read("--robot", "r1")

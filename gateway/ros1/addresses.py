@@ -1,0 +1,35 @@
+"""Addresses as a person writes them: a master's, and the one under which other nodes reach this machine."""
+
+from __future__ import annotations
+
+import re
+
+from gateway.ros1.errors import InvalidNameError
+
+_HOST = r"(?:[A-Za-z0-9](?:[A-Za-z0-9_.\-]{0,252})|\[?[0-9A-Fa-f:]{2,45}\]?)"
+_MASTER = re.compile(rf"http://{_HOST}:(?P<port>\d{{1,5}})/?")
+
+
+def validate_master_uri(text: str) -> str:
+    """Return a master's address without a slash at its end.
+
+    Raises:
+        InvalidNameError: it does not look like `http://robot:11311`.
+
+    """
+    match = _MASTER.fullmatch(text)
+    if match is None or not 0 < int(match["port"]) < 65536:
+        raise InvalidNameError(f"{text!r} is no ROS master's address, which looks like http://robot:11311")
+    return text.rstrip("/")
+
+
+def validate_host(text: str) -> str:
+    """Return a host's name or address.
+
+    Raises:
+        InvalidNameError: it is neither.
+
+    """
+    if not re.fullmatch(_HOST, text):
+        raise InvalidNameError(f"{text!r} is neither a host's name nor an address")
+    return text

@@ -1,0 +1,29 @@
+import pytest
+from pydantic import ValidationError
+
+from services.simulator.settings import SimulatorSettings
+
+
+@pytest.fixture(autouse=True)
+def _no_master_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROS_MASTER_URI", raising=False)
+
+
+def test_a_robots_camera_is_what_the_shipped_model_was_trained_on() -> None:
+    settings = SimulatorSettings()
+    assert (settings.width, settings.height, settings.ros_master) == (640, 480, None)
+
+
+def test_ros_own_variable_names_a_real_master(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://robot:11399/")
+    assert SimulatorSettings().ros_master == "http://robot:11399"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("ros_master", "nonsense"), ("ros_host", "bad host"), ("robots", 0), ("hz", 0), ("height", 1), ("seed", -1)],
+)
+def test_what_is_wrong_is_named(field: str, value: object) -> None:
+    with pytest.raises(ValidationError) as caught:
+        SimulatorSettings.model_validate({field: value})
+    assert caught.value.errors()[0]["loc"][0] == field
