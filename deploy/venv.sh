@@ -3,10 +3,12 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 extra=$1
-log=.venv/install-$extra.log
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
 
 say() { printf '[setup] %s\n' "$*"; }
 fail() { printf '[setup] %s\n' "$*" >&2; exit 1; }
+as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi; }
 
 find_python() {
     local name
@@ -19,9 +21,7 @@ find_python() {
     fail "no Python 3.11 or newer found; install one, or name it: make PYTHON=/path/to/python3 ..."
 }
 
-as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi; }
-
-# Run a slow command and keep one line on the screen that says how it gets on.
+# Run a slow command and keep one line on the screen that says how it gets on. Its output is in $log.
 with_progress() {
     local what=$1 began=$SECONDS every=15 pid
     shift
@@ -39,24 +39,38 @@ with_progress() {
     done
     trap - INT TERM
     [ -t 1 ] && printf '\r\033[K'
-    if ! wait "$pid"; then
-        tail -n 20 "$log" >&2
-        fail "$what failed; the whole log is in $log"
-    fi
+    wait "$pid" || return
     say "$what: done in $((SECONDS - began)) s"
+}
+
+make_venv() {
+    rm -rf .venv
+    "$1" -m venv .venv >"$log" 2>&1 && return
+    rm -rf .venv # half of one would be taken for a whole one
+    return 1
+}
+
+install_venv_package() {
+    as_root apt-get update && as_root apt-get install -y --no-install-recommends "$1"
 }
 
 if ! [ -x .venv/bin/python ]; then
     python=$(find_python)
     say "making .venv with $("$python" --version)"
-    if ! "$python" -m venv .venv 2>/dev/null; then
-        say "this Python cannot make virtual environments yet: installing Debian's python3-venv"
-        as_root apt-get install -y --no-install-recommends python3-venv >/dev/null 2>&1 ||
-            fail "could not install it; run: apt-get install python3-venv"
-        rm -rf .venv
-        "$python" -m venv .venv
+    if ! make_venv "$python"; then
+        # Debian and Ubuntu keep a part of Python's venv in a package of its own, and say so.
+        grep -q ensurepip "$log" || { tail -n 20 "$log" >&2; fail "could not make .venv"; }
+        package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
+        export DEBIAN_FRONTEND=noninteractive
+        with_progress "installing $package" install_venv_package "$package" ||
+            { tail -n 5 "$log" >&2; fail "could not install it; run: apt-get install $package"; }
+        make_venv "$python" || { tail -n 20 "$log" >&2; fail "could not make .venv"; }
     fi
 fi
 export PIP_CONSTRAINT=$PWD/constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1
-with_progress "installing fleetsight[$extra] (PyTorch alone is some GB)" .venv/bin/python -m pip install --editable ".[$extra]"
+if ! with_progress "installing fleetsight[$extra] (PyTorch alone is some GB)" \
+    .venv/bin/python -m pip install --editable ".[$extra]"; then
+    tail -n 20 "$log" >&2
+    fail "could not install fleetsight[$extra]"
+fi
 touch ".venv/.$extra"

@@ -52,7 +52,7 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
     except ModuleNotFoundError as error:
         if command.extra is None or error.name is None or error.name.split(".")[0] in OURS:
             raise
-        reason = f"{error.name} is not installed; pip install 'fleetsight[{command.extra}]' adds it"
+        reason = f"{error.name} is not installed; fleetsight's extra [{command.extra}] brings it"
     except UsageError as error:
         reason = str(error)
     sys.stderr.write(f"{prog}: {reason}\n")
