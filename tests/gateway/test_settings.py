@@ -37,6 +37,9 @@ def test_ros_own_variables_are_the_defaults(
         ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
         ("cameras", {"front": "image"}, "camera front: 'image' is not a ROS topic"),
         ("cameras", {"front": "/image//raw"}, "is not a ROS topic"),
+        ("cameras", {"front": "/ultralytics/detection/image"}, "camera front: /ultralytics/detection/image is where"),
+        ("cameras", {"front": "/ultralytics"}, "gateways publish results"),
+        ("cameras", {"a": "/a", "b.c": "/b", "b-c": "/c"}, "b.c and b-c would both return results under"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
@@ -45,3 +48,7 @@ def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
     (mistake,) = caught.value.errors()
     assert mistake["loc"][0] == field
     assert reason in mistake["msg"]
+
+
+def test_a_topic_that_only_begins_like_results_is_a_sensors() -> None:
+    assert settings(cameras={"front": "/ultralytics_camera/image_raw"}).cameras
