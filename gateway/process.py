@@ -13,7 +13,7 @@ from typing import Any
 from bus import Bus, QoS, open_bus
 from bus.clock import clock_id
 from gateway.forward import Forward, offering
-from gateway.outgoing.returning import Return, returning
+from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.topics import result_root
 from gateway.outgoing.translators import RETURNED
@@ -45,10 +45,10 @@ async def run(settings: GatewaySettings) -> None:
             for camera, topic in settings.cameras.items()
         ]
         forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
-        returns = [await stack.enter_async_context(returning(node, stream)) for stream in _returned(settings)]
+        returns = [Return(stream) for stream in _returned(settings)]
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
-        tasks += [group.create_task(returned.run(bus)) for returned in returns]
+        tasks += [group.create_task(returned.run(node, bus)) for returned in returns]
         tasks.append(group.create_task(_report(bus, node, settings, boot_id, forwards=forwards, returns=returns)))
         await node.shutdown_requested.wait()
         for task in tasks:

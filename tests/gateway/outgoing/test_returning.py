@@ -10,7 +10,7 @@ import pytest
 
 from bus import Publisher, QoS
 from bus.fake import FakeNetwork
-from gateway.outgoing.returning import Return, returning
+from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import DOUBLED, MALFORMED, StreamReturn
 from gateway.outgoing.translators import CLASSES, STRING
 from gateway.ros1.messages import deserialise
@@ -64,10 +64,11 @@ async def rig() -> AsyncIterator[Rig]:
         master = await stack.enter_async_context(RosMaster())
         robot = await stack.enter_async_context(Node("/planner", master_uri=master.uri, poll_interval=0.2))
         node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
-        returned = await stack.enter_async_context(returning(node, StreamReturn(FRONT, "/ultralytics", CLASSES)))
+        returned = Return(StreamReturn(FRONT, "/ultralytics", CLASSES))
         encoding = codec.encoding(ClassList)
         detector = await stack.enter_async_context(theirs.publisher(KEY, QoS.RESULT, encoding=encoding))
-        running = asyncio.create_task(returned.run(ours))
+        running = asyncio.create_task(returned.run(node, ours))
+        await until(lambda: returned.publication, "it is advertised")
         await until(lambda: node.registered, "the gateway is registered")
         yield Rig(detector, robot, returned)
         running.cancel()
@@ -143,11 +144,11 @@ async def test_cancelled_at_any_await_nothing_is_left() -> None:
         async def life() -> None:
             async with (
                 Node("/gateway", master_uri=master.uri) as node,
-                returning(node, StreamReturn(FRONT, "/ultralytics", CLASSES)) as returned,
                 node.subscribe(TOPIC, STRING, print),
                 asyncio.TaskGroup() as group,
             ):
-                running = group.create_task(returned.run(ours))
+                returned = Return(StreamReturn(FRONT, "/ultralytics", CLASSES))
+                running = group.create_task(returned.run(node, ours))
                 while not detector.wanted:  # noqa: ASYNC110 - each turn of the loop is a suspension
                     await asyncio.sleep(0)
                 running.cancel()
