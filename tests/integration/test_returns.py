@@ -108,7 +108,7 @@ async def test_malformed_results_are_counted_and_harm_nobody(ros: RosEnvironment
         await echo.until_output("['box']")
         stranger.put(b"garbage")
         malformed = await rig.return_status("r1", "front", lambda status: MALFORMED in status.dropped)
-        stranger.put(codec.encode(class_list(camera="rear-2")))
+        stranger.put(codec.encode(class_list(("forklift", 1), camera="rear-2")))
         await rig.return_status(
             "r1",
             "front",
