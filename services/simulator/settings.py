@@ -24,7 +24,7 @@ class SimulatorSettings(BaseModel):
     height: Annotated[int, Field(ge=16, le=4096, description="rows of an image")] = 480
     frames: Annotated[
         int, Field(ge=1, le=10_000, description="images of a robot's drive; it starts over after the last")
-    ] = 48
+    ] = 120
     seed: Annotated[int, Field(ge=0, description="robot n drives through the warehouse of seed + n")] = 0
     ros_master: Annotated[
         str | None,

@@ -1,5 +1,6 @@
 """The training run itself: Ultralytics' trainer on our data set, from scratch, resumable."""
 
+import shutil
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,8 +24,8 @@ AUGMENTATION: Final = {
 
 
 def last_checkpoint(work_dir: Path) -> Path:
-    """Where the state after the last whole epoch is kept."""
-    return work_dir / RUN_NAME / "weights" / "last.pt"
+    """Where the state after the last whole epoch is kept; always a whole file, unlike Ultralytics' own."""
+    return work_dir / "checkpoint.pt"
 
 
 def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
@@ -106,7 +107,7 @@ def _trainer() -> type:
 
 
 def _watch(model: Any, settings: TrainingSettings, progress: Progress) -> None:
-    """Report every batch, and give torch the threads that were asked for (Ultralytics takes all but one)."""
+    """Report every batch, keep every epoch, and give torch the threads asked for (Ultralytics takes all but one)."""
     import torch  # noqa: PLC0415 - only the training needs it
 
     def set_threads(_trainer: Any) -> None:
@@ -120,5 +121,12 @@ def _watch(model: Any, settings: TrainingSettings, progress: Progress) -> None:
         batches = len(trainer.train_loader)
         progress("train", trainer.start_epoch * batches + done, trainer.epochs * batches)
 
+    def keep(trainer: Any) -> None:
+        checkpoint = last_checkpoint(settings.work_dir)
+        partial = checkpoint.with_suffix(".part")
+        shutil.copyfile(trainer.last, partial)
+        partial.replace(checkpoint)
+
     model.add_callback("on_train_start", set_threads)
+    model.add_callback("on_model_save", keep)
     model.add_callback("on_train_batch_end", count)
