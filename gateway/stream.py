@@ -10,12 +10,11 @@ from gateway.translators import Bytes, Translator
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.keys import CameraKey, Stream
-from schemas.status import StreamStatus
+from schemas.status import REPLACED_BEFORE_LINK, StreamStatus
 
 log = logging.getLogger(__name__)
 
 MALFORMED: Final = "malformed"
-REPLACED: Final = "replaced by a newer frame before the link"
 
 
 class StreamForward:
@@ -65,7 +64,7 @@ class StreamForward:
 
     def status(self, *, wanted: bool, publishers: int, replaced: int, broken_links: Mapping[str, int]) -> StreamStatus:
         """Account for every message; `replaced` is how many payloads a newer one replaced before the link."""
-        dropped = self._dropped + Counter({REPLACED: replaced})
+        dropped = self._dropped + Counter({REPLACED_BEFORE_LINK: replaced})
         return StreamStatus(
             camera=self.camera.camera,
             stream=self.stream,

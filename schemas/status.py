@@ -1,6 +1,6 @@
 """Status messages: what a gateway or worker is doing, and every frame it dropped, by reason."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import msgspec
 
@@ -9,7 +9,13 @@ from schemas.header import Count, Label, Name, Nanoseconds
 Drops = Annotated[dict[Label, Count], msgspec.Meta(max_length=64)]
 """Counts since the process started, by reason."""
 
-MAX_STREAMS = 1_000
+MISSING: Final = "missing on arrival"
+"""Reason: a gap in a stream's numbers, as its receiver sees it: replaced before the link, or lost on it."""
+
+REPLACED_BEFORE_LINK: Final = "replaced by a newer frame before the link"
+"""Reason: the gateway had a newer frame before the link took this one. Its number is missing at every receiver."""
+
+MAX_STREAMS: Final = 1_000
 
 
 class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,7 +71,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):
-    """What a worker did with one camera's frames since it started. dropped includes frames lost on the way to it."""
+    """What became of one camera's frames at a worker since it started. dropped includes those MISSING on arrival."""
 
     robot: Name
     camera: Name

@@ -5,9 +5,8 @@ from typing import Final
 
 from schemas.header import Header
 from schemas.keys import CameraKey
-from schemas.status import CameraLoad
+from schemas.status import MISSING, CameraLoad
 
-LINK: Final = "lost on the link"
 REPLACED: Final = "replaced by a newer frame"
 MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
@@ -28,11 +27,17 @@ class Account:
         self._last = None
 
     def arrived(self, header: Header, replaced: int) -> None:
-        """Note a frame and that `replaced` others before it were replaced in the queue; the rest of a gap was lost."""
+        """Note a frame, and that the queue replaced `replaced` others before it; the rest of a gap is missing."""
         self.dropped[REPLACED] += replaced
         last, self._last = self._last, header
         if last is not None and last.boot_id == header.boot_id:
-            self.dropped[LINK] += max(0, header.seq - last.seq - 1 - replaced)
+            self.dropped[MISSING] += max(0, header.seq - last.seq - 1 - replaced)
+
+    def malformed(self, replaced: int) -> None:
+        """Note a frame that says not even its number, so the gap around it says nothing either."""
+        self.dropped[REPLACED] += replaced
+        self.dropped[MALFORMED] += 1
+        self.begin()
 
     def load(self) -> CameraLoad:
         """Return the counts as a message."""

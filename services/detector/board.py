@@ -28,9 +28,9 @@ class Board:
         self._filled.set()
         return self._frames.offer(camera, waiting)
 
-    def discard(self, camera: CameraKey) -> None:
-        """Take down what a camera has waiting."""
-        self._frames.discard(camera)
+    def discard(self, camera: CameraKey) -> int:
+        """Take down what a camera has waiting; return how many frames that was."""
+        return len(self._frames.discard(camera))
 
     async def take(self) -> tuple[CameraKey, Waiting]:
         """Wait for a frame and take it down."""

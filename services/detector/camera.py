@@ -12,7 +12,7 @@ from schemas.detections import ClassList, Detections, class_list
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector.account import MALFORMED, REPLACED, Account
+from services.detector.account import REPLACED, UNWANTED, Account
 from services.detector.board import Board, Waiting
 
 log = logging.getLogger(__name__)
@@ -67,7 +67,7 @@ async def feed(bus: Bus, camera: Camera, board: Board) -> None:
                 async for sample in frames:
                     accept(camera, board, sample)
         finally:
-            board.discard(camera.key)
+            camera.account.dropped[UNWANTED] += board.discard(camera.key)
 
     await while_wanted(camera.demand, receive)
 
@@ -78,7 +78,7 @@ def accept(camera: Camera, board: Board, sample: Sample) -> None:
         frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
         codec.check_identity(frame.header, camera.key)
     except SchemaError as error:
-        camera.account.dropped[MALFORMED] += 1
+        camera.account.malformed(sample.replaced)
         log.warning("%s: frame left out: %s", camera.key, error)
         return
     camera.account.arrived(frame.header, sample.replaced)

@@ -3,7 +3,9 @@
 import asyncio
 import logging
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 from bus import open_bus
@@ -21,11 +23,21 @@ async def run(settings: DetectorSettings) -> None:
         ModelError: the model cannot be used.
     """
     with (
-        tempfile.TemporaryDirectory(prefix="fleetsight-") as folder,
-        ThreadPoolExecutor(1, thread_name_prefix="model") as executor,
+        tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder,
+        model_thread() as executor,
     ):
         log.info("loading %s", settings.model)
         model = await asyncio.get_running_loop().run_in_executor(executor, load, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
         async with open_bus(settings) as bus:
             await Worker(bus, model, settings.worker, executor).run()
+
+
+@contextmanager
+def model_thread() -> Iterator[Executor]:
+    """Give the model a thread of its own. Leaving does not wait for a call that is going on: loading takes seconds."""
+    executor = ThreadPoolExecutor(1, thread_name_prefix="model")
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)

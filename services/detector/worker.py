@@ -11,7 +11,7 @@ from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from schemas.status import WorkerStatus
+from schemas.status import MAX_STREAMS, WorkerStatus
 from services.detector.account import FAILED, UNWANTED, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, feed, serving
@@ -44,7 +44,7 @@ class Worker:
             group.create_task(self._follow_cameras())
 
     async def _follow_cameras(self) -> None:
-        serving_tasks: dict[CameraKey, asyncio.Task[None]] = {}
+        served: dict[CameraKey, asyncio.Task[None]] = {}
         async with (
             self._bus.watch(keys.every_stream_alive(Stream.COLOR)) as watch,
             asyncio.TaskGroup() as group,
@@ -55,12 +55,19 @@ class Worker:
                 except SchemaError as error:
                     log.warning("%s: camera left out: %s", presence.key, error)
                     continue
-                if presence.alive:
-                    serving_tasks[key] = group.create_task(self._serve(key))
-                elif key in serving_tasks:
-                    serving_tasks.pop(key).cancel()
+                previous = served.get(key)
+                if not presence.alive:
+                    if previous is not None:
+                        previous.cancel()
+                elif previous is None and len(served) >= MAX_STREAMS:
+                    log.warning("%s: camera left out: %d are served already", key, len(served))
+                else:
+                    served[key] = group.create_task(self._serve(key, previous))
 
-    async def _serve(self, key: CameraKey) -> None:
+    async def _serve(self, key: CameraKey, previous: asyncio.Task[None] | None) -> None:
+        """Serve a camera that is there (again), once what served it before has ended."""
+        if previous is not None:
+            await asyncio.wait([previous])
         account = self._accounts.setdefault(key, Account(key))
         async with serving(self._bus, key, account) as camera:
             self._cameras[key] = camera

@@ -3,12 +3,16 @@
 import asyncio
 import time
 from collections.abc import Callable
+from typing import Final
 
 from rich.console import Console
 from rich.live import Live
 
 from services.monitor.fleet import Fleet
-from services.monitor.table import classes, line, render
+from services.monitor.table import classes, line, notes_of, render
+
+FRAME_LINES: Final = 8
+"""Lines of the picture beside the rows: title, head, rules and notes."""
 
 
 async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str) -> None:
@@ -20,7 +24,9 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str) -
         return
     with Live(console=console, auto_refresh=False) as live:
         while True:
-            live.update(render(fleet.rows(time.monotonic()), [note]), refresh=True)
+            room = max(1, console.height - FRAME_LINES)
+            picture = render(fleet.rows(time.monotonic()), [*notes_of(fleet.left_out), note], room)
+            live.update(picture, refresh=True)
             await asyncio.sleep(refresh_s)
 
 

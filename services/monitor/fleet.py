@@ -73,6 +73,7 @@ class Fleet:
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
         self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
         self.first_list_s: float | None = None
+        self.left_out: Counter[str] = Counter()
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""

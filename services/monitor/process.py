@@ -3,7 +3,8 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
 
@@ -34,30 +35,47 @@ async def run(settings: MonitorSettings) -> None:
 async def watch_fleet(bus: Bus, fleet: Fleet) -> None:
     """Keep `fleet` up to date with what is on the bus, for ever."""
     async with asyncio.TaskGroup() as group:
-        group.create_task(_receive(bus, keys.every_stream(Stream.CLASSES), lambda sample: _class_list(fleet, sample)))
-        group.create_task(_receive(bus, keys.EVERY_GATEWAY_STATUS, lambda sample: _gateway_status(fleet, sample)))
-        group.create_task(_receive(bus, keys.EVERY_WORKER_STATUS, lambda sample: _worker_status(fleet, sample)))
-        group.create_task(_watch(bus, keys.EVERY_ROBOT_ALIVE, lambda key, alive: _robot(fleet, key, alive=alive)))
+        group.create_task(
+            _receive(bus, fleet, keys.every_stream(Stream.CLASSES), lambda sample: _class_list(fleet, sample))
+        )
+        group.create_task(
+            _receive(bus, fleet, keys.EVERY_GATEWAY_STATUS, lambda sample: _gateway_status(fleet, sample))
+        )
+        group.create_task(_receive(bus, fleet, keys.EVERY_WORKER_STATUS, lambda sample: _worker_status(fleet, sample)))
+        group.create_task(
+            _watch(bus, fleet, keys.EVERY_ROBOT_ALIVE, lambda key, alive: _robot(fleet, key, alive=alive))
+        )
         cameras = keys.every_stream_alive(Stream.COLOR)
-        group.create_task(_watch(bus, cameras, lambda key, alive: _camera(fleet, key, alive=alive)))
+        group.create_task(_watch(bus, fleet, cameras, lambda key, alive: _camera(fleet, key, alive=alive)))
 
 
-async def _receive(bus: Bus, key_expr: str, take: Callable[[Sample], None]) -> None:
+async def _receive(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[Sample], None]) -> None:
     async with bus.subscribe(key_expr, QUEUE(DEPTH)) as subscription:
         async for sample in subscription:
-            try:
+            if sample.replaced:
+                fleet.left_out["messages that came too fast"] += sample.replaced
+            with _counting(fleet, sample.key):
                 take(sample)
-            except (SchemaError, FleetFullError) as error:
-                log.warning("%s: message left out: %s", sample.key, error)
 
 
-async def _watch(bus: Bus, key_expr: str, take: Callable[[str, bool], None]) -> None:
+async def _watch(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[str, bool], None]) -> None:
     async with bus.watch(key_expr) as watch:
         async for presence in watch:
-            try:
+            with _counting(fleet, presence.key):
                 take(presence.key, presence.alive)
-            except (SchemaError, FleetFullError) as error:
-                log.warning("%s: presence left out: %s", presence.key, error)
+
+
+@contextmanager
+def _counting(fleet: Fleet, key: str) -> Iterator[None]:
+    """Leave out what cannot be taken, and count it: one bad message harms no other."""
+    try:
+        yield
+    except SchemaError as error:
+        fleet.left_out["malformed messages"] += 1
+        log.warning("%s: left out: %s", key, error)
+    except FleetFullError as error:
+        fleet.left_out["messages of more members than are followed"] += 1
+        log.warning("%s: left out: %s", key, error)
 
 
 def _class_list(fleet: Fleet, sample: Sample) -> None:

@@ -1,6 +1,6 @@
 """The fleet as a table for a terminal, or as plain lines where there is none."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.table import Table
 from rich.text import Text
@@ -8,9 +8,11 @@ from rich.text import Text
 from services.monitor.fleet import Age, Row
 
 
-def render(rows: Iterable[Row], notes: Iterable[str] = ()) -> Table:
-    """Draw the rows; stale ones grey out, a lost robot stays."""
-    table = Table(title="fleet", title_justify="left", caption="\n".join(notes), caption_justify="left")
+def render(rows: Iterable[Row], notes: Sequence[str], room: int) -> Table:
+    """Draw as many rows as there is room for, and how many are left; stale ones grey out, a lost robot stays."""
+    every = list(rows)
+    rest = [f"and {len(every) - room} more cameras"] if len(every) > room else []
+    table = Table(title="fleet", title_justify="left", caption="\n".join([*rest, *notes]), caption_justify="left")
     for heading, justify in (
         ("robot", "left"),
         ("camera", "left"),
@@ -20,7 +22,7 @@ def render(rows: Iterable[Row], notes: Iterable[str] = ()) -> Table:
         ("rate", "right"),
     ):
         table.add_column(heading, justify=justify)  # type: ignore[arg-type]
-    for row in rows:
+    for row in every[:room]:
         state = Text("online", "green") if row.online else Text("offline", "bold red")
         table.add_row(
             Text(row.key.robot),
@@ -34,6 +36,12 @@ def render(rows: Iterable[Row], notes: Iterable[str] = ()) -> Table:
     if not table.rows:
         table.add_row("no robots yet", *[""] * 5, style="dim")
     return table
+
+
+def notes_of(left_out: Mapping[str, int]) -> list[str]:
+    """Return a note about what the monitor could not take, if there was any."""
+    listed = ", ".join(f"{count} {what}" for what, count in sorted(left_out.items()))
+    return [f"left out: {listed}"] if listed else []
 
 
 def line(row: Row) -> str:

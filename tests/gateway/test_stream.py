@@ -4,12 +4,12 @@ import struct
 import pytest
 
 from gateway.ros1.image import Image, encode_image
-from gateway.stream import MALFORMED, REPLACED, StreamForward
+from gateway.stream import MALFORMED, StreamForward
 from gateway.translators import IMAGE_TRANSLATOR
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from schemas.status import StreamStatus
+from schemas.status import REPLACED_BEFORE_LINK, StreamStatus
 
 
 def message(
@@ -85,7 +85,7 @@ def test_every_message_is_accounted_for(forward: StreamForward) -> None:
         publishers=2,
         received=4,
         forwarded=2,
-        dropped={MALFORMED: 1, REPLACED: 1},
+        dropped={MALFORMED: 1, REPLACED_BEFORE_LINK: 1},
         broken_links={"refused": 3},
     )
 

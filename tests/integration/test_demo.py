@@ -46,12 +46,15 @@ def test_it_stops_by_itself_and_adds_up() -> None:
     assert running.returncode == 0, said
     for robot in ("r1", "r2", "r3"):
         assert re.search(rf"^{robot}/camera: online, .*(box|pallet|forklift|nothing)", said, re.MULTILINE)
-    sent, inferred, lists = (
+    sent, inferred, under_way, lists = (
         int(number)
-        for label in ("frames sent", "frames inferred", "class lists received")
+        for label in ("frames sent", "frames inferred", "frames under way", "class lists received")
         for number in re.findall(rf"^{label}: +(\d+)", said, re.MULTILINE)
     )
-    assert 0 < inferred <= sent
+    dropped = sum(int(count) for count in re.findall(r"(\d+) (?:at the|on the)", said))
+    assert inferred + dropped + under_way == sent
+    assert inferred > 0
+    assert under_way <= 3 * 3  # per robot: one on each of the two links, one at the model
     assert 0 < lists <= inferred
     assert re.search(r"^class lists received: .*r1 [1-9].*r2 [1-9].*r3 [1-9]", said, re.MULTILINE)
     assert re.search(r"^age p50 / p99: +[\d.]+ s / [\d.]+ s$", said, re.MULTILINE)

@@ -16,6 +16,7 @@ from bus.clock import clock_id
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
+from services.monitor.table import notes_of
 from services.toolbox.demo.children import Child, ChildFailedError, child
 from services.toolbox.demo.settings import DemoSettings
 from services.toolbox.demo.summary import Summary, drops
@@ -53,7 +54,9 @@ async def run(settings: DemoSettings) -> int:
         ended_well = False
     finally:
         summary = _add_up(settings, fleet, children, began_s)
-        console.print("\n".join(summary.lines()), markup=False, highlight=False, soft_wrap=True)
+        console.print(
+            "\n".join([*summary.lines(), *notes_of(fleet.left_out)]), markup=False, highlight=False, soft_wrap=True
+        )
     return 0 if ended_well and summary.complete else EXIT_FAILED
 
 

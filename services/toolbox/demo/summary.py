@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from schemas.status import GatewayStatus, WorkerStatus
+from schemas.status import MISSING, REPLACED_BEFORE_LINK, GatewayStatus, WorkerStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +36,13 @@ class Summary:
         """Return the summary as it is printed."""
         ages = sorted(self.ages_s)
         lost = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items())) or "none"
+        under_way = sum(self.sent.values()) - self.inferred - sum(self.dropped.values())
         missing = ", ".join(self._unseen())
         return [
             f"frames sent:          {sum(self.sent.values())} ({_per_robot(self.sent)})",
             f"frames inferred:      {self.inferred}",
             f"frames dropped:       {lost}",
+            f"frames under way:     {max(0, under_way)} when it was stopped",
             f"class lists received: {sum(self.lists.values())} ({_per_robot(self.lists)})",
             f"first class list:     {_seconds(self.first_list_s)} after the start",
             f"age p50 / p99:        {_seconds(percentile(ages, 50))} / {_seconds(percentile(ages, 99))}",
@@ -49,14 +51,20 @@ class Summary:
 
 
 def drops(gateways: Iterable[GatewayStatus], workers: Iterable[WorkerStatus]) -> Counter[str]:
-    """Add up every drop under "place: reason"."""
-    counts: Counter[str] = Counter()
+    """Add up every drop once, under "place: reason"."""
+    at_gateways: Counter[str] = Counter()
+    at_workers: Counter[str] = Counter()
     for gateway in gateways:
         for stream in gateway.streams:
-            counts.update({f"at the gateway: {reason}": count for reason, count in stream.dropped.items()})
+            at_gateways.update(stream.dropped)
     for worker in workers:
         for camera in worker.cameras:
-            counts.update({f"at the {worker.service}: {reason}": count for reason, count in camera.dropped.items()})
+            at_workers.update(camera.dropped)
+    # What a gateway replaced is missing at the worker as well; what else is missing there, the link lost.
+    missing = at_workers.pop(MISSING, 0)
+    places = {"at the gateway": at_gateways, "at the detector": at_workers}
+    counts = Counter({f"{place}: {reason}": n for place, drops in places.items() for reason, n in drops.items()})
+    counts["on the link: lost"] = max(0, missing - at_gateways[REPLACED_BEFORE_LINK])
     return +counts
 
 

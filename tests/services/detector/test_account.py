@@ -2,7 +2,8 @@ import msgspec
 
 from schemas.header import Header
 from schemas.keys import CameraKey
-from services.detector.account import LINK, MALFORMED, REPLACED, Account
+from schemas.status import MISSING
+from services.detector.account import MALFORMED, REPLACED, Account
 from tests.schemas.frames import header
 
 
@@ -22,7 +23,7 @@ def test_a_stream_without_holes_drops_nothing() -> None:
 
 
 def test_a_gap_is_what_the_queue_replaced_and_the_rest_was_lost_on_the_link() -> None:
-    assert account((about(3), 0), (about(10), 4)).load().dropped == {REPLACED: 4, LINK: 2}
+    assert account((about(3), 0), (about(10), 4)).load().dropped == {REPLACED: 4, MISSING: 2}
 
 
 def test_a_repeated_or_older_frame_is_no_gap() -> None:
@@ -46,3 +47,10 @@ def test_the_account_as_a_message() -> None:
     made.dropped[MALFORMED] += 1
     load = made.load()
     assert (load.robot, load.camera, load.inferred, load.dropped) == ("r1", "front", 2, {MALFORMED: 1})
+
+
+def test_a_malformed_frame_is_counted_once_and_is_no_gap() -> None:
+    made = account((about(3), 0))
+    made.malformed(replaced=2)
+    made.arrived(about(9), 0)
+    assert made.load().dropped == {MALFORMED: 1, REPLACED: 2}

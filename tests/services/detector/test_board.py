@@ -49,6 +49,6 @@ async def test_taking_waits_for_a_frame_and_survives_cancellation() -> None:
 async def test_a_discarded_camera_has_nothing_waiting() -> None:
     board = Board()
     board.post(FRONT, waiting(0))
-    board.discard(FRONT)
+    assert [board.discard(FRONT), board.discard(FRONT)] == [1, 0]
     board.post(REAR, waiting(1))
     assert await board.take() == (REAR, waiting(1))

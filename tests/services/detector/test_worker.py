@@ -15,7 +15,7 @@ from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
-from services.detector.account import FAILED, MALFORMED, REPLACED
+from services.detector.account import FAILED, MALFORMED, REPLACED, UNWANTED
 from services.detector.worker import Worker
 from tests.schemas.frames import header
 from tests.services.detector.fakes import FakeModel
@@ -171,6 +171,41 @@ async def test_a_camera_that_leaves_and_returns_is_served_again(rig: Rig) -> Non
                 await until(lambda camera=camera: camera.wanted)  # type: ignore[misc]
                 camera.put(codec.encode(frame(seq)))
                 assert (await receive(classes, ClassList)).header.seq == seq
+
+
+async def test_a_camera_that_blinks_is_served_by_one_task_only(rig: Rig) -> None:
+    async with (
+        rig.bus.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as camera,
+        rig.bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(9)) as classes,
+    ):
+        for seq in range(4):
+            async with rig.bus.announce(FRONT.alive(Stream.COLOR)):
+                await asyncio.sleep(0)
+                await asyncio.sleep(0)
+            await asyncio.sleep(0)
+            async with rig.bus.announce(FRONT.alive(Stream.COLOR)):
+                await asyncio.sleep(0.01)
+                await until(lambda: camera.wanted)
+                camera.put(codec.encode(frame(seq)))
+                assert (await receive(classes, ClassList)).header.seq == seq
+
+
+async def test_a_frame_that_waits_when_the_demand_ends_is_counted(rig: Rig) -> None:
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(99)) as statuses,
+    ):
+        async with rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)):
+            await until(lambda: camera.wanted)
+            rig.model.may_answer.clear()
+            camera.put(codec.encode(frame(0)))
+            await rig.model_called()
+            camera.put(codec.encode(frame(1)))
+            await asyncio.sleep(0.05)
+        await until(lambda: not camera.wanted)
+        rig.model.may_answer.set()
+        load = (await loads_after(statuses, inferred=1))["front"]
+        assert (load.inferred, load.dropped) == (1, {UNWANTED: 1})
 
 
 async def test_a_key_that_is_no_camera_is_left_out(rig: Rig) -> None:

@@ -87,6 +87,7 @@ async def test_a_message_that_is_not_its_keys_is_left_out(bus: Bus, fleet: Fleet
     await until(lambda: fleet.lists_per_robot()["r1"])
     assert fleet.lists_per_robot() == {"r1": 1}
     assert (fleet.gateways, fleet.workers) == ({}, {})
+    assert fleet.left_out == {"malformed messages": 1}
 
 
 @pytest.mark.parametrize("key", [FRONT.stream(Stream.CLASSES), "fleet/r1/status", "workers/detector/w1/status"])
@@ -95,6 +96,7 @@ async def test_garbage_is_left_out_and_harms_no_other(bus: Bus, fleet: Fleet, ke
         await send(bus, key, b"\xc1garbage", encoding)
     await publish(bus, FRONT.stream(Stream.CLASSES), SEEN)
     await until(lambda: fleet.lists_per_robot()["r1"])
+    assert fleet.left_out == {"malformed messages": 2}
 
 
 async def test_a_token_under_an_odd_key_is_left_out(bus: Bus, fleet: Fleet) -> None:

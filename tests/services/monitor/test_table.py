@@ -5,7 +5,7 @@ from rich.console import Console
 from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from services.monitor.fleet import Age, Row
-from services.monitor.table import line, render
+from services.monitor.table import line, notes_of, render
 
 BUSY = Row(
     CameraKey("r1", "front"),
@@ -18,9 +18,9 @@ LOST = Row(CameraKey("r2", "front"), online=False, classes=(), age=Age(9, exact=
 NEW = Row(CameraKey("r3", "front"), online=True, classes=None, age=None, rate_hz=0)
 
 
-def drawn(*rows: Row, notes: tuple[str, ...] = ()) -> str:
+def drawn(*rows: Row, notes: tuple[str, ...] = (), room: int = 9) -> str:
     console = Console(file=io.StringIO(), width=100)
-    console.print(render(rows, notes))
+    console.print(render(rows, notes, room))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -49,3 +49,15 @@ def test_names_are_never_markup() -> None:
 
 def test_plain_line() -> None:
     assert line(BUSY) == "r1/front: online, 3 box, 1 pallet, age 0.2 s, 2.0/s"
+
+
+def test_what_does_not_fit_is_counted() -> None:
+    shown = drawn(BUSY, LOST, NEW, room=2)
+    assert "r3" not in shown
+    assert "and 1 more cameras" in shown
+    assert "more cameras" not in drawn(BUSY, LOST, NEW, room=3)
+
+
+def test_what_was_left_out_is_said() -> None:
+    assert notes_of({}) == []
+    assert notes_of({"malformed messages": 3, "b": 1}) == ["left out: 1 b, 3 malformed messages"]

@@ -1,6 +1,6 @@
 import pytest
 
-from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from schemas.status import MISSING, REPLACED_BEFORE_LINK, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
 from services.toolbox.demo.summary import Summary, drops, percentile
 
 
@@ -23,6 +23,7 @@ def test_a_complete_run() -> None:
         "frames sent:          19 (r1 10, r2 9)",
         "frames inferred:      15",
         "frames dropped:       1 at the detector: replaced, 2 at the gateway: malformed",
+        "frames under way:     1 when it was stopped",
         "class lists received: 15 (r1 8, r2 7)",
         "first class list:     6.50 s after the start",
         "age p50 / p99:        0.10 s / 0.20 s",
@@ -60,3 +61,20 @@ def test_drops_are_added_up_by_place_and_reason() -> None:
     load = CameraLoad(robot="a", camera="c", inferred=1, dropped={"late": 3, "bad": 0})
     workers = [WorkerStatus(service="detector", worker="w", model="m", sent_ns=0, cameras=[load])]
     assert drops(gateways, workers) == {"at the gateway: bad": 4, "at the detector: late": 3}
+
+
+def test_what_the_gateway_replaced_is_not_counted_again_where_it_is_missing() -> None:
+    stream = StreamStatus(
+        camera="c",
+        stream="color",
+        topic="/t",
+        wanted=True,
+        publishers=1,
+        received=9,
+        forwarded=6,
+        dropped={REPLACED_BEFORE_LINK: 3},
+    )
+    gateway = GatewayStatus(robot="a", boot_id="b", clock_id="c", sent_ns=0, streams=[stream])
+    load = CameraLoad(robot="a", camera="c", inferred=4, dropped={MISSING: 5})
+    worker = WorkerStatus(service="detector", worker="w", model="m", sent_ns=0, cameras=[load])
+    assert drops([gateway], [worker]) == {f"at the gateway: {REPLACED_BEFORE_LINK}": 3, "on the link: lost": 2}
