@@ -1,4 +1,4 @@
-"""The gateway process: one ROS node, one place on the bus, and the streams between them."""
+"""The gateway process: one ROS node, one place on the bus, and the streams between them, both ways."""
 
 import asyncio
 import logging
@@ -8,10 +8,15 @@ import time
 import uuid
 from collections.abc import Sequence
 from contextlib import AsyncExitStack
+from typing import Any
 
 from bus import Bus, QoS, open_bus
 from bus.clock import clock_id
 from gateway.forward import Forward, offering
+from gateway.outgoing.returning import Return
+from gateway.outgoing.stream import StreamReturn
+from gateway.outgoing.topics import result_root
+from gateway.outgoing.translators import RETURNED
 from gateway.ros1.node import Node
 from gateway.settings import GatewaySettings
 from gateway.stream import StreamForward
@@ -26,7 +31,7 @@ STATUS_PERIOD_S = 1.0
 
 
 async def run(settings: GatewaySettings) -> None:
-    """Forward the robot's cameras until cancelled, or until the ROS master tells the node to shut down."""
+    """Forward the robot's cameras and return their results until cancelled or told so by the ROS master."""
     boot_id = uuid.uuid4().hex
     log.info("robot %s: ROS master %s, cameras %s", settings.robot, settings.ros_master, settings.cameras)
     async with (
@@ -40,9 +45,11 @@ async def run(settings: GatewaySettings) -> None:
             for camera, topic in settings.cameras.items()
         ]
         forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
+        returns = [Return(stream) for stream in _returned(settings)]
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
-        tasks.append(group.create_task(_report(bus, node, settings, boot_id, forwards)))
+        tasks += [group.create_task(returned.run(node, bus)) for returned in returns]
+        tasks.append(group.create_task(_report(bus, node, settings, boot_id, forwards=forwards, returns=returns)))
         await node.shutdown_requested.wait()
         for task in tasks:
             task.cancel()
@@ -53,7 +60,25 @@ def node_name(robot: str) -> str:
     return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{os.getpid()}"
 
 
-async def _report(bus: Bus, node: Node, settings: GatewaySettings, boot_id: str, forwards: Sequence[Forward]) -> None:
+def _returned(settings: GatewaySettings) -> list[StreamReturn[Any]]:
+    if not settings.results:
+        return []
+    return [
+        StreamReturn(CameraKey(settings.robot, camera), result_root(camera, first=not place), translator)
+        for place, camera in enumerate(settings.cameras)
+        for translator in RETURNED
+    ]
+
+
+async def _report(
+    bus: Bus,
+    node: Node,
+    settings: GatewaySettings,
+    boot_id: str,
+    *,
+    forwards: Sequence[Forward],
+    returns: Sequence[Return[Any]],
+) -> None:
     clock = clock_id()
 
     def account() -> bytes:
@@ -65,6 +90,7 @@ async def _report(bus: Bus, node: Node, settings: GatewaySettings, boot_id: str,
             sent_ns=time.time_ns(),
             waiting_for=missing,
             streams=[forward.status() for forward in forwards],
+            returns=[returned.status() for returned in returns],
         )
         return codec.encode(status)
 

@@ -3,12 +3,14 @@
 import os
 import re
 import socket
+from collections.abc import Iterable
 from typing import Annotated, Final
 
 from pydantic import AfterValidator, Field
 
 from bus.settings import BusSettings
 from gateway.ros1.addresses import validate_host, validate_master_uri
+from gateway.outgoing.topics import is_result, result_root
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey
 
@@ -36,13 +38,28 @@ def _cameras(cameras: dict[str, str]) -> dict[str, str]:
             raise ValueError(str(error)) from error
         if len(topic) > MAX_TOPIC or not TOPIC.fullmatch(topic):
             raise ValueError(f"camera {camera}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+        if is_result(topic):
+            raise ValueError(f"camera {camera}: {topic} is where gateways publish results; name a sensor's topic")
     if len(set(cameras.values())) < len(cameras):
         raise ValueError("two cameras cannot be the same topic")
+    _check_result_roots(cameras)
     return cameras
 
 
+def _check_result_roots(cameras: Iterable[str]) -> None:
+    taken: dict[str, str] = {}
+    for place, camera in enumerate(cameras):
+        root = result_root(camera, first=not place)
+        if root in taken:
+            raise ValueError(f"cameras {taken[root]} and {camera} would both return results under {root}; rename one")
+        taken[root] = camera
+
+
 class GatewaySettings(BusSettings):
-    """Forward a robot's ROS 1 cameras onto Zenoh while somebody wants them. Runs on the robot, needs no ROS install."""
+    """Forward a robot's ROS 1 cameras onto Zenoh, and their results back, while somebody wants them.
+
+    Runs on the robot, needs no ROS install.
+    """
 
     robot: Annotated[str, Field(pattern=f"^{NAME.pattern}$", description="this robot's name, unique in the fleet")]
     ros_master: Annotated[str, AfterValidator(validate_master_uri)] = Field(
@@ -58,5 +75,9 @@ class GatewaySettings(BusSettings):
     cameras: Annotated[
         dict[str, str],
         AfterValidator(_cameras),
-        Field(description="colour cameras as name=topic, several separated by commas"),
+        Field(
+            description="colour cameras as name=topic, several separated by commas; the first one's results go to "
+            "/ultralytics/..., another's to /ultralytics/NAME/..."
+        ),
     ] = {"camera": "/camera/color/image_raw"}
+    results: bool = Field(default=True, description="publish the cameras' results on the robot's own ROS graph")

@@ -36,6 +36,24 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     broken_links: Drops = {}
 
 
+class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """One stream of results on its way to one ROS topic. Counts are messages since the gateway started.
+
+    wanted: a ROS subscriber is connected, so the gateway subscribes on Zenoh. subscribers: how many are connected now.
+    received: what arrived on Zenoh. dropped: by reason; a message that one of several subscribers was too slow for is
+    among `published` too.
+    """
+
+    camera: Name
+    stream: Label
+    topic: Label
+    wanted: bool
+    subscribers: Count
+    received: Count
+    published: Count
+    dropped: Drops = {}
+
+
 class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     """A gateway's account of itself, once a second and once more when it stops.
 
@@ -49,6 +67,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     sent_ns: Nanoseconds
     waiting_for: Label = ""
     streams: Annotated[list[StreamStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
+    returns: Annotated[list[ReturnStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
 
 
 class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):

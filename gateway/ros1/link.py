@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import Ros1Error, UnreachableError
+from gateway.ros1.keepalive import notice_dead_peer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent
-
-# A robot that drives out of the network sends no FIN: notice it after about 25 s.
-_KEEPALIVE = ((socket.TCP_KEEPIDLE, 10), (socket.TCP_KEEPINTVL, 5), (socket.TCP_KEEPCNT, 3))
 
 
 async def run_link(
@@ -69,10 +66,7 @@ class _Link(asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)  # noqa: S101 - what create_connection makes
         self._transport = transport
-        raw = transport.get_extra_info("socket")
-        raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        for option, value in _KEEPALIVE:
-            raw.setsockopt(socket.IPPROTO_TCP, option, value)
+        notice_dead_peer(transport.get_extra_info("socket"))
         transport.write(self._connection.opening)
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -159,9 +159,18 @@ class Node:
 
     @asynccontextmanager
     async def advertise(
-        self, topic: str, type_name: str, *, latch: bool = False, queue_size: int = 1
+        self,
+        topic: str,
+        type_name: str,
+        *,
+        latch: bool = False,
+        queue_size: int = 1,
+        on_demand: Callable[[bool], None] | None = None,
     ) -> AsyncIterator[Publication]:
         """Publish a topic; at most `queue_size` messages wait for each subscriber, the newest win.
+
+        `on_demand` is called on the event loop when the first subscriber comes and when the last one goes, until
+        leaving.
 
         Raises:
             InvalidNameError, UnknownTypeError: the topic or the type; `*` cannot be advertised.
@@ -172,7 +181,8 @@ class Node:
         if topic in self._publications:
             raise Ros1Error(f"{self.name} publishes {topic} already")
         kind = message_type(validate_type(type_name))
-        publication = Publication(Offer(topic, kind.topic_type, kind.definition, latch), queue_size=queue_size)
+        offer = Offer(topic, kind.topic_type, kind.definition, latch)
+        publication = Publication(offer, queue_size=queue_size, on_demand=on_demand)
         registration = Registration(Role.PUBLISHER, topic, type_name)
         self._publications[topic] = publication
         self._want(registration)

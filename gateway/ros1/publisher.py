@@ -13,6 +13,8 @@ from gateway.ros1.tasks import TaskScope
 from gateway.ros1.wire.tcpros import message_prefix
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gateway.ros1.wire.tcpros import Offer, SubscriberAccepted
 
 # Below this size a message and its prefix are joined, so that they leave in one segment.
@@ -30,9 +32,12 @@ class PublicationCounters:
 
 
 class Publication:
-    """Publishes serialised messages to whoever is connected; with `latch`, the last one to newcomers too."""
+    """Publishes serialised messages to whoever is connected; with `latch`, the last one to newcomers too.
 
-    def __init__(self, offer: Offer, *, queue_size: int) -> None:
+    `on_demand` is called on the event loop when the first subscriber comes and when the last one goes, until closing.
+    """
+
+    def __init__(self, offer: Offer, *, queue_size: int, on_demand: Callable[[bool], None] | None = None) -> None:
         if queue_size < 1:
             raise ValueError(f"queue_size must be at least 1, not {queue_size}")
         self.offer = offer
@@ -40,6 +45,8 @@ class Publication:
         self._queue_size = queue_size
         self._last: bytes | None = None
         self._outgoing: set[_Outgoing] = set()
+        self._on_demand = on_demand
+        self._wanted = False
 
     @property
     def topic(self) -> str:
@@ -64,15 +71,18 @@ class Publication:
         if self._last is not None:
             outgoing.put(self._last)
         self._outgoing.add(outgoing)
+        self._tell_demand()
         try:
             async with TaskScope() as scope:
                 scope.start(self._send(outgoing, subscriber.reply), f"{self.topic} to {subscriber.callerid}")
                 await _until_closed(connection)
         finally:
             self._outgoing.discard(outgoing)
+            self._tell_demand()
 
     def close(self) -> None:
         """End every subscriber's connection; what is queued is lost."""
+        self._on_demand = None
         for outgoing in self._outgoing:
             with suppress(OSError):
                 outgoing.connection.shutdown(socket.SHUT_RDWR)
@@ -85,6 +95,12 @@ class Publication:
     def bus_info(self) -> list[Any]:
         """Return `[id, subscriber, direction, transport, topic, connected]` of each connection."""
         return [[i, o.callerid, "o", "TCPROS", self.topic, True] for i, o in enumerate(self._outgoing)]
+
+    def _tell_demand(self) -> None:
+        wanted = bool(self._outgoing)
+        if self._on_demand is not None and wanted != self._wanted:
+            self._wanted = wanted
+            self._on_demand(wanted)
 
     async def _send(self, outgoing: _Outgoing, reply: bytes) -> None:
         loop = asyncio.get_running_loop()

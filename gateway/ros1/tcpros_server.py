@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from gateway.ros1.errors import TcprosError, WireError
 from gateway.ros1.hosts import listen
+from gateway.ros1.keepalive import notice_dead_peer
 from gateway.ros1.lograte import LogRate
 from gateway.ros1.tasks import cancel_and_wait
 from gateway.ros1.wire.tcpros import PublisherConnection, SubscriberRefused
@@ -104,7 +105,7 @@ class TcprosServer:
             self._warn("%s is refused: %s", peer, event.reason)
             return
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(event.tcp_nodelay))
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        notice_dead_peer(connection)
         publication = self._publications.get(event.topic)
         if publication is not None:
             await publication.serve(connection, event)

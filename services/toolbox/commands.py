@@ -48,7 +48,7 @@ def _load(reference: str) -> Any:
 COMMANDS: Final = (
     Command(
         "gateway",
-        "on each robot: forward ROS 1 camera topics onto Zenoh while somebody wants them",
+        "on each robot: ROS 1 camera topics onto Zenoh, and results back, while somebody wants them",
         "gateway.settings:GatewaySettings",
         "gateway.process:run",
     ),

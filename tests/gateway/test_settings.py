@@ -41,6 +41,9 @@ def test_ros_own_variables_are_the_defaults(
         ("cameras", {"front": "/image", "rear": "/image"}, "two cameras cannot be the same topic"),
         ("ros_master", "http://robot:99999", "looks like http://robot:11311"),
         ("ros_host", "bad host", "neither a host's name nor an address"),
+        ("cameras", {"front": "/ultralytics/detection/image"}, "camera front: /ultralytics/detection/image is where"),
+        ("cameras", {"front": "/ultralytics"}, "gateways publish results"),
+        ("cameras", {"a": "/a", "b.c": "/b", "b-c": "/c"}, "b.c and b-c would both return results under"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
@@ -49,3 +52,7 @@ def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
     (mistake,) = caught.value.errors()
     assert mistake["loc"][0] == field
     assert reason in mistake["msg"]
+
+
+def test_a_topic_that_only_begins_like_results_is_a_sensors() -> None:
+    assert settings(cameras={"front": "/ultralytics_camera/image_raw"}).cameras

@@ -9,7 +9,7 @@ from typing import Final
 from bus import QUEUE, Bus, BusSettings, Subscription, open_bus
 from schemas import codec, keys
 from schemas.codec import M
-from schemas.status import GatewayStatus, StreamStatus
+from schemas.status import GatewayStatus, ReturnStatus, StreamStatus
 from services.toolbox.demo.children import Child, child
 from services.toolbox.demo.process import free_ports
 
@@ -31,10 +31,11 @@ class FleetRig:
         arguments = [command, "--connect", self._endpoint, *options]
         return await self._stack.enter_async_context(child(command, arguments, log.info))
 
-    async def gateway(self, robot: str, master: str, cameras: Mapping[str, str]) -> Child:
+    async def gateway(self, robot: str, master: str, cameras: Mapping[str, str], *options: str) -> Child:
         """Start a robot's gateway."""
         names = [option for camera, topic in cameras.items() for option in ("--cameras", f"{camera}={topic}")]
-        return await self.start("gateway", "--robot", robot, "--ros-master", master, "--ros-host", "127.0.0.1", *names)
+        where = ("--robot", robot, "--ros-master", master, "--ros-host", "127.0.0.1")
+        return await self.start("gateway", *where, *names, *options)
 
     @asynccontextmanager
     async def subscribed(self, key_expr: str) -> AsyncIterator[Subscription]:
@@ -46,13 +47,28 @@ class FleetRig:
         self, robot: str, camera: str, until: Callable[[StreamStatus], bool] = lambda _: True
     ) -> StreamStatus:
         """Wait until the gateway's account of the camera is such; return it."""
-        async with asyncio.timeout(PATIENCE_S), self.subscribed(keys.gateway_status(robot)) as statuses:
-            async for sample in statuses:
-                status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
+        async with self._statuses(robot) as statuses:
+            async for status in statuses:
                 for stream in status.streams:
                     if stream.camera == camera and until(stream):
                         return stream
         raise AssertionError("the bus was closed")
+
+    async def return_status(
+        self, robot: str, camera: str, until: Callable[[ReturnStatus], bool] = lambda _: True
+    ) -> ReturnStatus:
+        """Wait until the gateway's account of the camera's returned results is such; return it."""
+        async with self._statuses(robot) as statuses:
+            async for status in statuses:
+                for returned in status.returns:
+                    if returned.camera == camera and until(returned):
+                        return returned
+        raise AssertionError("the bus was closed")
+
+    @asynccontextmanager
+    async def _statuses(self, robot: str) -> AsyncIterator[AsyncIterator[GatewayStatus]]:
+        async with asyncio.timeout(PATIENCE_S), self.subscribed(keys.gateway_status(robot)) as samples:
+            yield (codec.decode(GatewayStatus, sample.payload, sample.encoding) async for sample in samples)
 
 
 async def receive(subscription: Subscription, schema: type[M]) -> M:

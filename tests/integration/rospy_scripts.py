@@ -48,6 +48,14 @@ while not rospy.is_shutdown():
         rospy.sleep(1 / rate)
 """
 
+BAG_READER = """
+import sys, rosbag
+with rosbag.Bag(sys.argv[1]) as bag:
+    for topic, message, stamp, header in bag.read_messages(return_connection_header=True):
+        fields = (header[name].decode() for name in ("type", "md5sum", "callerid", "message_definition"))
+        print("read", topic, message.data, *fields, flush=True)
+"""
+
 IMAGE_LISTENER = """
 import sys, hashlib, rospy
 from sensor_msgs.msg import Image

@@ -7,7 +7,7 @@ from schemas.detections import Box, ClassCount, ClassList, Detection, Detections
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from schemas.status import CameraLoad, GatewayStatus, ReturnStatus, StreamStatus, WorkerStatus
 from tests.schemas.frames import header, image
 
 DETECTIONS = Detections(
@@ -30,6 +30,11 @@ MESSAGES: list[Message] = [
         sent_ns=1,
         streams=[
             StreamStatus(camera="front", stream="color", topic="/t", wanted=True, publishers=1, received=3, forwarded=2)
+        ],
+        returns=[
+            ReturnStatus(
+                camera="front", stream="classes", topic="/t", wanted=True, subscribers=1, received=3, published=2
+            )
         ],
     ),
     WorkerStatus(

@@ -48,6 +48,20 @@ async def test_message_goes_from_node_to_node(master: RosMaster) -> None:
     assert (bytes(got[0].data), got[0].callerid, got[0].uri) == (b"one", "/a", a.uri)
 
 
+async def test_publication_tells_whether_it_is_wanted(master: RosMaster) -> None:
+    told: list[bool] = []
+    async with (
+        node("/a", master) as a,
+        node("/b", master) as b,
+        a.advertise("/chat", STRING, on_demand=told.append),
+    ):
+        await until(lambda: a.registered, "it is registered")
+        assert told == []
+        async with b.subscribe("/chat", STRING, print):
+            await until(lambda: told == [True], "the demand is told")
+        await until(lambda: told == [True, False], "its end is told")
+
+
 async def test_node_hears_itself(master: RosMaster) -> None:
     got: list[Message] = []
     async with (

@@ -12,14 +12,17 @@ from gateway.ros1.wire.tcpros import Offer, SubscriberAccepted, TopicType, messa
 from tests.gateway.ros1.waiting import until
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Callable
 
 HUGE = bytes(20 << 20)  # more than the kernel buffers for one connection
 ACCEPTED = SubscriberAccepted("/peer", "/chat", tcp_nodelay=True, reply=b"reply")
 
 
-def publication(*, latching: bool = False, queue_size: int = 1) -> Publication:
-    return Publication(Offer("/chat", TopicType("a/A", "0"), "", latching), queue_size=queue_size)
+def publication(
+    *, latching: bool = False, queue_size: int = 1, on_demand: Callable[[bool], None] | None = None
+) -> Publication:
+    offer = Offer("/chat", TopicType("a/A", "0"), "", latching)
+    return Publication(offer, queue_size=queue_size, on_demand=on_demand)
 
 
 @asynccontextmanager
@@ -113,6 +116,29 @@ async def test_closing_ends_the_connections() -> None:
         topic.close()
         assert await reader.read() == b""
         await until(lambda: topic.subscriber_count == 0, "the subscriber is forgotten")
+
+
+async def test_demand_is_told_when_the_first_subscriber_comes_and_when_the_last_one_goes() -> None:
+    told: list[bool] = []
+    topic = publication(on_demand=told.append)
+    assert told == []
+    async with subscriber(topic):
+        assert told == [True]
+        async with subscriber(topic):
+            pass
+        assert told == [True]
+    assert told == [True, False]
+    async with subscriber(topic):
+        assert told == [True, False, True]
+
+
+async def test_demand_is_not_told_after_closing() -> None:
+    told: list[bool] = []
+    topic = publication(on_demand=told.append)
+    async with subscriber(topic):
+        topic.close()
+        await until(lambda: topic.subscriber_count == 0, "the subscriber is forgotten")
+    assert told == [True]
 
 
 def test_queue_has_to_hold_something() -> None:

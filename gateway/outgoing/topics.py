@@ -1,0 +1,16 @@
+"""Where on the robot's ROS graph the results of its cameras are found. Pure."""
+
+import re
+from typing import Final
+
+ROOT: Final = "/ultralytics"
+
+
+def result_root(camera: str, *, first: bool) -> str:
+    """Return the ROS namespace of a camera's results; a robot's first camera has no chunk of its own in it."""
+    return ROOT if first else f"{ROOT}/{re.sub('[^A-Za-z0-9_]', '_', camera)}"
+
+
+def is_result(topic: str) -> bool:
+    """Whether a topic is where gateways publish, so that none may take it for a sensor."""
+    return topic == ROOT or topic.startswith(f"{ROOT}/")

@@ -1,0 +1,141 @@
+"""Results of the fleet on a robot's real ROS 1 graph: rostopic and rosbag are the ones who want them."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from bus import Publisher, QoS
+from gateway.outgoing.stream import MALFORMED
+from gateway.outgoing.translators import STRING
+from gateway.ros1.messages import message_type
+from schemas import codec
+from schemas.detections import ClassList
+from schemas.keys import CameraKey, Stream
+from tests.gateway.outgoing.lists import class_list
+from tests.gateway.ros1.waiting import until
+from tests.integration.fleet import FleetRig, fleet_rig
+from tests.integration.ros import RosEnvironment
+from tests.integration.rospy_scripts import BAG_READER
+from tests.integration.test_first_light import camera, raw
+from tests.services.detector.views import NEAR_VIEWS, near_view
+
+CAMERAS = {"front": "/front/color/image_raw", "rear-2": "/rear/color/image_raw"}
+FRONT, REAR = (CameraKey("r1", name) for name in CAMERAS)
+FRONT_TOPIC, REAR_TOPIC = "/ultralytics/detection/classes", "/ultralytics/rear_2/detection/classes"
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[FleetRig]:
+    async with fleet_rig() as made:
+        yield made
+
+
+@asynccontextmanager
+async def detecting(rig: FleetRig, key: CameraKey, *counts: tuple[str, int]) -> AsyncIterator[Publisher]:
+    """Publish class lists of ever newer frames while they are wanted, as a detector does."""
+
+    async def publish(publisher: Publisher) -> None:
+        seq = 0
+        while True:
+            if publisher.wanted:
+                publisher.put(codec.encode(class_list(*counts, seq=seq, camera=key.camera)))
+                seq += 1
+            await asyncio.sleep(0.05)
+
+    encoding = codec.encoding(ClassList)
+    async with rig.bus.publisher(key.stream(Stream.CLASSES), QoS.RESULT, encoding=encoding) as publisher:
+        publishing = asyncio.create_task(publish(publisher))
+        yield publisher
+        publishing.cancel()
+        await asyncio.wait([publishing])
+
+
+@pytest.mark.timeout(120)
+async def test_rostopic_shows_and_echoes_each_cameras_results_and_makes_the_demand(
+    ros: RosEnvironment, rig: FleetRig
+) -> None:
+    await rig.gateway("r1", ros.master_uri, CAMERAS)
+    async with (
+        detecting(rig, FRONT, ("box", 2), ("it's", 1)) as front,
+        detecting(rig, REAR, ("forklift", 1)) as rear,
+    ):
+        await rig.return_status("r1", "front", lambda status: not status.wanted and status.subscribers == 0)
+        info = await (await ros.rostopic("info", FRONT_TOPIC)).finished()
+        assert "Type: std_msgs/String" in info
+        assert "/fleetsight_gateway_r1_" in info
+        assert "Subscribers: None" in info
+        assert (front.counts.put, rear.counts.put) == (0, 0)
+        echo = await ros.rostopic("echo", FRONT_TOPIC)
+        await echo.until_output("""['box', 'box', \\"it's\\"]""")
+        await rig.return_status("r1", "front", lambda status: status.wanted and status.published > 0)
+        assert not rear.wanted
+        assert "['forklift']" in await (await ros.rostopic("echo", "-n", "1", REAR_TOPIC)).finished()
+        await echo.end()
+        await until(lambda: not front.wanted and not rear.wanted, "the end of the listeners ends the demand")
+        await rig.return_status("r1", "front", lambda status: not status.wanted and status.subscribers == 0)
+
+
+@pytest.mark.timeout(120)
+async def test_rosbag_records_results_with_their_definition(ros: RosEnvironment, rig: FleetRig, tmp_path: Path) -> None:
+    await rig.gateway("r1", ros.master_uri, CAMERAS)
+    bag = tmp_path / "results.bag"
+    async with detecting(rig, FRONT, ("pallet", 2)):
+        recording = await ros.run("/usr/bin/rosbag", "record", "--limit=3", f"--output-name={bag}", FRONT_TOPIC)
+        await recording.finished()
+    read = await (await ros.script(BAG_READER, str(bag))).finished()
+    kind = message_type(STRING)
+    found = [line for line in read.splitlines() if line]
+    assert len(found) == 3
+    for line in found:
+        assert line.startswith(
+            f"read {FRONT_TOPIC} ['pallet', 'pallet'] {STRING} {kind.md5sum} /fleetsight_gateway_r1_"
+        )
+        assert line.endswith(f" {kind.definition.strip()}")
+
+
+@pytest.mark.timeout(120)
+async def test_malformed_results_are_counted_and_harm_nobody(ros: RosEnvironment, rig: FleetRig) -> None:
+    await rig.gateway("r1", ros.master_uri, CAMERAS)
+    key = FRONT.stream(Stream.CLASSES)
+    async with (
+        detecting(rig, FRONT, ("box", 1)),
+        rig.bus.publisher(key, QoS.IMAGE, encoding=codec.encoding(ClassList)) as stranger,
+    ):
+        echo = await ros.rostopic("echo", FRONT_TOPIC)
+        await echo.until_output("['box']")
+        stranger.put(b"garbage")
+        malformed = await rig.return_status("r1", "front", lambda status: MALFORMED in status.dropped)
+        stranger.put(codec.encode(class_list(("forklift", 1), camera="rear-2")))
+        await rig.return_status(
+            "r1",
+            "front",
+            lambda status: status.dropped.get(MALFORMED) == 2 and status.published > malformed.published,
+        )
+        assert "forklift" not in echo.output
+
+
+@pytest.mark.timeout(120)
+async def test_a_gateway_told_to_return_nothing_publishes_nothing(ros: RosEnvironment, rig: FleetRig) -> None:
+    await rig.gateway("r1", ros.master_uri, CAMERAS, "--no-results")
+    await rig.stream_status("r1", "front")
+    assert "/ultralytics" not in await (await ros.rostopic("list")).finished()
+
+
+@pytest.mark.timeout(180)
+async def test_an_echo_on_the_robot_makes_a_detector_infer_and_its_end_stops_it(
+    ros: RosEnvironment, rig: FleetRig, tmp_path: Path
+) -> None:
+    view = next(view for view in NEAR_VIEWS if "box" in view.classes)
+    await camera(ros, CAMERAS["front"], [raw(tmp_path, "box.rgb", near_view(view))])
+    await rig.gateway("r1", ros.master_uri, {"front": CAMERAS["front"]})
+    await rig.start("detector")
+    assert (await rig.stream_status("r1", "front")).received == 0
+    echo = await ros.rostopic("echo", FRONT_TOPIC)
+    await echo.until_output("'box'")
+    await rig.stream_status("r1", "front", lambda status: status.wanted and status.publishers == 1)
+    await echo.end()
+    await rig.stream_status("r1", "front", lambda status: not status.wanted and status.publishers == 0)
+    await rig.return_status("r1", "front", lambda status: not status.wanted and status.published > 0)
