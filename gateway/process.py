@@ -2,12 +2,11 @@
 
 import asyncio
 import logging
-import os
 import re
 import time
 import uuid
-from collections.abc import Sequence
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Any
 
 from bus import Bus, QoS, open_bus
@@ -28,15 +27,28 @@ from schemas.status import GatewayStatus
 log = logging.getLogger(__name__)
 
 STATUS_PERIOD_S = 1.0
+SHUT_DOWN_BY_MASTER = 1
 
 
-async def run(settings: GatewaySettings) -> None:
-    """Forward the robot's cameras and return their results until cancelled or told so by the ROS master."""
+class HostError(Exception):
+    """Other ROS nodes cannot reach this machine where the settings say."""
+
+
+async def run(settings: GatewaySettings) -> int:
+    """Forward the robot's cameras and return their results until cancelled.
+
+    Returns:
+        The exit code when the ROS master has told the node to shut down: not 0, so that a supervisor starts another.
+
+    Raises:
+        HostError: nothing can listen at `ros_host`.
+        BusError: nothing can listen where the bus settings say.
+    """
     boot_id = uuid.uuid4().hex
     log.info("robot %s: ROS master %s, cameras %s", settings.robot, settings.ros_master, settings.cameras)
     async with (
         open_bus(settings) as bus,
-        Node(node_name(settings.robot), master_uri=settings.ros_master, host=settings.ros_host) as node,
+        _node(settings, boot_id) as node,
         AsyncExitStack() as stack,
         asyncio.TaskGroup() as group,
     ):
@@ -53,11 +65,23 @@ async def run(settings: GatewaySettings) -> None:
         await node.shutdown_requested.wait()
         for task in tasks:
             task.cancel()
+    return SHUT_DOWN_BY_MASTER
 
 
-def node_name(robot: str) -> str:
+@asynccontextmanager
+async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
+    name = node_name(settings.robot, boot_id)
+    async with AsyncExitStack() as stack:
+        try:
+            node = await stack.enter_async_context(Node(name, master_uri=settings.ros_master, host=settings.ros_host))
+        except OSError as error:
+            raise HostError(f"--ros-host {settings.ros_host}: cannot listen there: {error}") from error
+        yield node
+
+
+def node_name(robot: str, boot_id: str) -> str:
     """Return a ROS node name that is the robot's and this process's alone: a master ends the older of two namesakes."""
-    return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{os.getpid()}"
+    return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
 
 
 def _returned(settings: GatewaySettings) -> list[StreamReturn[Any]]:

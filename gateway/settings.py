@@ -9,8 +9,8 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Field
 
 from bus.settings import BusSettings
-from gateway.ros1.addresses import validate_host, validate_master_uri
 from gateway.outgoing.topics import is_result, result_root
+from gateway.ros1.addresses import validate_host, validate_master_uri
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey
 

@@ -51,6 +51,7 @@ COMMANDS: Final = (
         "on each robot: ROS 1 camera topics onto Zenoh, and results back, while somebody wants them",
         "gateway.settings:GatewaySettings",
         "gateway.process:run",
+        refusals=("bus:BusError", "gateway.process:HostError"),
     ),
     Command(
         "detector",

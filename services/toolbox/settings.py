@@ -1,7 +1,8 @@
 """Load a process's settings: options first, then the environment, then a YAML or TOML file, then defaults."""
 
-import inspect
 import re
+import shutil
+import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +21,10 @@ from pydantic_settings import (
     SettingsError,
 )
 
+from services.toolbox.help import help_text
+
 ENV_PREFIX = "FLEETSIGHT_"
+MAX_HELP_WIDTH = 100
 
 S = TypeVar("S", bound=BaseModel)
 
@@ -66,6 +70,10 @@ def load(model: type[S], argv: Sequence[str], *, prog: str) -> Loaded[S]:
         UsageError: an option, variable or key of the file is unknown, missing or wrong.
         SystemExit: `--help` was asked for and printed.
     """
+    if not {"-h", "--help"}.isdisjoint(argv):
+        width = min(shutil.get_terminal_size().columns, MAX_HELP_WIDTH)
+        sys.stdout.write(help_text(model, _Common, prog=prog, env_prefix=ENV_PREFIX, width=width))
+        raise SystemExit(0)
     try:
         found = _settings_class(model, prog)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
         own = found.model_fields_set & set(model.model_fields)
@@ -106,7 +114,7 @@ def _settings_class(model: type[BaseModel], prog: str) -> type[_Common]:
         ) -> tuple[PydanticBaseSettingsSource, ...]:
             return (init_settings, _EnvironmentSource(settings_cls), _FileSource(settings_cls))
 
-    Settings.__doc__ = inspect.cleandoc(model.__doc__ or "")
+    Settings.__doc__ = model.__doc__
     return Settings
 
 

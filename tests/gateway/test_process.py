@@ -4,8 +4,11 @@ import pytest
 
 from bus import QUEUE, BusSettings, open_bus
 from gateway.process import node_name, run
+from gateway.ros1.master import SystemState
 from gateway.ros1.names import validate_global
+from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
+from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
@@ -14,7 +17,11 @@ from services.toolbox.demo.process import free_ports
 
 @pytest.mark.parametrize("robot", ["r1", "forklift-7.b", "1"])
 def test_a_robots_name_makes_a_legal_node_name(robot: str) -> None:
-    assert validate_global(node_name(robot)).startswith("/fleetsight_gateway_")
+    assert validate_global(node_name(robot, "0123456789")).startswith("/fleetsight_gateway_")
+
+
+def test_robots_whose_names_look_alike_to_ros_have_different_nodes() -> None:
+    assert node_name("r-1", "0123456789") != node_name("r_1", "9876543210")
 
 
 async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_comes() -> None:
@@ -40,3 +47,22 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
                 assert (await until_waiting_for("")).boot_id == waiting.boot_id
         running.cancel()
         await asyncio.wait([running])
+
+
+async def test_a_gateway_that_its_master_ends_says_so_with_its_exit_code() -> None:
+    async with RosMaster() as master, Node("/other", master_uri=master.uri) as other:
+        settings = GatewaySettings(
+            robot="r1", ros_master=master.uri, ros_host="127.0.0.1", connect=[f"tcp/127.0.0.1:{free_ports(1)}"]
+        )
+        running = asyncio.create_task(run(settings))
+        async with asyncio.timeout(20), XmlRpcClient() as client:
+            while not (nodes := gateways(await other.master.get_system_state())):  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(0.05)
+            uri = await other.master.lookup_node(nodes.pop())
+            await client.call(uri, "shutdown", "/other", "because")
+            assert await running != 0
+
+
+def gateways(state: SystemState) -> set[str]:
+    names = {name for members in (state.publishers, state.subscribers) for nodes in members.values() for name in nodes}
+    return {name for name in names if name.startswith("/fleetsight_gateway_")}

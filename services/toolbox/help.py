@@ -1,0 +1,100 @@
+"""The help text of a command: what it does, and every setting with its default. Pure."""
+
+import inspect
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+INDENT: Final = 26
+PLACEHOLDERS: Final = {str: "TEXT", int: "N", float: "NUMBER", Path: "FILE"}
+
+
+def help_text(model: type[BaseModel], common: type[BaseModel], *, prog: str, env_prefix: str, width: int) -> str:
+    """Describe a command by its settings model and what every command has in `common`.
+
+    Lines are at most `width` characters long where words allow it.
+    """
+    about = inspect.cleandoc(model.__doc__ or "")
+    return "\n".join(
+        [
+            f"usage: {prog} [OPTION ...]",
+            "",
+            *_paragraphs(about, width),
+            "",
+            "options:",
+            *_option("-h, --help", "show this and exit", width),
+            *(line for each in (model, common) for name in _own_first(each) for line in _setting(name, each, width)),
+            "",
+            *_paragraphs(
+                f"Each is also read from the environment ({env_prefix}LOG_LEVEL for --log-level) and from the file that"
+                " --config names; what is given here wins over the environment, and that over the file.",
+                width,
+            ),
+            "",
+        ]
+    )
+
+
+def _paragraphs(text: str, width: int) -> Iterator[str]:
+    for paragraph in text.split("\n\n"):
+        yield from textwrap.wrap(" ".join(paragraph.split()), width)
+
+
+def _own_first(model: type[BaseModel]) -> list[str]:
+    """Return the settings' names, those of the model itself before those it inherits."""
+    declared = (name for each in model.__mro__ for name in inspect.get_annotations(each))
+    return [name for name in dict.fromkeys(declared) if name in model.model_fields]
+
+
+def _setting(name: str, model: type[BaseModel], width: int) -> list[str]:
+    field = model.model_fields[name]
+    option = "--" + name.replace("_", "-")
+    if field.annotation is bool:
+        option += f", --no-{option[2:]}"
+    else:
+        option += f" {_placeholder(field.annotation)}"
+    return _option(option, f"{field.description or ''} {_default(field)}".strip(), width)
+
+
+def _option(option: str, about: str, width: int) -> list[str]:
+    lines = textwrap.wrap(about, max(20, width - INDENT), break_on_hyphens=False, break_long_words=False)
+    head = f"  {option}"
+    if len(head) + 2 <= INDENT and lines:
+        head, lines = head.ljust(INDENT) + lines[0], lines[1:]
+    return [head, *(" " * INDENT + line for line in lines)]
+
+
+def _placeholder(kind: Any) -> str:
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _placeholder(inner[0])
+    if origin in (Union, UnionType):
+        return _placeholder(next(each for each in inner if each is not NoneType))
+    if origin is Literal:
+        return "|".join(str(choice) for choice in inner)
+    if origin is list:
+        return f"{_placeholder(inner[0])},..."
+    if origin is dict:
+        return "NAME=VALUE,..."
+    return PLACEHOLDERS.get(kind, "VALUE")
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "(required)"
+    value = field.get_default(call_default_factory=True, validated_data={})
+    if value is None or value in ("", [], {}):
+        return ""
+    match value:
+        case bool():
+            return f"(default: {'yes' if value else 'no'})"
+        case list():
+            return f"(default: {','.join(map(str, value))})"
+        case dict():
+            return f"(default: {','.join(f'{key}={item}' for key, item in value.items())})"
+    return f"(default: {value})"

@@ -1,0 +1,54 @@
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+from pydantic import BaseModel, Field
+
+from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.help import help_text
+
+
+class Common(BaseModel):
+    level: Literal["low", "high"] = Field(default="low", description="how much")
+
+
+class Base(BaseModel):
+    inherited: list[str] = Field(default=["a", "b"], description="some")
+
+
+class Settings(Base):
+    """What it is for."""
+
+    robot: str = Field(description="whose")
+    rate: Annotated[float | None, Field(description="how fast")] = None
+    pairs: dict[str, str] = Field(default={"a": "b"}, description="which")
+    on: bool = Field(default=True, description="whether")
+    file: Path = Field(default_factory=lambda: Path("made"), description="where")
+
+
+def test_every_setting_its_own_first_with_its_default() -> None:
+    shown = help_text(Settings, Common, prog="test", env_prefix="X_", width=80)
+    assert shown.splitlines()[:12] == [
+        "usage: test [OPTION ...]",
+        "",
+        "What it is for.",
+        "",
+        "options:",
+        "  -h, --help              show this and exit",
+        "  --robot TEXT            whose (required)",
+        "  --rate NUMBER           how fast",
+        "  --pairs NAME=VALUE,...  which (default: a=b)",
+        "  --on, --no-on           whether (default: yes)",
+        "  --file FILE             where (default: made)",
+        "  --inherited TEXT,...    some (default: a,b)",
+    ]
+    assert "  --level low|high        how much (default: low)" in shown
+    assert "X_LOG_LEVEL" in shown
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_no_commands_help_speaks_python(command: Command) -> None:
+    shown = help_text(command.load_settings(), Common, prog="test", env_prefix="X_", width=100)
+    for word in ("factory", "dict", "list[", "None", "<", "PosixPath", "Annotated"):
+        assert word not in shown
+    assert all(len(line) <= 100 for line in shown.splitlines() if "weights" not in line)
