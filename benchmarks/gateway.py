@@ -25,10 +25,11 @@ import zenoh
 from benchmarks.machine import machine, versions
 from bus import LATEST, BusSettings, open_bus
 from bus.config import session_config
-from services.toolbox.demo.process import free_ports
+from services.toolbox.demo.ports import free_ports
 
 PEERS: Final = Path(__file__).parent / "peers"
 ROS_PYTHON: Final = "/usr/bin/python3"
+ROSMASTER: Final = "/usr/bin/rosmaster"
 WARM_UP_S: Final = 2.0
 REPEATS: Final = 3
 KEY: Final = "fleet/r1/camera/color"
@@ -48,6 +49,8 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--seconds", type=float, default=4.0, help="length of one measurement (default: 4)")
     arguments = parser.parse_args()
+    if not Path(ROSMASTER).exists():
+        parser.error("Debian's ROS 1 is not installed; tests/integration/install-ros.sh installs it")
     figures = asyncio.run(measure(arguments.seconds))
     print(json.dumps(figures) if arguments.json else "\n".join(f"{name}: {value}" for name, value in figures.items()))
 
@@ -69,9 +72,8 @@ def report(runs: Mapping[str, Sequence[Figure]]) -> dict[str, object]:
     """Name the medians as the targets name them."""
     figures: dict[str, object] = {}
     for name, found in runs.items():
-        variant, _, suffix = name.partition("_no_shm")
-        prefix = "" if variant == "fleetsight" else f"{variant}_"
-        ending = "_no_shm" if name.endswith("_no_shm") else suffix
+        variant = name.removesuffix("_no_shm")
+        prefix, ending = "" if variant == "fleetsight" else f"{variant}_", name.removeprefix(variant)
         rates = [figure.frames_per_s for figure in found]
         figures[f"{prefix}frames_per_s{ending}"] = round(statistics.median(rates), 1)
         figures[f"{prefix}frames_per_s{ending}_spread"] = [round(min(rates), 1), round(max(rates), 1)]
@@ -135,9 +137,14 @@ def process(arguments: Sequence[str], master: str) -> Iterator[subprocess.Popen[
         (Path(folder) / package.name).symlink_to(package)
         ros = {"ROS_MASTER_URI": master, "ROS_IP": "127.0.0.1"}
         path = {"PYTHONPATH": folder} if arguments[0] == ROS_PYTHON else {}
-        child = subprocess.Popen(arguments, env={**os.environ, **ros, **path}, stderr=subprocess.DEVNULL)
+        words = Path(folder) / "stderr"
+        with words.open("wb") as errors:
+            child = subprocess.Popen(arguments, env={**os.environ, **ros, **path}, stderr=errors)
         try:
             yield child
+        except TimeoutError:
+            note(f"{Path(arguments[1]).name} said: {words.read_text(errors='replace')[-2000:]}")
+            raise
         finally:
             child.terminate()
             try:
@@ -152,7 +159,7 @@ def ros_master() -> Iterator[str]:
     """Run Debian's rosmaster on a free port."""
     port = free_ports(1)
     uri = f"http://127.0.0.1:{port}"
-    with process(["/usr/bin/rosmaster", "--core", "-p", str(port)], uri):
+    with process([ROSMASTER, "--core", "-p", str(port)], uri):
         yield uri
 
 

@@ -92,17 +92,19 @@ def worker_status(service: str, worker: str) -> str:
     return f"workers/{service}/{worker}/status"
 
 
-def worker_alive(service: str, worker: str, *, weight: int = 1, scope: str = "any") -> str:
-    """Return the key of a worker's presence token; a token has no payload, so weight and scope are in its key."""
-    for what, name in (("service", service), ("worker", worker), ("scope", scope)):
-        check_name(what, name)
-    return f"workers/{service}/{worker}/{weight}/{scope}/{ALIVE}"
+def worker_alive(service: str, worker: str) -> str:
+    """Return the key of a worker's presence token.
+
+    A token has no payload, so its weight (1) and the robot it is for (any) are in its key.
+    """
+    check_name("service", service)
+    check_name("worker", worker)
+    return f"workers/{service}/{worker}/1/any/{ALIVE}"
 
 
 EVERY_ROBOT_ALIVE: Final = f"fleet/*/{ALIVE}"
 EVERY_GATEWAY_STATUS: Final = "fleet/*/status"
 EVERY_WORKER_STATUS: Final = "workers/*/*/status"
-EVERY_WORKER_ALIVE: Final = f"workers/*/*/*/*/{ALIVE}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,20 @@ def sources() -> Iterator[Path]:
         yield from (ROOT / room).rglob("*.py")
 
 
+SOURCES = {("os", "environ"), ("os", "getenv"), ("sys", "argv")}
+
+
 def reads_environment(tree: ast.AST) -> bool:
-    return any(
-        isinstance(node, ast.Attribute)
-        and isinstance(node.value, ast.Name)
-        and (node.value.id, node.attr) in {("os", "environ"), ("os", "getenv"), ("sys", "argv")}
-        for node in ast.walk(tree)
-    )
+    return any(_names(node) & SOURCES for node in ast.walk(tree))
+
+
+def _names(node: ast.AST) -> set[tuple[str, str]]:
+    match node:
+        case ast.Attribute(value=ast.Name(id=module), attr=name):
+            return {(module, name)}
+        case ast.ImportFrom(module=str(module), names=names):
+            return {(module, alias.name) for alias in names}
+    return set()
 
 
 def test_who_reads_the_environment() -> None:

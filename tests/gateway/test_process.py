@@ -12,7 +12,7 @@ from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
-from services.toolbox.demo.process import free_ports
+from services.toolbox.demo.ports import free_ports
 
 
 @pytest.mark.parametrize("robot", ["r1", "forklift-7.b", "1"])

@@ -11,7 +11,7 @@ from schemas import codec, keys
 from schemas.codec import M
 from schemas.status import GatewayStatus, ReturnStatus, StreamStatus
 from services.toolbox.demo.children import Child, child
-from services.toolbox.demo.process import free_ports
+from services.toolbox.demo.ports import free_ports
 
 PATIENCE_S: Final = 60
 

@@ -3,10 +3,8 @@
 import asyncio
 import json
 import logging
-import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
 from typing import Final
 
 from rich.console import Console
@@ -18,6 +16,7 @@ from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
 from services.monitor.table import notes_of
 from services.toolbox.demo.children import Child, ChildFailedError, child
+from services.toolbox.demo.ports import free_ports
 from services.toolbox.demo.settings import DemoSettings
 from services.toolbox.demo.summary import Summary, drops
 from services.toolbox.process import EXIT_FAILED
@@ -79,23 +78,6 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
 
 def _robots(settings: DemoSettings) -> list[str]:
     return [f"r{number}" for number in range(1, settings.robots + 1)]
-
-
-def free_ports(count: int) -> int:
-    """Return the first of `count` successive TCP ports of the loopback interface that nobody listens on."""
-    while True:
-        with ExitStack() as stack, suppress(OSError, OverflowError):
-            first = _bound(stack, 0)
-            for port in range(first + 1, first + count):
-                _bound(stack, port)
-            return first
-
-
-def _bound(stack: ExitStack, port: int) -> int:
-    listening = stack.enter_context(socket.socket())
-    listening.bind(("127.0.0.1", port))
-    bound: int = listening.getsockname()[1]
-    return bound
 
 
 async def _show_until_over(

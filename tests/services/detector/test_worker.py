@@ -218,6 +218,6 @@ async def test_a_key_that_is_no_camera_is_left_out(rig: Rig) -> None:
 
 
 async def test_the_worker_is_present_and_says_goodbye(rig: Rig) -> None:
-    async with rig.bus.watch(keys.EVERY_WORKER_ALIVE) as watch:
+    async with rig.bus.watch("workers/*/*/*/*/alive") as watch:
         presence = await anext(watch)
         assert (keys.parse_worker(presence.key), presence.alive) == (("detector", "w1"), True)
