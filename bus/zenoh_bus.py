@@ -15,7 +15,7 @@ from bus.keys import key_expression, single_key
 from bus.session import Declaration, SessionThread
 from bus.settings import BusSettings
 
-CLOSE_DEADLINE_S: Final = 3.0
+CLOSE_DEADLINE_S: Final = 2.0
 
 _log: Final = logging.getLogger(__name__)
 

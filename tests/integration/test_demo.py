@@ -69,7 +69,9 @@ def test_a_signal_stops_everything(number: signal.Signals) -> None:
         started = processes(running)
         running.send_signal(number)
         said, _ = running.communicate(timeout=PATIENCE_S)
+    assert running.returncode == 0
     assert "frames sent:" in said
+    assert "leaving at once" not in said
     assert psutil.wait_procs(started, timeout=0)[1] == []
 
 
