@@ -41,6 +41,7 @@ def image(message: Bytes, header: Header) -> bytes:
             encoding=found.encoding,
             step=found.step,
             data=found.data,
+            is_bigendian=found.is_bigendian,
         )
     )
 

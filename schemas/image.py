@@ -7,8 +7,25 @@ import msgspec
 from schemas.errors import SchemaError
 from schemas.header import Header
 
-BYTES_PER_PIXEL: Final = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
-"""Encodings of sensor_msgs/image_encodings.h that this contract carries."""
+BAYER_PATTERNS: Final = ("rggb", "bggr", "gbrg", "grbg")
+
+BYTES_PER_PIXEL: Final = {
+    "rgb8": 3,
+    "bgr8": 3,
+    "rgba8": 4,
+    "bgra8": 4,
+    "mono8": 1,
+    "mono16": 2,
+    "yuv422": 2,
+    "16UC1": 2,
+    "32FC1": 4,
+    **{f"bayer_{pattern}8": 1 for pattern in BAYER_PATTERNS},
+    **{f"bayer_{pattern}16": 2 for pattern in BAYER_PATTERNS},
+}
+"""Encodings of sensor_msgs/image_encodings.h that this contract carries. yuv422 is UYVY: two pixels in four bytes."""
+
+DEPTH_ENCODINGS: Final = frozenset({"16UC1", "32FC1"})
+"""Distances along the optical axis: millimetres with 0 for no reading, and metres with NaN for none."""
 
 MAX_SIDE: Final = 16_384
 
@@ -19,6 +36,7 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
     """An image of height x width pixels, rows `step` bytes apart, top row first.
 
     data: height * step bytes; decoded without a copy, so it is a view into the received payload.
+    is_bigendian: byte order of pixels whose channels have more than 8 bits.
     """
 
     header: Header
@@ -27,6 +45,7 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
     encoding: Annotated[str, msgspec.Meta(max_length=32)]
     step: Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE * 16)]
     data: memoryview
+    is_bigendian: bool = False
 
     def __post_init__(self) -> None:
         """Hold the pixel layout together.
@@ -47,6 +66,8 @@ def check_layout(height: int, width: int, encoding: str, step: int, size: int) -
         raise SchemaError(f"absurd dimensions: {width}x{height} pixels")
     if encoding not in BYTES_PER_PIXEL:
         raise SchemaError(f"unknown encoding: {encoding[:32]!r}")
+    if encoding == "yuv422" and width % 2:
+        raise SchemaError(f"yuv422 pixels come in pairs, and a row has {width}")
     row = width * BYTES_PER_PIXEL[encoding]
     if step < row:
         raise SchemaError(f"step too short: {step} bytes a row, {width} {encoding} pixels need {row}")

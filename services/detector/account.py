@@ -11,6 +11,7 @@ LINK: Final = "lost on the link"
 REPLACED: Final = "replaced by a newer frame"
 MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
+DEPTH: Final = "a depth image, not a picture"
 UNWANTED: Final = "no longer wanted"
 
 

@@ -6,25 +6,49 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.image import BYTES_PER_PIXEL, ImageFrame
+from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
 
 _TO_BGR: Final = {
     "rgb8": cv2.COLOR_RGB2BGR,
     "rgba8": cv2.COLOR_RGBA2BGR,
     "bgra8": cv2.COLOR_BGRA2BGR,
     "mono8": cv2.COLOR_GRAY2BGR,
+    "mono16": cv2.COLOR_GRAY2BGR,
+    "yuv422": cv2.COLOR_YUV2BGR_UYVY,
+    # ROS names a mosaic by its first two pixels of two rows. OpenCV's older names start one pixel further on.
+    **{
+        f"bayer_{pattern}{bits}": getattr(cv2, f"COLOR_Bayer{pattern.upper()}2BGR")
+        for pattern in BAYER_PATTERNS
+        for bits in (8, 16)
+    },
 }
+_SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
+
+
+def shows_colours(frame: ImageFrame) -> bool:
+    """Return whether the frame is a picture, in colour or grey, and no depth image."""
+    return frame.encoding not in DEPTH_ENCODINGS
 
 
 def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
-    """Return the frame's pixels as a contiguous height x width x 3 array in blue, green, red order.
+    """Return the pixels of a picture as a contiguous height x width x 3 array in blue, green, red order.
 
-    BGR is what Ultralytics expects of numpy input (docs.ultralytics.com/modes/predict).
+    BGR is what Ultralytics expects of numpy input (docs.ultralytics.com/modes/predict). 16 bits are scaled to 8.
     """
-    channels = BYTES_PER_PIXEL[frame.encoding]
-    rows = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step)
-    pixels = rows[:, : frame.width * channels].reshape(frame.height, frame.width, channels)
+    pixels = _eight_bits(frame) if frame.encoding in _SIXTEEN_BITS else _pixels(frame)
     code = _TO_BGR.get(frame.encoding)
     if code is None:
         return np.ascontiguousarray(pixels)
     return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+
+
+def _pixels(frame: ImageFrame) -> NDArray[np.uint8]:
+    """Return the bytes of each pixel, height x width x bytes, without the rows' padding."""
+    size = BYTES_PER_PIXEL[frame.encoding]
+    rows = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step)
+    return rows[:, : frame.width * size].reshape(frame.height, frame.width, size)
+
+
+def _eight_bits(frame: ImageFrame) -> NDArray[np.uint8]:
+    sixteen = _pixels(frame).view(">u2" if frame.is_bigendian else "<u2").astype(np.uint16)
+    return np.asarray(cv2.convertScaleAbs(sixteen, alpha=255 / 65535), np.uint8)

@@ -7,7 +7,7 @@ from gateway.ros1.image import Image, encode_image
 from gateway.stream import MALFORMED, StreamForward
 from gateway.translators import IMAGE_TRANSLATOR
 from schemas import codec
-from schemas.image import ImageFrame
+from schemas.image import BYTES_PER_PIXEL, ImageFrame
 from schemas.keys import CameraKey, Stream
 
 uint32 = st.integers(0, 2**32 - 1)
@@ -20,7 +20,7 @@ images = st.builds(
     frame_id=st.text(max_size=20),
     height=small | uint32,
     width=small | uint32,
-    encoding=st.sampled_from(["rgb8", "bgra8", "mono8", "16UC1", ""]) | st.text(max_size=10),
+    encoding=st.sampled_from([*sorted(BYTES_PER_PIXEL), ""]) | st.text(max_size=10),
     is_bigendian=st.booleans(),
     step=small | uint32,
     data=st.binary(max_size=64).map(memoryview),

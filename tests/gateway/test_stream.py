@@ -74,6 +74,13 @@ def test_a_malformed_image_costs_itself_only(
     assert forward.status(wanted=True, publishers=1, replaced=0, broken_links={}).dropped == {MALFORMED: 1}
 
 
+@pytest.mark.parametrize("is_bigendian", [False, True])
+def test_byte_order_travels(forward: StreamForward, *, is_bigendian: bool) -> None:
+    depth = Image(1, 2, 3, "lens", 1, 2, "16UC1", is_bigendian, 4, memoryview(bytes(4)))
+    made = frame(forward.take(encode_image(depth), "/camera", 0))
+    assert (made.encoding, made.is_bigendian) == ("16UC1", is_bigendian)
+
+
 def test_every_message_is_accounted_for(forward: StreamForward) -> None:
     for data in (message(), b"", message(), message()):
         forward.take(data, "/camera", 0)

@@ -54,6 +54,13 @@ def test_pixels_are_a_view_into_the_payload() -> None:
     assert frame.data.obj is payload
 
 
+def test_a_frame_of_a_writer_that_does_not_know_byte_orders_is_little_endian() -> None:
+    fields = msgspec.to_builtins(image(), builtin_types=(memoryview,))
+    del fields["is_bigendian"]
+    payload = msgspec.msgpack.encode(fields)
+    assert codec.decode(ImageFrame, payload, codec.encoding(ImageFrame)).is_bigendian is False
+
+
 def test_unknown_fields_are_ignored_and_missing_new_ones_have_defaults() -> None:
     fields = msgspec.to_builtins(DETECTIONS)
     del fields["spans"]

@@ -1,10 +1,28 @@
 import pytest
 
 from schemas.errors import SchemaError
-from schemas.image import MAX_SIDE, check_layout
+from schemas.image import BYTES_PER_PIXEL, MAX_SIDE, check_layout
 
 
-@pytest.mark.parametrize(("encoding", "row"), [("rgb8", 18), ("bgr8", 18), ("rgba8", 24), ("bgra8", 24), ("mono8", 6)])
+ROWS = {
+    **{"rgb8": 18, "bgr8": 18, "rgba8": 24, "bgra8": 24, "mono8": 6, "mono16": 12, "yuv422": 12},
+    **{"16UC1": 12, "32FC1": 24},
+    **{"bayer_rggb8": 6, "bayer_bggr8": 6, "bayer_gbrg8": 6, "bayer_grbg8": 6},
+    **{"bayer_rggb16": 12, "bayer_bggr16": 12, "bayer_gbrg16": 12, "bayer_grbg16": 12},
+}
+
+
+def test_every_encoding_of_the_contract_is_covered() -> None:
+    assert set(ROWS) == set(BYTES_PER_PIXEL)
+
+
+def test_yuv422_has_whole_pairs_of_pixels() -> None:
+    check_layout(4, 2, "yuv422", 4, 16)
+    with pytest.raises(SchemaError, match="yuv422 pixels come in pairs, and a row has 3"):
+        check_layout(4, 3, "yuv422", 8, 32)
+
+
+@pytest.mark.parametrize(("encoding", "row"), ROWS.items())
 def test_exact_and_padded_rows_fit(encoding: str, row: int) -> None:
     check_layout(4, 6, encoding, row, row * 4)
     check_layout(4, 6, encoding, row + 2, (row + 2) * 4)
