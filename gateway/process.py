@@ -15,9 +15,8 @@ from gateway.forward import Forward, offering
 from gateway.ros1.node import Node
 from gateway.settings import GatewaySettings
 from gateway.stream import StreamForward
-from gateway.translators import IMAGE_TRANSLATOR
+from gateway.translators import kind_of
 from schemas import codec, keys
-from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus
 
 log = logging.getLogger(__name__)
@@ -26,19 +25,18 @@ STATUS_PERIOD_S = 1.0
 
 
 async def run(settings: GatewaySettings) -> None:
-    """Forward the robot's cameras until cancelled, or until the ROS master tells the node to shut down."""
+    """Forward the robot's sensors until cancelled, or until the ROS master tells the node to shut down."""
     boot_id = uuid.uuid4().hex
-    log.info("robot %s: ROS master %s, cameras %s", settings.robot, settings.ros_master, settings.cameras)
+    log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
+    for key, topic in settings.streams().items():
+        log.info("%s: %s", key, topic)
     async with (
         open_bus(settings) as bus,
         Node(node_name(settings.robot), master_uri=settings.ros_master, host=settings.ros_host) as node,
         AsyncExitStack() as stack,
         asyncio.TaskGroup() as group,
     ):
-        streams = [
-            StreamForward(CameraKey(settings.robot, camera), Stream.COLOR, topic, IMAGE_TRANSLATOR, boot_id)
-            for camera, topic in settings.cameras.items()
-        ]
+        streams = [StreamForward(key, topic, kind_of(key), boot_id) for key, topic in settings.streams().items()]
         forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]

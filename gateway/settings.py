@@ -3,13 +3,13 @@
 import os
 import re
 import socket
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from bus.settings import BusSettings
 from schemas.errors import SchemaError
-from schemas.keys import NAME, CameraKey
+from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key
 
 TOPIC: Final = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
@@ -38,13 +38,27 @@ def _cameras(cameras: dict[str, str]) -> dict[str, str]:
             CameraKey("robot", camera)
         except SchemaError as error:
             raise ValueError(str(error)) from error
-        if not TOPIC.fullmatch(topic):
-            raise ValueError(f"camera {camera}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+        _check_topic(f"camera {camera}", topic)
     return cameras
 
 
+def _topics(topics: dict[str, str]) -> dict[str, str]:
+    for name, topic in topics.items():
+        try:
+            sensor_key("robot", name)
+        except SchemaError as error:
+            raise ValueError(f"{error}; a stream looks like front/depth or tf") from error
+        _check_topic(f"stream {name}", topic)
+    return topics
+
+
+def _check_topic(what: str, topic: str) -> None:
+    if not TOPIC.fullmatch(topic):
+        raise ValueError(f"{what}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+
+
 class GatewaySettings(BusSettings):
-    """Forward a robot's ROS 1 cameras onto Zenoh while somebody wants them. Runs on the robot, needs no ROS install."""
+    """Forward a robot's ROS 1 sensors onto Zenoh while somebody wants them. Runs on the robot, needs no ROS install."""
 
     robot: Annotated[str, Field(pattern=f"^{NAME.pattern}$", description="this robot's name, unique in the fleet")]
     ros_master: Annotated[str, AfterValidator(_master)] = Field(
@@ -62,3 +76,22 @@ class GatewaySettings(BusSettings):
         AfterValidator(_cameras),
         Field(description="colour cameras as name=topic, several separated by commas"),
     ] = {"camera": "/camera/color/image_raw"}
+    topics: Annotated[
+        dict[str, str],
+        AfterValidator(_topics),
+        Field(description="further streams as stream=topic, like front/depth=/front/depth/image_raw or tf=/tf"),
+    ] = {}
+
+    @model_validator(mode="after")
+    def _no_topic_twice(self) -> Self:
+        named = [*self.cameras.values(), *self.topics.values()]
+        if twice := sorted({topic for topic in named if named.count(topic) > 1}):
+            raise ValueError(f"--cameras and --topics name {twice[0]} twice: a topic becomes one stream")
+        if both := [camera for camera in self.cameras if f"{camera}/{Stream.COLOR}" in self.topics]:
+            raise ValueError(f"--cameras and --topics both give {both[0]}/{Stream.COLOR}")
+        return self
+
+    def streams(self) -> dict[SensorKey, str]:
+        """Return the topic of every stream."""
+        named = {f"{camera}/{Stream.COLOR}": topic for camera, topic in self.cameras.items()} | self.topics
+        return {sensor_key(self.robot, name): topic for name, topic in named.items()}

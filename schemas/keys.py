@@ -18,10 +18,18 @@ RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status
 """Chunks that mean something robot-wide, so no camera may be called so."""
 
 
+ROBOT_STREAMS: Final = frozenset({"tf", "tf_static"})
+"""What can be had of a whole robot."""
+
+
 class Stream(StrEnum):
     """What can be had of a camera."""
 
     COLOR = "color"
+    DEPTH = "depth"
+    INFO = "info"
+    DEPTH_INFO = "depth_info"
+    POINTS = "points"
     DETECTIONS = "detections"
     CLASSES = "classes"
 
@@ -107,10 +115,63 @@ EVERY_WORKER_ALIVE: Final = f"workers/*/*/*/*/{ALIVE}"
 
 @dataclass(frozen=True, slots=True)
 class StreamKey:
-    """A parsed `fleet/{robot}/{camera}/{stream}`."""
+    """One stream of a camera: `fleet/{robot}/{camera}/{stream}`."""
 
     camera: CameraKey
     stream: Stream
+
+    def __str__(self) -> str:
+        return self.camera.stream(self.stream)
+
+    @property
+    def alive(self) -> str:
+        """The key of the presence token that says this stream can be had."""
+        return self.camera.alive(self.stream)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStreamKey:
+    """One stream that belongs to the whole robot: `fleet/{robot}/{stream}`.
+
+    Raises:
+        SchemaError: a name that cannot be a chunk of a key, or not such a stream.
+    """
+
+    robot: str
+    stream: str
+
+    def __post_init__(self) -> None:
+        check_name("robot", self.robot)
+        if self.stream not in ROBOT_STREAMS:
+            raise SchemaError(f"not a stream of a whole robot: {self.stream[:200]!r}")
+
+    def __str__(self) -> str:
+        return f"fleet/{self.robot}/{self.stream}"
+
+    @property
+    def alive(self) -> str:
+        """The key of the presence token that says this stream can be had."""
+        return f"{self}/{ALIVE}"
+
+
+SENSOR_STREAMS: Final = frozenset({Stream.COLOR, Stream.DEPTH, Stream.INFO, Stream.DEPTH_INFO, Stream.POINTS})
+"""What cameras themselves send; the rest is made of it."""
+
+SensorKey = StreamKey | RobotStreamKey
+
+
+def sensor_key(robot: str, name: str) -> SensorKey:
+    """Return the key of a stream that sensors send, named `{camera}/{stream}` or, of a whole robot, `{stream}`.
+
+    Raises:
+        SchemaError: the name is neither.
+    """
+    if name.partition("/")[0] in RESERVED:
+        return RobotStreamKey(robot, name)
+    key = parse_stream(f"fleet/{robot}/{name}")
+    if key.stream not in SENSOR_STREAMS:
+        raise SchemaError(f"{key.stream} is made of what sensors send, not sent by them")
+    return key
 
 
 def parse_stream(key: str) -> StreamKey:

@@ -14,12 +14,13 @@ from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.stream import MALFORMED, StreamForward
-from gateway.translators import IMAGE_TRANSLATOR
+from gateway.translators import kind_of
 from schemas import codec
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey, Stream, StreamKey
 
 FRONT = CameraKey("r1", "front")
+COLOR = StreamKey(FRONT, Stream.COLOR)
 TOPIC = "/front/color/image_raw"
 
 
@@ -69,7 +70,7 @@ async def rig() -> AsyncIterator[Rig]:
         master = await stack.enter_async_context(RosMaster())
         camera = await stack.enter_async_context(Node("/camera", master_uri=master.uri))
         node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
-        stream = StreamForward(FRONT, Stream.COLOR, TOPIC, IMAGE_TRANSLATOR, "boot")
+        stream = StreamForward(COLOR, TOPIC, kind_of(COLOR), "boot")
         forward = await stack.enter_async_context(offering(ours, stream))
         running = asyncio.create_task(forward.run(node))
         yield Rig(theirs, camera, forward)

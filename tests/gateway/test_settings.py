@@ -37,6 +37,12 @@ def test_ros_own_variables_are_the_defaults(
         ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
         ("cameras", {"front": "image"}, "camera front: 'image' is not a ROS topic"),
         ("cameras", {"front": "/image//raw"}, "is not a ROS topic"),
+        ("topics", {"front/depth": "depth"}, "stream front/depth: 'depth' is not a ROS topic"),
+        ("topics", {"front": "/depth"}, "a stream looks like front/depth or tf"),
+        ("topics", {"front/smell": "/depth"}, "a stream looks like front/depth or tf"),
+        ("topics", {"front/classes": "/classes"}, "classes is made of what sensors send"),
+        ("topics", {"status": "/status"}, "not a stream of a whole robot: 'status'"),
+        ("topics", {"a b/depth": "/depth"}, "camera name 'a b'"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
@@ -45,3 +51,26 @@ def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
     (mistake,) = caught.value.errors()
     assert mistake["loc"][0] == field
     assert reason in mistake["msg"]
+
+
+def test_every_stream_has_its_topic() -> None:
+    given = settings(cameras={"front": "/color"}, topics={"front/depth": "/depth", "rear/color": "/rear", "tf": "/tf"})
+    assert {str(key): topic for key, topic in given.streams().items()} == {
+        "fleet/r1/front/color": "/color",
+        "fleet/r1/front/depth": "/depth",
+        "fleet/r1/rear/color": "/rear",
+        "fleet/r1/tf": "/tf",
+    }
+
+
+@pytest.mark.parametrize(
+    ("topics", "reason"),
+    [
+        ({"front/depth": "/color"}, "--cameras and --topics name /color twice: a topic becomes one stream"),
+        ({"front/info": "/info", "front/depth_info": "/info"}, "name /info twice"),
+        ({"front/color": "/other"}, "--cameras and --topics both give front/color"),
+    ],
+)
+def test_a_topic_has_one_stream_and_a_stream_one_topic(topics: dict[str, str], reason: str) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        settings(cameras={"front": "/color"}, topics=topics)

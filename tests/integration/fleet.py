@@ -31,10 +31,11 @@ class FleetRig:
         arguments = [command, "--connect", self._endpoint, *options]
         return await self._stack.enter_async_context(child(command, arguments, log.info))
 
-    async def gateway(self, robot: str, master: str, cameras: Mapping[str, str]) -> Child:
+    async def gateway(self, robot: str, master: str, cameras: Mapping[str, str], *options: str) -> Child:
         """Start a robot's gateway."""
         names = [option for camera, topic in cameras.items() for option in ("--cameras", f"{camera}={topic}")]
-        return await self.start("gateway", "--robot", robot, "--ros-master", master, "--ros-host", "127.0.0.1", *names)
+        robot_at = ("--robot", robot, "--ros-master", master, "--ros-host", "127.0.0.1")
+        return await self.start("gateway", *robot_at, *names, *options)
 
     @asynccontextmanager
     async def subscribed(self, key_expr: str) -> AsyncIterator[Subscription]:

@@ -3,12 +3,24 @@ import pytest
 from schemas.errors import SchemaError
 from schemas.image import BYTES_PER_PIXEL, MAX_SIDE, check_layout
 
-
 ROWS = {
-    **{"rgb8": 18, "bgr8": 18, "rgba8": 24, "bgra8": 24, "mono8": 6, "mono16": 12, "yuv422": 12},
-    **{"16UC1": 12, "32FC1": 24},
-    **{"bayer_rggb8": 6, "bayer_bggr8": 6, "bayer_gbrg8": 6, "bayer_grbg8": 6},
-    **{"bayer_rggb16": 12, "bayer_bggr16": 12, "bayer_gbrg16": 12, "bayer_grbg16": 12},
+    "rgb8": 18,
+    "bgr8": 18,
+    "rgba8": 24,
+    "bgra8": 24,
+    "mono8": 6,
+    "mono16": 12,
+    "yuv422": 12,
+    "16UC1": 12,
+    "32FC1": 24,
+    "bayer_rggb8": 6,
+    "bayer_bggr8": 6,
+    "bayer_gbrg8": 6,
+    "bayer_grbg8": 6,
+    "bayer_rggb16": 12,
+    "bayer_bggr16": 12,
+    "bayer_gbrg16": 12,
+    "bayer_grbg16": 12,
 }
 
 

@@ -1,0 +1,31 @@
+"""Which ROS types may come on which stream."""
+
+from typing import Final
+
+from bus import QoS
+from gateway.ros1 import image as ros_image
+from gateway.ros1 import point_cloud as ros_point_cloud
+from gateway.translators import camera_info
+from gateway.translators.camera_info import camera_info as info
+from gateway.translators.image import depth, image
+from gateway.translators.points import point_cloud
+from gateway.translators.stream_kind import MIB, StreamKind, each
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
+from schemas.keys import SensorKey, Stream
+from schemas.points import PointCloud
+
+_INFO: Final = StreamKind(CameraInfo, QoS.RESULT, {camera_info.TYPE_NAME: each(info)}, max_bytes=MIB // 16)
+
+_KINDS: Final[dict[str, StreamKind]] = {
+    Stream.COLOR: StreamKind(ImageFrame, QoS.IMAGE, {ros_image.TYPE_NAME: each(image)}),
+    Stream.DEPTH: StreamKind(ImageFrame, QoS.IMAGE, {ros_image.TYPE_NAME: each(depth)}),
+    Stream.INFO: _INFO,
+    Stream.DEPTH_INFO: _INFO,
+    Stream.POINTS: StreamKind(PointCloud, QoS.IMAGE, {ros_point_cloud.TYPE_NAME: each(point_cloud)}),
+}
+
+
+def kind_of(key: SensorKey) -> StreamKind:
+    """Return what a stream that sensors send carries."""
+    return _KINDS[key.stream]

@@ -1,0 +1,91 @@
+"""One message of every sensor type from Debian's rospy, through a real gateway, to a subscriber on Zenoh."""
+
+import math
+import struct
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic
+
+import pytest
+
+from schemas import keys
+from schemas.camera_info import CameraInfo
+from schemas.codec import M
+from schemas.header import Header
+from schemas.image import ImageFrame
+from schemas.points import PointCloud, PointField
+from tests.integration.fleet import FleetRig, fleet_rig, receive
+from tests.integration.ros import RosEnvironment
+
+SCRIPT = Path(__file__).with_name("rospy_sensors.py").read_text(encoding="utf-8")
+STAMP_NS = 1_700_000_000_500_000_000
+
+
+@dataclass(frozen=True)
+class Sensor(Generic[M]):
+    """A stream, the topic it comes from, and what arrives on it."""
+
+    name: str
+    topic: str
+    schema: type[M]
+    holds: Callable[[M], None]
+
+
+def holds_depth(frame: ImageFrame) -> None:
+    assert stamped(frame.header, "front")
+    assert (frame.height, frame.width, frame.encoding, frame.is_bigendian, frame.step) == (1, 2, "16UC1", True, 4)
+    assert struct.unpack(">2H", frame.data) == (0, 2310)
+
+
+def holds_info(info: CameraInfo) -> None:
+    assert stamped(info.header, "front")
+    assert (info.height, info.width, info.distortion_model) == (480, 640, "plumb_bob")
+    assert info.d == [0.5, -0.25, 0, 0, 0]
+    assert info.k == [600, 0, 320, 0, 601, 240, 0, 0, 1]
+    assert info.r == [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    assert info.p == [600, 0, 320, 0, 0, 601, 240, 0, 0, 0, 1, 0]
+
+
+def holds_points(cloud: PointCloud) -> None:
+    assert stamped(cloud.header, "front")
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step) == (1, 2, 12, 24)
+    assert cloud.fields == [PointField("x", 0, 7), PointField("y", 4, 7), PointField("z", 8, 7)]
+    *numbers, last = struct.unpack("<6f", cloud.data)
+    assert numbers == [1, 2, 3, 4, 5]
+    assert math.isnan(last)
+    assert (cloud.is_bigendian, cloud.is_dense) == (False, False)
+
+
+def stamped(header: Header, camera: str) -> bool:
+    return (header.camera, header.stamp_ns, header.frame_id) == (camera, STAMP_NS, "sensor")
+
+
+SENSORS: list[Sensor[Any]] = [
+    Sensor("front/depth", "/front/depth/image_raw", ImageFrame, holds_depth),
+    Sensor("front/info", "/front/color/camera_info", CameraInfo, holds_info),
+    Sensor("front/points", "/front/depth/points", PointCloud, holds_points),
+]
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[FleetRig]:
+    async with fleet_rig() as made:
+        yield made
+
+
+async def arrives(rig: FleetRig, sensor: Sensor[M]) -> None:
+    key = keys.sensor_key("r1", sensor.name)
+    async with rig.subscribed(str(key)) as samples:
+        message = await receive(samples, sensor.schema)
+    sensor.holds(message)
+
+
+@pytest.mark.timeout(180)
+async def test_every_sensor_message_arrives_as_it_was_sent(ros: RosEnvironment, rig: FleetRig) -> None:
+    topics = [option for sensor in SENSORS for option in ("--topics", f"{sensor.name}={sensor.topic}")]
+    await rig.gateway("r1", ros.master_uri, {"front": "/front/color/image_raw"}, *topics)
+    sensors = await ros.script(SCRIPT)
+    await sensors.until_output("sensors up")
+    for sensor in SENSORS:
+        await arrives(rig, sensor)
