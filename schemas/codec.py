@@ -12,8 +12,9 @@ from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud
 from schemas.status import GatewayStatus, WorkerStatus
+from schemas.transforms import Transforms
 
-Message = ImageFrame | CameraInfo | PointCloud | Detections | ClassList | GatewayStatus | WorkerStatus
+Message = ImageFrame | CameraInfo | PointCloud | Transforms | Detections | ClassList | GatewayStatus | WorkerStatus
 M = TypeVar("M", bound=Message)
 
 VERSION: Final = 1
@@ -22,6 +23,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     ImageFrame: 128 * KIB * KIB,
     CameraInfo: 64 * KIB,
     PointCloud: 128 * KIB * KIB,
+    Transforms: 16 * KIB * KIB,
     Detections: 16 * KIB * KIB,
     ClassList: 256 * KIB,
     GatewayStatus: 1024 * KIB,

@@ -1,9 +1,10 @@
-"""ImageFrame: one camera image with ROS's own pixel encoding names."""
+"""ImageFrame: one camera image, raw or compressed, with ROS's own pixel encoding names."""
 
 from typing import Annotated, Final
 
 import msgspec
 
+from schemas.compression import picture_of
 from schemas.errors import SchemaError
 from schemas.header import Header
 
@@ -27,7 +28,18 @@ BYTES_PER_PIXEL: Final = {
 DEPTH_ENCODINGS: Final = frozenset({"16UC1", "32FC1"})
 """Distances along the optical axis: millimetres with 0 for no reading, and metres with NaN for none."""
 
+HELD_AS: Final = {
+    "mono8": {"mono8", *(f"bayer_{pattern}8" for pattern in BAYER_PATTERNS)},
+    "mono16": {"mono16", "16UC1", "32FC1", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)},
+    "rgb8": {"rgb8"},
+    "rgba8": {"rgba8"},
+}
+"""By what a compressed file says of its pixels, what they can be."""
+
 MAX_SIDE: Final = 16_384
+MAX_DECODED_BYTES: Final = 128 * 1024 * 1024
+
+RAW: Final = "raw"
 
 Side = Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE)]
 
@@ -37,6 +49,9 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     data: height * step bytes; decoded without a copy, so it is a view into the received payload.
     is_bigendian: byte order of pixels whose channels have more than 8 bits.
+    format: `raw`, or `jpeg` or `png`: then data is such a file, decoded its pixels are of `encoding` (a grey file may
+        be a mosaic or depth), and a row of them takes `step` bytes.
+    inverse_depth: (a, b) where a png's 16-bit values v stand for 32FC1: a / (v - b) metres, and NaN for 0.
     """
 
     header: Header
@@ -46,13 +61,20 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
     step: Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE * 16)]
     data: memoryview
     is_bigendian: bool = False
+    format: Annotated[str, msgspec.Meta(max_length=32)] = RAW
+    inverse_depth: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Hold the pixel layout together.
 
         Raises:
-            SchemaError: the encoding is unknown, or step or data do not fit the dimensions.
+            SchemaError: encoding or format are unknown, or step or data do not fit the dimensions.
         """
+        if self.format != RAW:
+            check_picture(self)
+            return
+        if self.inverse_depth is not None:
+            raise SchemaError("inverse depth in a raw image")
         check_layout(self.height, self.width, self.encoding, self.step, self.data.nbytes)
 
 
@@ -73,3 +95,24 @@ def check_layout(height: int, width: int, encoding: str, step: int, size: int) -
         raise SchemaError(f"step too short: {step} bytes a row, {width} {encoding} pixels need {row}")
     if size != step * height:
         raise SchemaError(f"data does not fit: {size} bytes, step x height is {step * height}")
+
+
+def check_picture(frame: ImageFrame) -> None:
+    """Check a compressed frame against what its file says of itself, before anything is decoded.
+
+    Raises:
+        SchemaError: naming the first thing that does not fit.
+    """
+    size = frame.step * frame.height
+    check_layout(frame.height, frame.width, frame.encoding, frame.step, size)
+    if size > MAX_DECODED_BYTES:
+        raise SchemaError(f"{size} bytes of pixels, at most {MAX_DECODED_BYTES} are decoded")
+    found = picture_of(frame.data)
+    if frame.format != found.format:
+        raise SchemaError(f"format {frame.format!r}, the file is {found.format}")
+    if (frame.height, frame.width) != (found.height, found.width):
+        raise SchemaError(f"{frame.width}x{frame.height} pixels, the file has {found.width}x{found.height}")
+    if frame.encoding not in HELD_AS[found.encoding]:
+        raise SchemaError(f"{frame.encoding} pixels, the file has {found.encoding}")
+    if (frame.encoding == "32FC1") != (frame.inverse_depth is not None):
+        raise SchemaError(f"{frame.encoding} pixels and inverse depth {frame.inverse_depth}")

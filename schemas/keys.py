@@ -18,7 +18,10 @@ RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status
 """Chunks that mean something robot-wide, so no camera may be called so."""
 
 
-ROBOT_STREAMS: Final = frozenset({"tf", "tf_static"})
+TF: Final = "tf"
+TF_STATIC: Final = "tf_static"
+
+ROBOT_STREAMS: Final = frozenset({TF, TF_STATIC})
 """What can be had of a whole robot."""
 
 

@@ -4,11 +4,11 @@ from typing import Any, Final
 
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
-from gateway.translators.stream_kind import stamp_of, stamped
+from gateway.translators.stream_kind import label, stamp_of, stamped
 from schemas import codec
 from schemas.camera_info import MAX_DISTORTION, CameraInfo, Region
 from schemas.errors import SchemaError
-from schemas.header import MAX_LABEL, Header
+from schemas.header import Header
 
 TYPE_NAME: Final = "sensor_msgs/CameraInfo"
 
@@ -18,14 +18,12 @@ def camera_info(message: Message, header: Header) -> bytes:
     found: Any = deserialise(TYPE_NAME, message.data)
     if len(found.D) > MAX_DISTORTION:
         raise SchemaError(f"{len(found.D)} numbers of distortion, at most {MAX_DISTORTION} are carried")
-    if len(found.distortion_model) > MAX_LABEL:
-        raise SchemaError(f"a distortion model's name of {len(found.distortion_model)} characters")
     return codec.encode(
         CameraInfo(
             header=stamped(header, stamp_of(found.header), found.header.frame_id),
             height=found.height,
             width=found.width,
-            distortion_model=found.distortion_model,
+            distortion_model=label("distortion model", found.distortion_model),
             d=found.D.tolist(),
             k=found.K.tolist(),
             r=found.R.tolist(),

@@ -10,6 +10,7 @@ from bus import QoS
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import ANY
 from schemas import codec
+from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL, Header
 
 MIB: Final = 1 << 20
@@ -57,3 +58,14 @@ def stamped(header: Header, stamp_ns: int, frame_id: str) -> Header:
 def stamp_of(header: Any) -> int:
     """Return the stamp of a deserialised std_msgs/Header in nanoseconds; ROS's seconds have no sign."""
     return int(header.stamp.sec % 2**32) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def label(what: str, text: str) -> str:
+    """Return a text that the contract carries whole; `what` says what it names.
+
+    Raises:
+        SchemaError: it is too long for that.
+    """
+    if len(text) > MAX_LABEL:
+        raise SchemaError(f"{what} with a name of {len(text)} characters")
+    return text

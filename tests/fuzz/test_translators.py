@@ -1,5 +1,6 @@
 """Whatever a ROS publisher sends, a stream makes a valid message of it or counts it as malformed."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ from schemas.image import BYTES_PER_PIXEL
 from tests.gateway import sensing
 from tests.gateway.sensing import received
 from tests.gateway.translators.translating import forward
+from tests.schemas.pictures import file_of
 
 uint32 = st.integers(0, 2**32 - 1)
 small = st.integers(0, 8)
@@ -28,10 +30,18 @@ images = st.builds(
     step=small | uint32,
     data=st.binary(max_size=64).map(memoryview),
 )
-SENT = [
+SENT: list[tuple[str, Message]] = [
     ("front/info", sensing.camera_info()),
     ("front/points", sensing.point_cloud()),
+    ("front/color", sensing.compressed("jpeg", file_of(np.zeros((2, 3), np.uint8), ".jpg"))),
+    ("front/depth", sensing.compressed("16UC1; compressedDepth", bytes(12) + file_of(np.zeros((2, 3), "u2"), ".png"))),
+    ("front/depth", sensing.disparity(np.ones((2, 3), np.float32))),
+    ("tf", sensing.tf(sensing.transform("lens"), sensing.transform("lidar"))),
+    ("tf_static", sensing.tf(sensing.transform("lens"), sensing.transform("lidar"))),
 ]
+
+IDS = [f"{name}-{message.publisher.type.name.partition('/')[2]}" for name, message in SENT]
+by_stream = pytest.mark.parametrize(("name", "message"), SENT, ids=IDS)
 
 
 def take(name: str, message: Message) -> None:
@@ -54,13 +64,13 @@ def changed(message: Message, data: st.DataObject) -> Message:
     return received(message.publisher.type.name, whole[: data.draw(st.integers(0, len(whole)))])
 
 
-@pytest.mark.parametrize(("name", "message"), SENT, ids=str)
+@by_stream
 @given(sent=st.binary(max_size=300))
 def test_arbitrary_bytes(name: str, message: Message, sent: bytes) -> None:
     take(name, received(message.publisher.type.name, sent))
 
 
-@pytest.mark.parametrize(("name", "message"), SENT, ids=str)
+@by_stream
 @given(data=st.data())
 def test_messages_with_bytes_changed_or_cut(name: str, message: Message, data: st.DataObject) -> None:
     take(name, changed(message, data))

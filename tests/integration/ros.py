@@ -23,14 +23,15 @@ if TYPE_CHECKING:
 SYSTEM_PYTHON = "/usr/bin/python3"
 ROSMASTER = "/usr/bin/rosmaster"
 ROSTOPIC = "/usr/bin/rostopic"
-_NEEDED = (ROSMASTER, ROSTOPIC, "/usr/lib/python3/dist-packages/rospy", "/usr/lib/python3/dist-packages/sensor_msgs")
+_PACKAGES = "/usr/lib/python3/dist-packages"
 END_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 20.0
 
 
-def require_ros() -> None:
-    """Skip the test where Debian's ROS is not installed; fail it in CI, where it has to be."""
-    missing = [path for path in _NEEDED if not Path(path).exists()]
+def require_ros(*packages: str) -> None:
+    """Skip the test where Debian's ROS and further packages are not installed; fail it in CI, where they have to be."""
+    modules = [f"{_PACKAGES}/{package}" for package in ("rospy", "sensor_msgs", *packages)]
+    missing = [path for path in (ROSMASTER, ROSTOPIC, *modules) if not Path(path).exists()]
     if missing and os.environ.get("CI"):
         pytest.fail(f"CI needs Debian's ROS packages; missing: {', '.join(missing)}")
     if missing:

@@ -1,14 +1,18 @@
 """Publishes one message of every sensor type with rospy, again and again; run under the system's Python.
 
 Everything is stamped 1700000000.5 in frame "sensor"; the test that starts this knows the rest.
+Arguments: a JPEG file and a PNG file of 16-bit grey, in hexadecimal.
 """
 
 import struct
 import sys
 
 import rospy
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 from std_msgs.msg import Header
+from stereo_msgs.msg import DisparityImage
+from tf2_msgs.msg import TFMessage
 
 STAMP = Header(stamp=rospy.Time(1700000000, 500000000), frame_id="sensor")
 
@@ -43,14 +47,40 @@ def points() -> PointCloud2:
     )
 
 
+def compressed(said: str, file: str) -> CompressedImage:
+    """Return a file as a compressed image."""
+    return CompressedImage(header=STAMP, format=said, data=bytes.fromhex(file))
+
+
+def disparity() -> DisparityImage:
+    """Return two disparities of a stereo camera of 500 pixels and 0.1 m, the second of them unknown."""
+    pixels = struct.pack("<2f", 25, -1)
+    return DisparityImage(
+        header=STAMP, image=Image(height=1, width=2, encoding="32FC1", step=8, data=pixels), f=500, T=0.1
+    )
+
+
+def transform(child: str) -> TFMessage:
+    """Return where one frame is in the sensor's."""
+    moved = Transform(Vector3(1, 2, 3), Quaternion(0, 0, 0.6, 0.8))
+    return TFMessage([TransformStamped(header=STAMP, child_frame_id=child, transform=moved)])
+
+
+jpeg, png = sys.argv[1:]
 SENT = {
+    "/front/color/image_raw/compressed": compressed("bgr8; jpeg compressed bgr8", jpeg),
+    "/rear/depth/image_raw/compressedDepth": compressed("16UC1; compressedDepth", "00" * 12 + png),
+    "/stereo/disparity": disparity(),
     "/front/depth/image_raw": depth(),
     "/front/color/camera_info": info(),
     "/front/depth/points": points(),
+    "/tf": transform("moving"),
 }
 
 rospy.init_node("sensors")
 publishers = {topic: rospy.Publisher(topic, type(message), queue_size=2) for topic, message in SENT.items()}
+latched = rospy.Publisher("/tf_static", TFMessage, queue_size=2, latch=True)
+latched.publish(transform("fixed"))
 sys.stdout.write("sensors up\n")
 sys.stdout.flush()
 ticks = rospy.Rate(10)

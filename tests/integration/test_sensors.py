@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic
 
+import numpy as np
 import pytest
 
 from schemas import keys
@@ -15,8 +16,10 @@ from schemas.codec import M
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud, PointField
+from schemas.transforms import Transforms
 from tests.integration.fleet import FleetRig, fleet_rig, receive
-from tests.integration.ros import RosEnvironment
+from tests.integration.ros import RosEnvironment, require_ros
+from tests.schemas.pictures import file_of
 
 SCRIPT = Path(__file__).with_name("rospy_sensors.py").read_text(encoding="utf-8")
 STAMP_NS = 1_700_000_000_500_000_000
@@ -38,6 +41,23 @@ def holds_depth(frame: ImageFrame) -> None:
     assert struct.unpack(">2H", frame.data) == (0, 2310)
 
 
+def holds_file(camera: str, kind: str, encoding: str, file: bytes) -> Callable[[ImageFrame], None]:
+    def holds(frame: ImageFrame) -> None:
+        assert stamped(frame.header, camera)
+        assert (frame.height, frame.width, frame.format, frame.encoding) == (4, 6, kind, encoding)
+        assert bytes(frame.data) == file
+
+    return holds
+
+
+def holds_disparity(frame: ImageFrame) -> None:
+    assert stamped(frame.header, "stereo")
+    assert (frame.height, frame.width, frame.encoding, frame.step) == (1, 2, "32FC1", 8)
+    known, unknown = struct.unpack("<2f", frame.data)
+    assert known == 2.0
+    assert math.isnan(unknown)
+
+
 def holds_info(info: CameraInfo) -> None:
     assert stamped(info.header, "front")
     assert (info.height, info.width, info.distortion_model) == (480, 640, "plumb_bob")
@@ -57,14 +77,32 @@ def holds_points(cloud: PointCloud) -> None:
     assert (cloud.is_bigendian, cloud.is_dense) == (False, False)
 
 
+def holds_transform_of(child: str) -> Callable[[Transforms], None]:
+    def holds(sent: Transforms) -> None:
+        assert (sent.header.camera, sent.header.stamp_ns) == ("", 0)
+        (only,) = sent.transforms
+        assert (only.frame_id, only.child_frame_id, only.stamp_ns) == ("sensor", child, STAMP_NS)
+        assert (only.translation, only.rotation) == ((1, 2, 3), (0, 0, 0.6, 0.8))
+
+    return holds
+
+
 def stamped(header: Header, camera: str) -> bool:
     return (header.camera, header.stamp_ns, header.frame_id) == (camera, STAMP_NS, "sensor")
 
 
+JPEG = file_of(np.zeros((4, 6, 3), np.uint8), ".jpg")
+PNG = file_of(np.arange(24, dtype=np.uint16).reshape(4, 6), ".png")
+
 SENSORS: list[Sensor[Any]] = [
+    Sensor("front/color", "/front/color/image_raw/compressed", ImageFrame, holds_file("front", "jpeg", "rgb8", JPEG)),
+    Sensor("rear/depth", "/rear/depth/image_raw/compressedDepth", ImageFrame, holds_file("rear", "png", "16UC1", PNG)),
+    Sensor("stereo/depth", "/stereo/disparity", ImageFrame, holds_disparity),
     Sensor("front/depth", "/front/depth/image_raw", ImageFrame, holds_depth),
     Sensor("front/info", "/front/color/camera_info", CameraInfo, holds_info),
     Sensor("front/points", "/front/depth/points", PointCloud, holds_points),
+    Sensor("tf", "/tf", Transforms, holds_transform_of("moving")),
+    Sensor("tf_static", "/tf_static", Transforms, holds_transform_of("fixed")),
 ]
 
 
@@ -83,9 +121,10 @@ async def arrives(rig: FleetRig, sensor: Sensor[M]) -> None:
 
 @pytest.mark.timeout(180)
 async def test_every_sensor_message_arrives_as_it_was_sent(ros: RosEnvironment, rig: FleetRig) -> None:
+    require_ros("stereo_msgs", "tf2_msgs")
     topics = [option for sensor in SENSORS for option in ("--topics", f"{sensor.name}={sensor.topic}")]
-    await rig.gateway("r1", ros.master_uri, {"front": "/front/color/image_raw"}, *topics)
-    sensors = await ros.script(SCRIPT)
+    await rig.gateway("r1", ros.master_uri, {"other": "/other/color/image_raw"}, *topics)
+    sensors = await ros.script(SCRIPT, JPEG.hex(), PNG.hex())
     await sensors.until_output("sensors up")
     for sensor in SENSORS:
         await arrives(rig, sensor)

@@ -1,4 +1,5 @@
 import msgspec
+import numpy as np
 import pytest
 
 from schemas import codec
@@ -10,7 +11,9 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.points import PointCloud, PointField
 from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from schemas.transforms import Transform, Transforms
 from tests.schemas.frames import header, image
+from tests.schemas.pictures import compressed, file_of
 
 DETECTIONS = Detections(
     header=header(),
@@ -34,6 +37,7 @@ POINTS = PointCloud(
 )
 MESSAGES: list[Message] = [
     image(),
+    compressed(file_of(np.zeros((4, 6), np.uint16), ".png"), "32FC1", 24, inverse_depth=(1.5, -2.0)),
     CameraInfo(
         header=header(),
         height=480,
@@ -46,6 +50,18 @@ MESSAGES: list[Message] = [
         roi=Region(width=3, do_rectify=True),
     ),
     POINTS,
+    Transforms(
+        header=msgspec.structs.replace(header(), camera=""),
+        transforms=[
+            Transform(
+                frame_id="map",
+                child_frame_id="base",
+                stamp_ns=5,
+                translation=(1.0, 2.0, 3.0),
+                rotation=(0.0, 0.0, 0.0, 1.0),
+            )
+        ],
+    ),
     DETECTIONS,
     ClassList(header=header(), classes=[ClassCount("box", 2, 0.5)], model="m", worker="w"),
     GatewayStatus(
@@ -79,11 +95,12 @@ def test_pixels_and_points_are_a_view_into_the_payload(message: ImageFrame | Poi
     assert codec.decode(type(message), payload, codec.encoding(type(message))).data.obj is payload
 
 
-def test_a_frame_of_a_writer_that_does_not_know_byte_orders_is_little_endian() -> None:
+def test_a_frame_of_an_older_writer_is_raw_and_little_endian() -> None:
     fields = msgspec.to_builtins(image(), builtin_types=(memoryview,))
-    del fields["is_bigendian"]
+    for later in ("is_bigendian", "format", "inverse_depth"):
+        del fields[later]
     payload = msgspec.msgpack.encode(fields)
-    assert codec.decode(ImageFrame, payload, codec.encoding(ImageFrame)).is_bigendian is False
+    assert codec.decode(ImageFrame, payload, codec.encoding(ImageFrame)) == image()
 
 
 def test_unknown_fields_are_ignored_and_missing_new_ones_have_defaults() -> None:

@@ -1,7 +1,11 @@
+from typing import Any
+
+import numpy as np
 import pytest
 
 from schemas.errors import SchemaError
 from schemas.image import BYTES_PER_PIXEL, MAX_SIDE, check_layout
+from tests.schemas.pictures import compressed, file_of
 
 ROWS = {
     "rgb8": 18,
@@ -61,3 +65,46 @@ def test_the_largest_image_fits() -> None:
 def test_unknown_encoding() -> None:
     with pytest.raises(SchemaError, match="unknown encoding: 'rgb9'"):
         check_layout(4, 6, "rgb9", 18, 72)
+
+
+COLOR_FILE = file_of(np.zeros((4, 6, 3), np.uint8), ".png")
+GREY_FILE = file_of(np.zeros((4, 6), np.uint8), ".png")
+DEEP_FILE = file_of(np.zeros((4, 6), np.uint16), ".png")
+
+
+@pytest.mark.parametrize("encoding", ["mono16", "16UC1", "bayer_rggb16"])
+def test_a_grey_file_may_be_a_mosaic_or_depth(encoding: str) -> None:
+    assert compressed(DEEP_FILE, encoding, 12).format == "png"
+
+
+def test_a_file_of_inverse_depth_says_how() -> None:
+    assert compressed(DEEP_FILE, "32FC1", 24, inverse_depth=(1.0, 2.0)).inverse_depth == (1.0, 2.0)
+    for encoding, step, said in (("32FC1", 24, None), ("16UC1", 12, (1.0, 2.0))):
+        with pytest.raises(SchemaError, match="inverse depth"):
+            compressed(DEEP_FILE, encoding, step, inverse_depth=said)
+
+
+@pytest.mark.parametrize(
+    ("data", "encoding", "step", "more", "reason"),
+    [
+        (COLOR_FILE, "rgb8", 18, {"kind": "jpeg"}, "format 'jpeg', the file is png"),
+        (COLOR_FILE, "rgb8", 18, {"kind": "webp"}, "format 'webp', the file is png"),
+        (COLOR_FILE, "bgr8", 18, {}, "bgr8 pixels, the file has rgb8"),
+        (GREY_FILE, "16UC1", 12, {}, "16UC1 pixels, the file has mono8"),
+        (COLOR_FILE, "rgb8", 17, {}, "step too short"),
+        (COLOR_FILE, "rgb8", 18, {"height": 5}, "6x5 pixels, the file has 6x4"),
+        (COLOR_FILE, "rgb8", 21, {"width": 7}, "7x4 pixels, the file has 6x4"),
+        (COLOR_FILE, "rgb8", MAX_SIDE * 3, {"height": MAX_SIDE, "width": MAX_SIDE}, "bytes of pixels, at most"),
+        (b"", "rgb8", 18, {}, "neither a JPEG nor a PNG"),
+    ],
+)
+def test_a_compressed_frame_is_held_to_its_file(
+    data: bytes, encoding: str, step: int, more: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(SchemaError, match=reason):
+        compressed(data, encoding, step, **more)
+
+
+def test_a_raw_frame_has_no_inverse_depth() -> None:
+    with pytest.raises(SchemaError, match="inverse depth in a raw image"):
+        compressed(bytes(96), "32FC1", 24, kind="raw", inverse_depth=(1.0, 2.0))

@@ -6,8 +6,9 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
-from services.detector.pixels import shows_colours, to_bgr
+from services.detector.pixels import PictureError, shows_colours, to_bgr
 from tests.schemas.frames import header
+from tests.schemas.pictures import compressed, file_of
 
 BGR = np.array([[[1, 2, 3], [4, 5, 6]], [[7, 8, 9], [250, 251, 252]], [[0, 0, 255], [255, 0, 0]]], np.uint8)
 ALPHA = np.full((3, 2, 1), 9, np.uint8)
@@ -131,3 +132,43 @@ def test_depth_shows_no_colours() -> None:
     assert not shows_colours(frame("16UC1", np.zeros((2, 2, 2), np.uint8)))
     assert not shows_colours(frame("32FC1", np.zeros((2, 2, 4), np.uint8)))
     assert all(shows_colours(frame(name, pixels)) for name, pixels in ENCODED.items())
+
+
+@pytest.mark.parametrize(
+    ("encoding", "kind", "pixels"),
+    [
+        ("rgb8", "png", scene()),
+        ("rgba8", "png", np.dstack([scene(), np.full((48, 64), 9, np.uint8)])),
+        ("rgb8", "jpeg", scene()),
+        ("bayer_gbrg8", "png", mosaic(scene(), "gbrg")),
+        ("bayer_gbrg16", "png", mosaic(scene(), "gbrg").astype(np.uint16) * 257),
+    ],
+)
+def test_a_compressed_picture_is_the_picture(encoding: str, kind: str, pixels: NDArray[np.uint8]) -> None:
+    step = 64 * BYTES_PER_PIXEL[encoding]
+    frame_of = compressed(file_of(pixels, f".{kind}"), encoding, step, kind=kind, height=48, width=64)
+    assert close(to_bgr(frame_of), scene(), tolerance=12 if kind == "jpeg" else 4)
+
+
+@pytest.mark.parametrize(("encoding", "wide"), [("mono8", 1), ("mono16", 257)])
+def test_compressed_grey_is_the_same_in_every_channel(encoding: str, wide: int) -> None:
+    grey = np.arange(24, dtype=np.uint8).reshape(4, 6)
+    file = file_of(grey if wide == 1 else grey.astype(np.uint16) * wide, ".png")
+    made = to_bgr(compressed(file, encoding, 6 * BYTES_PER_PIXEL[encoding]))
+    assert np.array_equal(made, np.repeat(grey[..., np.newaxis], 3, 2))
+
+
+def test_a_picture_lies_as_its_pixels_lie_whatever_its_file_says_of_up_and_down() -> None:
+    turned = file_of(scene(), ".jpeg")
+    exif = (
+        b"Exif\x00\x00II*\x00\x08\x00\x00\x00\x01\x00\x12\x01\x03\x00\x01\x00\x00\x00\x06\x00\x00\x00\x00\x00\x00\x00"
+    )
+    turned = turned[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + turned[2:]
+    assert to_bgr(compressed(turned, "rgb8", 192, kind="jpeg", height=48, width=64)).shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize("size", [45, 60])
+def test_a_damaged_file_is_said_to_be_one(size: int) -> None:
+    data = file_of(scene(), ".png")[:size]
+    with pytest.raises(PictureError, match="a png that cannot be decoded"):
+        to_bgr(compressed(data, "rgb8", 192, height=48, width=64))
