@@ -11,10 +11,22 @@ from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud
+from schemas.raw import RawMessage, Text
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.transforms import Transforms
 
-Message = ImageFrame | CameraInfo | PointCloud | Transforms | Detections | ClassList | GatewayStatus | WorkerStatus
+Message = (
+    ImageFrame
+    | CameraInfo
+    | PointCloud
+    | Transforms
+    | Text
+    | RawMessage
+    | Detections
+    | ClassList
+    | GatewayStatus
+    | WorkerStatus
+)
 M = TypeVar("M", bound=Message)
 
 VERSION: Final = 1
@@ -24,6 +36,8 @@ MAX_BYTES: Final[dict[type, int]] = {
     CameraInfo: 64 * KIB,
     PointCloud: 128 * KIB * KIB,
     Transforms: 16 * KIB * KIB,
+    Text: 1024 * KIB,
+    RawMessage: 128 * KIB * KIB,
     Detections: 16 * KIB * KIB,
     ClassList: 256 * KIB,
     GatewayStatus: 1024 * KIB,

@@ -14,15 +14,21 @@ from schemas.errors import SchemaError
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
 ALIVE: Final = "alive"
 
-RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status", "tf", "tf_static"})
+RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status", "text", "tf", "tf_static"})
 """Chunks that mean something robot-wide, so no camera may be called so."""
-
 
 TF: Final = "tf"
 TF_STATIC: Final = "tf_static"
+TEXT: Final = "text"
+ROS: Final = "ros"
 
 ROBOT_STREAMS: Final = frozenset({TF, TF_STATIC})
-"""What can be had of a whole robot."""
+"""What there is once a robot."""
+
+NAMED_STREAMS: Final = frozenset({TEXT, ROS})
+"""What there is any number of, each with a name of one or more chunks after it."""
+
+MAX_NAMED: Final = 200
 
 
 class Stream(StrEnum):
@@ -134,7 +140,7 @@ class StreamKey:
 
 @dataclass(frozen=True, slots=True)
 class RobotStreamKey:
-    """One stream that belongs to the whole robot: `fleet/{robot}/{stream}`.
+    """One stream that belongs to the whole robot: `fleet/{robot}/{stream}`, with `ros/{topic}` being one stream each.
 
     Raises:
         SchemaError: a name that cannot be a chunk of a key, or not such a stream.
@@ -145,11 +151,27 @@ class RobotStreamKey:
 
     def __post_init__(self) -> None:
         check_name("robot", self.robot)
-        if self.stream not in ROBOT_STREAMS:
-            raise SchemaError(f"not a stream of a whole robot: {self.stream[:200]!r}")
+        match self.stream.split("/"):
+            case [stream] if stream in ROBOT_STREAMS:
+                return
+            case [stream, _, *_] if stream in NAMED_STREAMS and len(self.stream) <= MAX_NAMED:
+                self._check_chunks()
+            case _:
+                raise SchemaError(f"not a stream of a whole robot: {self.stream[:MAX_NAMED]!r}")
+
+    def _check_chunks(self) -> None:
+        for chunk in self.stream.split("/"):
+            check_name("stream", chunk)
+            if chunk == ALIVE:
+                raise SchemaError(f"stream name {self.stream!r}: {ALIVE!r} is reserved")
 
     def __str__(self) -> str:
         return f"fleet/{self.robot}/{self.stream}"
+
+    @property
+    def kind(self) -> str:
+        """Which of ROBOT_STREAMS or NAMED_STREAMS this is."""
+        return self.stream.partition("/")[0]
 
     @property
     def alive(self) -> str:

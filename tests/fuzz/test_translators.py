@@ -36,6 +36,8 @@ SENT: list[tuple[str, Message]] = [
     ("front/color", sensing.compressed("jpeg", file_of(np.zeros((2, 3), np.uint8), ".jpg"))),
     ("front/depth", sensing.compressed("16UC1; compressedDepth", bytes(12) + file_of(np.zeros((2, 3), "u2"), ".png"))),
     ("front/depth", sensing.disparity(np.ones((2, 3), np.float32))),
+    ("text/mode", sensing.text("ready")),
+    ("ros/mode", sensing.text("ready")),
     ("tf", sensing.tf(sensing.transform("lens"), sensing.transform("lidar"))),
     ("tf_static", sensing.tf(sensing.transform("lens"), sensing.transform("lidar"))),
 ]

@@ -119,3 +119,8 @@ def disparity(pixels: NDArray[np.float32], *, padding: int = 0, is_bigendian: bo
     }
     changed = {key: changes[key] for key in changes.keys() & (whole.keys() - {"header", "image"})}
     return received(name, serialise(name, new_message(name, **{**whole, **changed})))
+
+
+def text(data: str) -> Message:
+    name = "std_msgs/String"
+    return received(name, serialise(name, new_message(name, data=data)))

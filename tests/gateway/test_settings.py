@@ -42,6 +42,8 @@ def test_ros_own_variables_are_the_defaults(
         ("topics", {"front/smell": "/depth"}, "a stream looks like front/depth or tf"),
         ("topics", {"front/classes": "/classes"}, "classes is made of what sensors send"),
         ("topics", {"status": "/status"}, "not a stream of a whole robot: 'status'"),
+        ("topics", {"ros": "/battery"}, "not a stream of a whole robot: 'ros'"),
+        ("topics", {"ros/a b": "/battery"}, "stream name 'a b'"),
         ("topics", {"a b/depth": "/depth"}, "camera name 'a b'"),
     ],
 )

@@ -9,8 +9,8 @@ import sys
 
 import rospy
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
-from std_msgs.msg import Header
+from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image, PointCloud2, PointField
+from std_msgs.msg import Header, String
 from stereo_msgs.msg import DisparityImage
 from tf2_msgs.msg import TFMessage
 
@@ -75,6 +75,8 @@ SENT = {
     "/front/color/camera_info": info(),
     "/front/depth/points": points(),
     "/tf": transform("moving"),
+    "/mode": String("ready for Kisten und Kästen"),
+    "/battery": BatteryState(header=STAMP, percentage=0.5, location="left"),
 }
 
 rospy.init_node("sensors")

@@ -10,12 +10,14 @@ from typing import Any, Generic
 import numpy as np
 import pytest
 
+from gateway.ros1.messages import deserialise, message_type
 from schemas import keys
 from schemas.camera_info import CameraInfo
 from schemas.codec import M
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud, PointField
+from schemas.raw import RawMessage, Text
 from schemas.transforms import Transforms
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, require_ros
@@ -87,6 +89,20 @@ def holds_transform_of(child: str) -> Callable[[Transforms], None]:
     return holds
 
 
+def holds_text(sent: Text) -> None:
+    assert (sent.header.camera, sent.header.stamp_ns) == ("", 0)
+    assert sent.text == "ready for Kisten und Kästen"
+
+
+def holds_battery(sent: RawMessage) -> None:
+    assert (sent.header.camera, sent.type, sent.latched) == ("", "sensor_msgs/BatteryState", False)
+    assert sent.md5 == message_type(sent.type).md5sum
+    assert "float32 percentage" in sent.definition
+    assert "MSG: std_msgs/Header" in sent.definition
+    battery = deserialise(sent.type, sent.data)
+    assert (battery.percentage, battery.location, battery.header.frame_id) == (0.5, "left", "sensor")
+
+
 def stamped(header: Header, camera: str) -> bool:
     return (header.camera, header.stamp_ns, header.frame_id) == (camera, STAMP_NS, "sensor")
 
@@ -101,6 +117,8 @@ SENSORS: list[Sensor[Any]] = [
     Sensor("front/depth", "/front/depth/image_raw", ImageFrame, holds_depth),
     Sensor("front/info", "/front/color/camera_info", CameraInfo, holds_info),
     Sensor("front/points", "/front/depth/points", PointCloud, holds_points),
+    Sensor("text/mode", "/mode", Text, holds_text),
+    Sensor("ros/battery", "/battery", RawMessage, holds_battery),
     Sensor("tf", "/tf", Transforms, holds_transform_of("moving")),
     Sensor("tf_static", "/tf_static", Transforms, holds_transform_of("fixed")),
 ]

@@ -10,6 +10,7 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.points import PointCloud, PointField
+from schemas.raw import RawMessage, Text
 from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
 from schemas.transforms import Transform, Transforms
 from tests.schemas.frames import header, image
@@ -35,6 +36,14 @@ POINTS = PointCloud(
     data=memoryview(bytes(range(16))),
     is_dense=True,
 )
+RAW = RawMessage(
+    header=msgspec.structs.replace(header(), camera=""),
+    type="std_msgs/UInt8",
+    md5="7c8164229e7d2c17eb95e9231617fdee",
+    definition="uint8 data",
+    latched=True,
+    data=memoryview(b"\x05"),
+)
 MESSAGES: list[Message] = [
     image(),
     compressed(file_of(np.zeros((4, 6), np.uint16), ".png"), "32FC1", 24, inverse_depth=(1.5, -2.0)),
@@ -50,6 +59,8 @@ MESSAGES: list[Message] = [
         roi=Region(width=3, do_rectify=True),
     ),
     POINTS,
+    Text(header=msgspec.structs.replace(header(), camera=""), text="ready"),
+    RAW,
     Transforms(
         header=msgspec.structs.replace(header(), camera=""),
         transforms=[
@@ -89,8 +100,8 @@ def test_every_message_survives_the_wire(message: Message) -> None:
     assert codec.decode(schema, codec.encode(message), codec.encoding(schema)) == message
 
 
-@pytest.mark.parametrize("message", [image(), POINTS], ids=lambda message: type(message).__name__)
-def test_pixels_and_points_are_a_view_into_the_payload(message: ImageFrame | PointCloud) -> None:
+@pytest.mark.parametrize("message", [image(), POINTS, RAW], ids=lambda message: type(message).__name__)
+def test_pixels_and_points_are_a_view_into_the_payload(message: ImageFrame | PointCloud | RawMessage) -> None:
     payload = codec.encode(message)
     assert codec.decode(type(message), payload, codec.encoding(type(message))).data.obj is payload
 

@@ -71,7 +71,34 @@ def test_what_belongs_to_the_whole_robot_has_no_camera(stream: str) -> None:
     assert keys.parse_robot(str(key)) == "r1"
 
 
-@pytest.mark.parametrize("name", ["", "front", "front/smell", "front/classes", "status", "tf/x", "a b/depth", "/tf"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "front",
+        "front/smell",
+        "front/classes",
+        "status",
+        "tf/x",
+        "ros",
+        "ros/",
+        "ros//a",
+        "ros/*",
+        "text/a b",
+        "ros/a/alive",
+        "ros/" + "a/" * 98 + "bc",
+        "a b/depth",
+        "/tf",
+    ],
+)
 def test_other_names_are_no_sensor_streams(name: str) -> None:
     with pytest.raises(SchemaError):
         keys.sensor_key("r1", name)
+
+
+@pytest.mark.parametrize("stream", ["ros/battery", "ros/arm/joint_states", "text/mode", "ros/" + "a/" * 98])
+def test_named_streams_are_one_each(stream: str) -> None:
+    key = RobotStreamKey("r1", stream.rstrip("/"))
+    assert keys.sensor_key("r1", stream.rstrip("/")) == key
+    assert (str(key), key.kind) == (f"fleet/r1/{key.stream}", stream[:4].rstrip("/"))
+    assert key.alive == f"fleet/r1/{key.stream}/alive"
