@@ -47,7 +47,7 @@ def _topics(topics: dict[str, str]) -> dict[str, str]:
         try:
             sensor_key("robot", name)
         except SchemaError as error:
-            raise ValueError(f"{error}; a stream looks like front/depth or tf") from error
+            raise ValueError(f"{error}; one looks like front/depth or tf") from error
         _check_topic(f"stream {name}", topic)
     return topics
 

@@ -193,10 +193,10 @@ def sensor_key(robot: str, name: str) -> SensorKey:
     """
     if name.partition("/")[0] in RESERVED:
         return RobotStreamKey(robot, name)
-    key = parse_stream(f"fleet/{robot}/{name}")
-    if key.stream not in SENSOR_STREAMS:
-        raise SchemaError(f"{key.stream} is made of what sensors send, not sent by them")
-    return key
+    match name.split("/"):
+        case [camera, stream] if stream in SENSOR_STREAMS:
+            return StreamKey(CameraKey(robot, camera), Stream(stream))
+    raise SchemaError(f"not a stream that sensors send: {name[:MAX_NAMED]!r}")
 
 
 def parse_stream(key: str) -> StreamKey:
