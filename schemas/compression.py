@@ -14,6 +14,7 @@ _PNG_START: Final = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR"
 _PNG_SIZE: Final = struct.Struct(">IIBB")
 _PNG_ENCODINGS: Final = {(8, 0): "mono8", (16, 0): "mono16", (8, 2): "rgb8", (8, 3): "rgb8", (8, 6): "rgba8"}
 _SEGMENT: Final = struct.Struct(">BBH")
+_FILL: Final = 0xFF
 _FRAME: Final = struct.Struct(">BHHB")
 _FRAME_MARKERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_ENCODINGS: Final = {1: "mono8", 3: "rgb8"}
@@ -56,6 +57,9 @@ def _jpeg(data: memoryview) -> Picture:
     at = len(_JPEG_START)
     while True:
         start, marker, length = _SEGMENT.unpack_from(data, at)
+        if start == marker == _FILL:
+            at += 1
+            continue
         if start != 0xFF or length < 2:
             raise SchemaError(f"a JPEG file with {start:#x} {marker:#x} at byte {at}")
         if marker in _FRAME_MARKERS:

@@ -62,7 +62,7 @@ def check_points(height: int, width: int, point_step: int, row_step: int, size: 
     Raises:
         SchemaError: naming the first thing that does not fit.
     """
-    if point_step < 1:
+    if width and point_step < 1:
         raise SchemaError(f"absurd point step: {point_step} bytes")
     if row_step < width * point_step:
         raise SchemaError(

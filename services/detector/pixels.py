@@ -23,8 +23,6 @@ _TO_BGR: Final = {
     },
 }
 _SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
-
-
 _COLOURS: Final = frozenset({"rgb8", "rgba8"})
 
 

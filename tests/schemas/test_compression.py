@@ -28,6 +28,12 @@ def test_a_file_says_what_it_holds(kind: str, encoding: str) -> None:
     assert picture_of(memoryview(FILES[kind, encoding])) == Picture(kind, 4, 6, encoding)
 
 
+def test_fill_bytes_may_stand_before_a_jpegs_segments() -> None:
+    data = FILES["jpeg", "rgb8"]
+    filled = data[:2] + b"\xff" * 9 + data[2:]
+    assert picture_of(memoryview(filled)) == Picture("jpeg", 4, 6, "rgb8")
+
+
 @pytest.mark.parametrize(("kind", "encoding"), FILES)
 def test_a_file_cut_off_before_its_size_is_refused(kind: str, encoding: str) -> None:
     data = FILES[kind, encoding]

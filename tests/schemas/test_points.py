@@ -10,6 +10,11 @@ def test_rows_of_points_fit_exactly_and_padded(height: int, width: int) -> None:
         check_points(height, width, 16, row_step, row_step * height)
 
 
+@pytest.mark.parametrize("height", [0, 1])
+def test_an_empty_cloud_may_leave_its_layout_empty(height: int) -> None:
+    check_points(height, 0, 0, 0, 0)
+
+
 @pytest.mark.parametrize("size", [0, 95, 97])
 def test_data_is_row_step_times_height(size: int) -> None:
     with pytest.raises(SchemaError, match=f"data does not fit: {size} bytes, row step x height is 96"):
