@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
-from bus import Bus, Publisher, QoS
+from bus import Bus, Publisher
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
@@ -46,8 +46,8 @@ class Forward:
         await while_wanted(self.demand, lambda: self._subscribe(node))
 
     async def _subscribe(self, node: Node) -> None:
-        kind = self.stream.translator.ros_type
-        async with node.subscribe(self.stream.topic, kind, self._on_message) as subscription:
+        self.stream.begin()
+        async with node.subscribe(self.stream.topic, self.stream.kind.ros_type, self._on_message) as subscription:
             self.subscription = subscription
             try:
                 await asyncio.Event().wait()
@@ -56,7 +56,7 @@ class Forward:
                 self.subscription = None
 
     def _on_message(self, message: Message) -> None:
-        payload = self.stream.take(message.data, message.callerid, time.time_ns())
+        payload = self.stream.take(message, time.time_ns())
         if payload is not None:
             self.publisher.put(payload)
 
@@ -65,10 +65,9 @@ class Forward:
 async def offering(bus: Bus, stream: StreamForward) -> AsyncIterator[Forward]:
     """Offer a stream on the bus for as long as the context lasts."""
     demand = SharedDemand()
+    key, kind = str(stream.key), stream.kind
     async with (
-        bus.publisher(
-            stream.key, QoS.IMAGE, encoding=stream.translator.encoding, on_demand=demand.of(stream.stream)
-        ) as publisher,
-        bus.announce(stream.camera.alive(stream.stream)),
+        bus.publisher(key, kind.qos, encoding=kind.encoding, on_demand=demand.of(key)) as publisher,
+        bus.announce(stream.key.alive),
     ):
         yield Forward(stream, demand, publisher)

@@ -19,9 +19,9 @@ from gateway.outgoing.translators import RETURNED
 from gateway.ros1.node import Node
 from gateway.settings import GatewaySettings
 from gateway.stream import StreamForward
-from gateway.translators import IMAGE_TRANSLATOR
+from gateway.translators import kind_of
 from schemas import codec, keys
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
 
 log = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ class HostError(Exception):
 
 
 async def run(settings: GatewaySettings) -> int:
-    """Forward the robot's cameras and return their results until cancelled.
+    """Forward the robot's sensors and return its cameras' results until cancelled.
 
     Returns:
         The exit code when the ROS master has told the node to shut down: not 0, so that a supervisor starts another.
@@ -45,17 +45,16 @@ async def run(settings: GatewaySettings) -> int:
         BusError: nothing can listen where the bus settings say.
     """
     boot_id = uuid.uuid4().hex
-    log.info("robot %s: ROS master %s, cameras %s", settings.robot, settings.ros_master, settings.cameras)
+    log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
+    for key, topic in settings.streams().items():
+        log.info("%s: %s", key, topic)
     async with (
         open_bus(settings) as bus,
         _node(settings, boot_id) as node,
         AsyncExitStack() as stack,
         asyncio.TaskGroup() as group,
     ):
-        streams = [
-            StreamForward(CameraKey(settings.robot, camera), Stream.COLOR, topic, IMAGE_TRANSLATOR, boot_id)
-            for camera, topic in settings.cameras.items()
-        ]
+        streams = [StreamForward(key, topic, kind_of(key), boot_id) for key, topic in settings.streams().items()]
         forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
         returns = [Return(stream) for stream in _returned(settings)]
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))

@@ -4,15 +4,15 @@ import os
 import re
 import socket
 from collections.abc import Iterable
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from bus.settings import BusSettings
 from gateway.outgoing.topics import is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from schemas.errors import SchemaError
-from schemas.keys import NAME, CameraKey
+from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key
 
 MAX_TOPIC: Final = 256
 TOPIC: Final = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
@@ -36,14 +36,26 @@ def _cameras(cameras: dict[str, str]) -> dict[str, str]:
             CameraKey("robot", camera)
         except SchemaError as error:
             raise ValueError(str(error)) from error
-        if len(topic) > MAX_TOPIC or not TOPIC.fullmatch(topic):
-            raise ValueError(f"camera {camera}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
-        if is_result(topic):
-            raise ValueError(f"camera {camera}: {topic} is where gateways publish results; name a sensor's topic")
-    if len(set(cameras.values())) < len(cameras):
-        raise ValueError("two cameras cannot be the same topic")
+        _check_topic(f"camera {camera}", topic)
     _check_result_roots(cameras)
     return cameras
+
+
+def _topics(topics: dict[str, str]) -> dict[str, str]:
+    for name, topic in topics.items():
+        try:
+            sensor_key("robot", name)
+        except SchemaError as error:
+            raise ValueError(f"{error}; one looks like front/depth or tf") from error
+        _check_topic(f"stream {name}", topic)
+    return topics
+
+
+def _check_topic(what: str, topic: str) -> None:
+    if len(topic) > MAX_TOPIC or not TOPIC.fullmatch(topic):
+        raise ValueError(f"{what}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+    if is_result(topic):
+        raise ValueError(f"{what}: {topic} is where gateways publish results; name a sensor's topic")
 
 
 def _check_result_roots(cameras: Iterable[str]) -> None:
@@ -56,7 +68,7 @@ def _check_result_roots(cameras: Iterable[str]) -> None:
 
 
 class GatewaySettings(BusSettings):
-    """Forward a robot's ROS 1 cameras onto Zenoh, and their results back, while somebody wants them.
+    """Forward a robot's ROS 1 sensors onto Zenoh, and its cameras' results back, while somebody wants them.
 
     Runs on the robot, needs no ROS install.
     """
@@ -81,3 +93,22 @@ class GatewaySettings(BusSettings):
         ),
     ] = {"camera": "/camera/color/image_raw"}
     results: bool = Field(default=True, description="publish the cameras' results on the robot's own ROS graph")
+    topics: Annotated[
+        dict[str, str],
+        AfterValidator(_topics),
+        Field(description="further streams as stream=topic, like front/depth=/front/depth/image_raw or tf=/tf"),
+    ] = {}
+
+    @model_validator(mode="after")
+    def _no_topic_twice(self) -> Self:
+        named = [*self.cameras.values(), *self.topics.values()]
+        if twice := sorted({topic for topic in named if named.count(topic) > 1}):
+            raise ValueError(f"--cameras and --topics name {twice[0]} twice: a topic becomes one stream")
+        if both := [camera for camera in self.cameras if f"{camera}/{Stream.COLOR}" in self.topics]:
+            raise ValueError(f"--cameras and --topics both give {both[0]}/{Stream.COLOR}")
+        return self
+
+    def streams(self) -> dict[SensorKey, str]:
+        """Return the topic of every stream."""
+        named = {f"{camera}/{Stream.COLOR}": topic for camera, topic in self.cameras.items()} | self.topics
+        return {sensor_key(self.robot, name): topic for name, topic in named.items()}

@@ -5,19 +5,39 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from schemas import keys
+from schemas.camera_info import CameraInfo
 from schemas.detections import ClassList, Detections
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
+from schemas.points import PointCloud
+from schemas.raw import RawMessage, Text
 from schemas.status import GatewayStatus, WorkerStatus
+from schemas.transforms import Transforms
 
-Message = ImageFrame | Detections | ClassList | GatewayStatus | WorkerStatus
+Message = (
+    ImageFrame
+    | CameraInfo
+    | PointCloud
+    | Transforms
+    | Text
+    | RawMessage
+    | Detections
+    | ClassList
+    | GatewayStatus
+    | WorkerStatus
+)
 M = TypeVar("M", bound=Message)
 
 VERSION: Final = 1
 KIB: Final = 1024
 MAX_BYTES: Final[dict[type, int]] = {
     ImageFrame: 128 * KIB * KIB,
+    CameraInfo: 64 * KIB,
+    PointCloud: 128 * KIB * KIB,
+    Transforms: 16 * KIB * KIB,
+    Text: 1024 * KIB,
+    RawMessage: 128 * KIB * KIB,
     Detections: 16 * KIB * KIB,
     ClassList: 256 * KIB,
     GatewayStatus: 1024 * KIB,
@@ -58,11 +78,12 @@ def decode(schema: type[M], payload: bytes | memoryview, encoded_as: str) -> M:
     return message
 
 
-def check_identity(header: Header, camera: keys.CameraKey) -> None:
+def check_identity(header: Header, of: keys.CameraKey | keys.RobotStreamKey) -> None:
     """Hold a message to the key it came under.
 
     Raises:
         SchemaError: the header speaks of another robot or camera.
     """
-    if (header.robot, header.camera) != (camera.robot, camera.camera):
-        raise SchemaError(f"header says {header.robot[:64]}/{header.camera[:64]}, the key says {camera}")
+    camera = of.camera if isinstance(of, keys.CameraKey) else ""
+    if (header.robot, header.camera) != (of.robot, camera):
+        raise SchemaError(f"header says {header.robot[:64]}/{header.camera[:64]}, the key says {of}")

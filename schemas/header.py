@@ -1,28 +1,33 @@
 """Header: which frame a message is about, and when that frame was made and met."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import msgspec
 
 Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}$")]
 """A robot's, camera's or worker's name: one chunk of a key expression, safe in file names and URLs."""
 
+MaybeName = Annotated[str, msgspec.Meta(pattern=r"^([A-Za-z0-9][A-Za-z0-9_.\-]{0,63})?$")]
+"""A name, or empty."""
+
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-Label = Annotated[str, msgspec.Meta(max_length=256)]
+MAX_LABEL: Final = 256
+Label = Annotated[str, msgspec.Meta(max_length=MAX_LABEL)]
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True):
     """Identity and times of one frame. (robot, camera, boot_id, seq) names it uniquely: stamps repeat when bags loop.
 
-    stamp_ns: the sensor's own stamp, nanoseconds of the robot's ROS clock.
+    camera: empty in messages that belong to the whole robot.
+    stamp_ns: the sensor's own stamp, nanoseconds of the robot's ROS clock; 0 where its message has none.
     received_ns: when the gateway had the whole frame, nanoseconds since the epoch on the robot's system clock.
     boot_id: one gateway process; a restarted gateway has another.
     seq: counts the frames that this gateway process received on this stream, from 0, without holes.
     """
 
     robot: Name
-    camera: Name
+    camera: MaybeName = ""
     boot_id: Annotated[str, msgspec.Meta(max_length=64)]
     seq: Count
     stamp_ns: Nanoseconds

@@ -1,17 +1,46 @@
-"""ImageFrame: one camera image with ROS's own pixel encoding names."""
+"""ImageFrame: one camera image, raw or compressed, with ROS's own pixel encoding names."""
 
 from typing import Annotated, Final
 
 import msgspec
 
+from schemas.compression import picture_of
 from schemas.errors import SchemaError
 from schemas.header import Header
 
-BYTES_PER_PIXEL: Final = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
-"""Encodings of sensor_msgs/image_encodings.h that this contract carries."""
+BAYER_PATTERNS: Final = ("rggb", "bggr", "gbrg", "grbg")
+
+BYTES_PER_PIXEL: Final = {
+    "rgb8": 3,
+    "bgr8": 3,
+    "rgba8": 4,
+    "bgra8": 4,
+    "mono8": 1,
+    "mono16": 2,
+    "yuv422": 2,
+    "16UC1": 2,
+    "32FC1": 4,
+    **{f"bayer_{pattern}8": 1 for pattern in BAYER_PATTERNS},
+    **{f"bayer_{pattern}16": 2 for pattern in BAYER_PATTERNS},
+}
+"""Encodings of sensor_msgs/image_encodings.h that this contract carries. yuv422 is UYVY: two pixels in four bytes."""
+
+DEPTH_ENCODINGS: Final = frozenset({"16UC1", "32FC1"})
+"""Distances along the optical axis: millimetres with 0 for no reading, and metres with NaN for none."""
+
+HELD_AS: Final = {
+    "mono8": {"mono8", *(f"bayer_{pattern}8" for pattern in BAYER_PATTERNS)},
+    "mono16": {"mono16", "16UC1", "32FC1", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)},
+    "rgb8": {"rgb8"},
+    "rgba8": {"rgba8"},
+}
+"""By what a compressed file says of its pixels, what they can be."""
 
 MAX_SIDE: Final = 16_384
 MAX_STEP: Final = MAX_SIDE * 16
+MAX_DECODED_BYTES: Final = 128 * 1024 * 1024
+
+RAW: Final = "raw"
 
 Side = Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE)]
 
@@ -20,6 +49,10 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
     """An image of height x width pixels, rows `step` bytes apart, top row first.
 
     data: height * step bytes; decoded without a copy, so it is a view into the received payload.
+    is_bigendian: byte order of pixels whose channels have more than 8 bits.
+    format: `raw`, or `jpeg` or `png`: then data is such a file, decoded its pixels are of `encoding` (a grey file may
+        be a mosaic or depth), and a row of them takes `step` bytes.
+    inverse_depth: (a, b) where a png's 16-bit values v stand for 32FC1: a / (v - b) metres, and NaN for 0.
     """
 
     header: Header
@@ -28,13 +61,21 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
     encoding: Annotated[str, msgspec.Meta(max_length=32)]
     step: Annotated[int, msgspec.Meta(ge=1, le=MAX_STEP)]
     data: memoryview
+    is_bigendian: bool = False
+    format: Annotated[str, msgspec.Meta(max_length=32)] = RAW
+    inverse_depth: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Hold the pixel layout together.
 
         Raises:
-            SchemaError: the encoding is unknown, or step or data do not fit the dimensions.
+            SchemaError: encoding or format are unknown, or step or data do not fit the dimensions.
         """
+        if self.format != RAW:
+            check_picture(self)
+            return
+        if self.inverse_depth is not None:
+            raise SchemaError("inverse depth in a raw image")
         check_layout(self.height, self.width, self.encoding, self.step, self.data.nbytes)
 
 
@@ -48,6 +89,8 @@ def check_layout(height: int, width: int, encoding: str, step: int, size: int) -
         raise SchemaError(f"absurd dimensions: {width}x{height} pixels")
     if encoding not in BYTES_PER_PIXEL:
         raise SchemaError(f"unknown encoding: {encoding[:32]!r}")
+    if encoding == "yuv422" and width % 2:
+        raise SchemaError(f"yuv422 pixels come in pairs, and a row has {width}")
     row = width * BYTES_PER_PIXEL[encoding]
     if step < row:
         raise SchemaError(f"step too short: {step} bytes a row, {width} {encoding} pixels need {row}")
@@ -55,3 +98,24 @@ def check_layout(height: int, width: int, encoding: str, step: int, size: int) -
         raise SchemaError(f"absurd step: {step} bytes a row, at most {MAX_STEP}")
     if size != step * height:
         raise SchemaError(f"data does not fit: {size} bytes, step x height is {step * height}")
+
+
+def check_picture(frame: ImageFrame) -> None:
+    """Check a compressed frame against what its file says of itself, before anything is decoded.
+
+    Raises:
+        SchemaError: naming the first thing that does not fit.
+    """
+    size = frame.step * frame.height
+    check_layout(frame.height, frame.width, frame.encoding, frame.step, size)
+    if size > MAX_DECODED_BYTES:
+        raise SchemaError(f"{size} bytes of pixels, at most {MAX_DECODED_BYTES} are decoded")
+    found = picture_of(frame.data)
+    if frame.format != found.format:
+        raise SchemaError(f"format {frame.format!r}, the file is {found.format}")
+    if (frame.height, frame.width) != (found.height, found.width):
+        raise SchemaError(f"{frame.width}x{frame.height} pixels, the file has {found.width}x{found.height}")
+    if frame.encoding not in HELD_AS[found.encoding]:
+        raise SchemaError(f"{frame.encoding} pixels, the file has {found.encoding}")
+    if (frame.encoding == "32FC1") != (frame.inverse_depth is not None):
+        raise SchemaError(f"{frame.encoding} pixels and inverse depth {frame.inverse_depth}")

@@ -14,14 +14,31 @@ from schemas.errors import SchemaError
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
 ALIVE: Final = "alive"
 
-RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status", "tf", "tf_static"})
+RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status", "text", "tf", "tf_static"})
 """Chunks that mean something robot-wide, so no camera may be called so."""
+
+TF: Final = "tf"
+TF_STATIC: Final = "tf_static"
+TEXT: Final = "text"
+ROS: Final = "ros"
+
+ROBOT_STREAMS: Final = frozenset({TF, TF_STATIC})
+"""What there is once a robot."""
+
+NAMED_STREAMS: Final = frozenset({TEXT, ROS})
+"""What there is any number of, each with a name of one or more chunks after it."""
+
+MAX_NAMED: Final = 200
 
 
 class Stream(StrEnum):
     """What can be had of a camera."""
 
     COLOR = "color"
+    DEPTH = "depth"
+    INFO = "info"
+    DEPTH_INFO = "depth_info"
+    POINTS = "points"
     DETECTIONS = "detections"
     CLASSES = "classes"
 
@@ -109,10 +126,79 @@ EVERY_WORKER_STATUS: Final = "workers/*/*/status"
 
 @dataclass(frozen=True, slots=True)
 class StreamKey:
-    """A parsed `fleet/{robot}/{camera}/{stream}`."""
+    """One stream of a camera: `fleet/{robot}/{camera}/{stream}`."""
 
     camera: CameraKey
     stream: Stream
+
+    def __str__(self) -> str:
+        return self.camera.stream(self.stream)
+
+    @property
+    def alive(self) -> str:
+        """The key of the presence token that says this stream can be had."""
+        return self.camera.alive(self.stream)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStreamKey:
+    """One stream that belongs to the whole robot: `fleet/{robot}/{stream}`, with `ros/{topic}` being one stream each.
+
+    Raises:
+        SchemaError: a name that cannot be a chunk of a key, or not such a stream.
+    """
+
+    robot: str
+    stream: str
+
+    def __post_init__(self) -> None:
+        check_name("robot", self.robot)
+        match self.stream.split("/"):
+            case [stream] if stream in ROBOT_STREAMS:
+                return
+            case [stream, _, *_] if stream in NAMED_STREAMS and len(self.stream) <= MAX_NAMED:
+                self._check_chunks()
+            case _:
+                raise SchemaError(f"not a stream of a whole robot: {self.stream[:MAX_NAMED]!r}")
+
+    def _check_chunks(self) -> None:
+        for chunk in self.stream.split("/"):
+            check_name("stream", chunk)
+            if chunk == ALIVE:
+                raise SchemaError(f"stream name {self.stream!r}: {ALIVE!r} is reserved")
+
+    def __str__(self) -> str:
+        return f"fleet/{self.robot}/{self.stream}"
+
+    @property
+    def kind(self) -> str:
+        """Which of ROBOT_STREAMS or NAMED_STREAMS this is."""
+        return self.stream.partition("/")[0]
+
+    @property
+    def alive(self) -> str:
+        """The key of the presence token that says this stream can be had."""
+        return f"{self}/{ALIVE}"
+
+
+SENSOR_STREAMS: Final = frozenset({Stream.COLOR, Stream.DEPTH, Stream.INFO, Stream.DEPTH_INFO, Stream.POINTS})
+"""What cameras themselves send; the rest is made of it."""
+
+SensorKey = StreamKey | RobotStreamKey
+
+
+def sensor_key(robot: str, name: str) -> SensorKey:
+    """Return the key of a stream that sensors send, named `{camera}/{stream}` or, of a whole robot, `{stream}`.
+
+    Raises:
+        SchemaError: the name is neither.
+    """
+    if name.partition("/")[0] in RESERVED:
+        return RobotStreamKey(robot, name)
+    match name.split("/"):
+        case [camera, stream] if stream in SENSOR_STREAMS:
+            return StreamKey(CameraKey(robot, camera), Stream(stream))
+    raise SchemaError(f"not a stream that sensors send: {name[:MAX_NAMED]!r}")
 
 
 def parse_stream(key: str) -> StreamKey:

@@ -4,7 +4,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from schemas.header import Count, Label, Name, Nanoseconds
+from schemas.header import Count, Label, MaybeName, Name, Nanoseconds
 
 Drops = Annotated[dict[Label, Count], msgspec.Meta(max_length=64)]
 """Counts since the process started, by reason."""
@@ -21,11 +21,11 @@ MAX_STREAMS: Final = 1_000
 class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     """One ROS topic on its way to one Zenoh key. Counts are frames since the gateway started.
 
-    wanted: somebody on Zenoh subscribes. publishers: ROS publishers connected now. broken_links: how often a connection
-    to a ROS publisher failed or ended, by reason.
+    camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
+    connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason.
     """
 
-    camera: Name
+    camera: MaybeName
     stream: Label
     topic: Label
     wanted: bool

@@ -73,7 +73,7 @@ def message_type(name: str) -> MessageType:
     return MessageType(name, md5sum, definition)
 
 
-def new_message(name: str, **fields: Any) -> Any:
+def new_message(name: str, /, **fields: Any) -> Any:
     """Return a message object with all fields of its type given.
 
     Raises:

@@ -10,6 +10,7 @@ from schemas.status import MISSING, CameraLoad
 REPLACED: Final = "replaced by a newer frame"
 MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
+DEPTH: Final = "a depth image, not a picture"
 UNWANTED: Final = "no longer wanted"
 
 

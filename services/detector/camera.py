@@ -12,8 +12,9 @@ from schemas.detections import ClassList, Detections, class_list
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector.account import REPLACED, UNWANTED, Account
+from services.detector.account import DEPTH, REPLACED, UNWANTED, Account
 from services.detector.board import Board, Waiting
+from services.detector.pixels import shows_colours
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +74,7 @@ async def feed(bus: Bus, camera: Camera, board: Board) -> None:
 
 
 def accept(camera: Camera, board: Board, sample: Sample) -> None:
-    """Put a frame on the board, or count it as malformed."""
+    """Put a frame on the board, or count why not."""
     try:
         frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
         codec.check_identity(frame.header, camera.key)
@@ -82,4 +83,7 @@ def accept(camera: Camera, board: Board, sample: Sample) -> None:
         log.warning("%s: frame left out: %s", camera.key, error)
         return
     camera.account.arrived(frame.header, sample.replaced)
+    if not shows_colours(frame):
+        camera.account.dropped[DEPTH] += 1
+        return
     camera.account.dropped[REPLACED] += board.post(camera.key, Waiting(frame, sample.received_ns))

@@ -1,30 +1,78 @@
 """ROS image encodings to the arrays that models expect."""
 
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.image import BYTES_PER_PIXEL, ImageFrame
+from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
 
 _TO_BGR: Final = {
     "rgb8": cv2.COLOR_RGB2BGR,
     "rgba8": cv2.COLOR_RGBA2BGR,
     "bgra8": cv2.COLOR_BGRA2BGR,
     "mono8": cv2.COLOR_GRAY2BGR,
+    "mono16": cv2.COLOR_GRAY2BGR,
+    "yuv422": cv2.COLOR_YUV2BGR_UYVY,
+    # ROS names a mosaic by its first two pixels of two rows. OpenCV's older names start one pixel further on.
+    **{
+        f"bayer_{pattern}{bits}": getattr(cv2, f"COLOR_Bayer{pattern.upper()}2BGR")
+        for pattern in BAYER_PATTERNS
+        for bits in (8, 16)
+    },
 }
+_SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
+_COLOURS: Final = frozenset({"rgb8", "rgba8"})
+
+
+class PictureError(ValueError):
+    """A compressed picture whose file is damaged."""
+
+
+def shows_colours(frame: ImageFrame) -> bool:
+    """Return whether the frame is a picture, in colour or grey, and no depth image."""
+    return frame.encoding not in DEPTH_ENCODINGS
 
 
 def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
-    """Return the frame's pixels as a contiguous height x width x 3 array in blue, green, red order.
+    """Return the pixels of a picture as a contiguous height x width x 3 array in blue, green, red order.
 
-    BGR is what Ultralytics expects of numpy input (docs.ultralytics.com/modes/predict).
+    BGR is what Ultralytics expects of numpy input (docs.ultralytics.com/modes/predict). 16 bits are scaled to 8.
+
+    Raises:
+        PictureError: a compressed picture that cannot be decoded.
     """
-    channels = BYTES_PER_PIXEL[frame.encoding]
-    rows = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step)
-    pixels = rows[:, : frame.width * channels].reshape(frame.height, frame.width, channels)
-    code = _TO_BGR.get(frame.encoding)
+    pixels = _raw(frame) if frame.format == RAW else _decoded(frame)
+    if pixels.dtype == np.uint16:
+        pixels = cv2.convertScaleAbs(pixels, alpha=255 / 65535)
+    code = None if frame.format != RAW and frame.encoding in _COLOURS else _TO_BGR.get(frame.encoding)
     if code is None:
         return np.ascontiguousarray(pixels)
     return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+
+
+def _pixels(frame: ImageFrame) -> NDArray[np.uint8]:
+    """Return the bytes of each pixel, height x width x bytes, without the rows' padding."""
+    size = BYTES_PER_PIXEL[frame.encoding]
+    rows = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step)
+    return rows[:, : frame.width * size].reshape(frame.height, frame.width, size)
+
+
+def _raw(frame: ImageFrame) -> NDArray[Any]:
+    pixels = _pixels(frame)
+    if frame.encoding not in _SIXTEEN_BITS:
+        return pixels
+    return pixels.view(">u2" if frame.is_bigendian else "<u2").astype(np.uint16)
+
+
+def _decoded(frame: ImageFrame) -> NDArray[Any]:
+    """Return a file's pixels: colours in blue, green, red order, anything else as it is."""
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if frame.encoding in _COLOURS else cv2.IMREAD_UNCHANGED
+    try:
+        pixels = cv2.imdecode(np.frombuffer(frame.data, np.uint8), flags)
+    except cv2.error as error:
+        raise PictureError(f"a {frame.format} that cannot be decoded: {error}") from error
+    if pixels is None or pixels.shape[:2] != (frame.height, frame.width):
+        raise PictureError(f"a {frame.format} that cannot be decoded")
+    return np.asarray(pixels)

@@ -12,11 +12,11 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_STREAMS, WorkerStatus
-from services.detector.account import FAILED, UNWANTED, Account
+from services.detector.account import FAILED, MALFORMED, UNWANTED, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, feed, serving
 from services.detector.model import Model
-from services.detector.pixels import to_bgr
+from services.detector.pixels import PictureError, to_bgr
 
 log = logging.getLogger(__name__)
 
@@ -85,6 +85,10 @@ class Worker:
                 continue
             try:
                 found = await self._detect(waiting, masks=camera.detections.wanted)
+            except PictureError as error:
+                camera.account.dropped[MALFORMED] += 1
+                log.warning("%s: frame %d left out: %s", key, waiting.frame.header.seq, error)
+                continue
             except Exception as error:  # noqa: BLE001 - whatever a frame does to the model, it fails alone
                 camera.account.dropped[FAILED] += 1
                 log.warning("%s: frame %d failed in the model: %r", key, waiting.frame.header.seq, error)

@@ -20,7 +20,8 @@ def decode(schema: type[Message], payload: bytes) -> None:
         message = codec.decode(schema, payload, codec.encoding(schema))
     except SchemaError:
         return
-    assert codec.decode(schema, codec.encode(message), codec.encoding(schema)) == message
+    again = codec.encode(message)  # bytes are compared, for NaN is not equal to itself
+    assert codec.encode(codec.decode(schema, again, codec.encoding(schema))) == again
 
 
 @pytest.mark.parametrize("schema", SCHEMAS)

@@ -9,8 +9,8 @@ from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.stream import StreamForward
-from gateway.translators import IMAGE_TRANSLATOR
-from schemas.keys import CameraKey, Stream
+from gateway.translators import kind_of
+from schemas.keys import CameraKey, Stream, StreamKey
 from tests.gateway.ros1.cancelling import cancel_everywhere, open_sockets
 from tests.gateway.ros1.waiting import until
 
@@ -32,7 +32,8 @@ async def test_a_wanted_stream() -> None:
         tasks, sockets = asyncio.all_tasks(), open_sockets()
 
         async def life() -> None:
-            stream = StreamForward(FRONT, Stream.COLOR, TOPIC, IMAGE_TRANSLATOR, "boot")
+            key = StreamKey(FRONT, Stream.COLOR)
+            stream = StreamForward(key, TOPIC, kind_of(key), "boot")
             async with (
                 Node("/gateway", master_uri=master.uri) as node,
                 node.advertise(TOPIC, TYPE_NAME),

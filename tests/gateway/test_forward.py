@@ -14,13 +14,18 @@ from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.stream import MALFORMED, StreamForward
-from gateway.translators import IMAGE_TRANSLATOR
+from gateway.translators import kind_of
 from schemas import codec
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
+from schemas.transforms import Transforms
+from tests.gateway.sensing import tf, transform
 
 FRONT = CameraKey("r1", "front")
+COLOR = StreamKey(FRONT, Stream.COLOR)
 TOPIC = "/front/color/image_raw"
+STATIC = RobotStreamKey("r1", "tf_static")
+TOPICS: dict[SensorKey, str] = {COLOR: TOPIC, STATIC: "/tf_static"}
 
 
 def message(seq: int) -> bytes:
@@ -41,10 +46,12 @@ def message(seq: int) -> bytes:
 
 
 class Rig:
-    def __init__(self, bus: Bus, camera: Node, forward: Forward) -> None:
+    def __init__(self, bus: Bus, camera: Node, lidar: Node, forward: Forward, static: Forward) -> None:
         self.bus = bus
         self.camera = camera
+        self.lidar = lidar
         self.forward = forward
+        self.static = static
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -61,7 +68,7 @@ async def receive(subscription: Subscription) -> ImageFrame:
 
 @pytest.fixture
 async def rig() -> AsyncIterator[Rig]:
-    """A camera node and a gateway's stream at one master; the test is the rest of the fleet."""
+    """A camera node, a lidar node and a gateway's streams at one master; the test is the rest of the fleet."""
     network = FakeNetwork()
     async with AsyncExitStack() as stack:
         theirs = await stack.enter_async_context(network.open_bus())
@@ -69,12 +76,14 @@ async def rig() -> AsyncIterator[Rig]:
         master = await stack.enter_async_context(RosMaster())
         camera = await stack.enter_async_context(Node("/camera", master_uri=master.uri))
         node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
-        stream = StreamForward(FRONT, Stream.COLOR, TOPIC, IMAGE_TRANSLATOR, "boot")
-        forward = await stack.enter_async_context(offering(ours, stream))
-        running = asyncio.create_task(forward.run(node))
-        yield Rig(theirs, camera, forward)
-        running.cancel()
-        await asyncio.wait([running])
+        lidar = await stack.enter_async_context(Node("/lidar", master_uri=master.uri))
+        streams = [StreamForward(key, topic, kind_of(key), "boot") for key, topic in TOPICS.items()]
+        color, static = [await stack.enter_async_context(offering(ours, stream)) for stream in streams]
+        running = [asyncio.create_task(forward.run(node)) for forward in (color, static)]
+        yield Rig(theirs, camera, lidar, color, static)
+        for task in running:
+            task.cancel()
+        await asyncio.wait(running)
 
 
 async def test_a_stream_is_present_but_not_subscribed_until_wanted(rig: Rig) -> None:
@@ -141,3 +150,30 @@ async def test_a_publisher_that_breaks_off_is_counted_even_after_the_subscriptio
         counted = rig.forward.status().broken_links
     await until(lambda: rig.forward.subscription is None)
     assert rig.forward.status().broken_links == counted
+
+
+async def frames_told(samples: Subscription) -> set[str]:
+    async with asyncio.timeout(10):
+        sample = await anext(samples)
+    sent = codec.decode(Transforms, sample.payload, sample.encoding)
+    return {found.child_frame_id for found in sent.transforms}
+
+
+async def test_static_transforms_of_two_latched_publishers_are_whole_for_whoever_comes_late(rig: Rig) -> None:
+    kind = "tf2_msgs/TFMessage"
+    async with (
+        rig.bus.watch(STATIC.alive) as watch,
+        rig.camera.advertise("/tf_static", kind, latch=True) as lens,
+        rig.lidar.advertise("/tf_static", kind, latch=True) as beam,
+    ):
+        assert (await anext(watch)).alive
+        lens.publish(bytes(tf(transform("lens")).data))
+        beam.publish(bytes(tf(transform("beam")).data))
+        async with rig.bus.subscribe(str(STATIC), QUEUE(9)) as first:
+            told = [await frames_told(first) for _ in range(2)]
+            assert told[1] == {"lens", "beam"}
+            async with rig.bus.subscribe(str(STATIC), QUEUE(9)) as late:
+                assert await frames_told(late) == {"lens", "beam"}
+        await until(lambda: lens.subscriber_count == beam.subscriber_count == 0)
+    status = rig.static.status()
+    assert (status.camera, status.stream, status.received, status.forwarded) == ("", "tf_static", 2, 2)

@@ -38,12 +38,19 @@ def test_ros_own_variables_are_the_defaults(
         ("cameras", {"front": "image"}, "camera front: 'image' is not a ROS topic"),
         ("cameras", {"front": "/image//raw"}, "is not a ROS topic"),
         ("cameras", {"front": "/" + "a" * 256}, "is not a ROS topic"),
-        ("cameras", {"front": "/image", "rear": "/image"}, "two cameras cannot be the same topic"),
         ("ros_master", "http://robot:99999", "looks like http://robot:11311"),
         ("ros_host", "bad host", "neither a host's name nor an address"),
         ("cameras", {"front": "/ultralytics/detection/image"}, "camera front: /ultralytics/detection/image is where"),
         ("cameras", {"front": "/ultralytics"}, "gateways publish results"),
         ("cameras", {"a": "/a", "b.c": "/b", "b-c": "/c"}, "b.c and b-c would both return results under"),
+        ("topics", {"front/depth": "depth"}, "stream front/depth: 'depth' is not a ROS topic"),
+        ("topics", {"front": "/depth"}, "not a stream that sensors send: 'front'; one looks like front/depth or tf"),
+        ("topics", {"front/smell": "/depth"}, "not a stream that sensors send: 'front/smell'"),
+        ("topics", {"front/classes": "/classes"}, "not a stream that sensors send: 'front/classes'"),
+        ("topics", {"status": "/status"}, "not a stream of a whole robot: 'status'"),
+        ("topics", {"ros": "/battery"}, "not a stream of a whole robot: 'ros'"),
+        ("topics", {"ros/a b": "/battery"}, "stream name 'a b'"),
+        ("topics", {"a b/depth": "/depth"}, "camera name 'a b'"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
@@ -56,3 +63,27 @@ def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
 
 def test_a_topic_that_only_begins_like_results_is_a_sensors() -> None:
     assert settings(cameras={"front": "/ultralytics_camera/image_raw"}).cameras
+
+
+def test_every_stream_has_its_topic() -> None:
+    given = settings(cameras={"front": "/color"}, topics={"front/depth": "/depth", "rear/color": "/rear", "tf": "/tf"})
+    assert {str(key): topic for key, topic in given.streams().items()} == {
+        "fleet/r1/front/color": "/color",
+        "fleet/r1/front/depth": "/depth",
+        "fleet/r1/rear/color": "/rear",
+        "fleet/r1/tf": "/tf",
+    }
+
+
+@pytest.mark.parametrize(
+    ("topics", "reason"),
+    [
+        ({"front/depth": "/ultralytics/detection/image"}, "is where gateways publish results"),
+        ({"front/depth": "/color"}, "--cameras and --topics name /color twice: a topic becomes one stream"),
+        ({"front/info": "/info", "front/depth_info": "/info"}, "name /info twice"),
+        ({"front/color": "/other"}, "--cameras and --topics both give front/color"),
+    ],
+)
+def test_a_topic_has_one_stream_and_a_stream_one_topic(topics: dict[str, str], reason: str) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        settings(cameras={"front": "/color"}, topics=topics)

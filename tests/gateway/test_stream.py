@@ -3,19 +3,27 @@ import struct
 
 import pytest
 
-from gateway.ros1.image import Image, encode_image
-from gateway.stream import MALFORMED, StreamForward
-from gateway.translators import IMAGE_TRANSLATOR
+from bus import QoS
+from gateway.ros1.image import TYPE_NAME, Image, encode_image
+from gateway.ros1.subscriber import Message
+from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
+from gateway.stream import MALFORMED, MISMATCH, StreamForward
+from gateway.translators import StreamKind, kind_of
+from gateway.translators.image import image
+from gateway.translators.stream_kind import each
 from schemas import codec
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.status import REPLACED_BEFORE_LINK, StreamStatus
+from tests.gateway.sensing import received
+
+COLOR = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 
 
 def message(
     *, height: int = 2, encoding: str = "rgb8", data: bytes = bytes(range(12)), frame_id: str = "lens"
-) -> bytes:
-    return encode_image(
+) -> Message:
+    sent = encode_image(
         Image(
             seq=7,
             stamp_s=1_700_000_000,
@@ -29,11 +37,16 @@ def message(
             data=memoryview(data),
         )
     )
+    return received(TYPE_NAME, sent)
+
+
+def garbage(data: bytes) -> Message:
+    return received(TYPE_NAME, data)
 
 
 @pytest.fixture
 def forward() -> StreamForward:
-    return StreamForward(CameraKey("r1", "front"), Stream.COLOR, "/image", IMAGE_TRANSLATOR, "boot")
+    return StreamForward(COLOR, "/image", kind_of(COLOR), "boot")
 
 
 def frame(payload: bytes | None) -> ImageFrame:
@@ -42,7 +55,7 @@ def frame(payload: bytes | None) -> ImageFrame:
 
 
 def test_an_image_becomes_a_frame_with_its_stamp_and_ours(forward: StreamForward) -> None:
-    made = frame(forward.take(message(), "/camera", 99))
+    made = frame(forward.take(message(), 99))
     assert (made.height, made.width, made.encoding, made.step) == (2, 2, "rgb8", 6)
     assert bytes(made.data) == bytes(range(12))
     header = made.header
@@ -53,30 +66,37 @@ def test_an_image_becomes_a_frame_with_its_stamp_and_ours(forward: StreamForward
 @pytest.mark.parametrize(
     ("bad", "reason"),
     [
-        (b"", "not a sensor_msgs/Image"),
-        (message()[:-1], "announces 12 bytes of pixels and holds 11"),
+        (garbage(b""), "not a sensor_msgs/Image"),
+        (garbage(bytes(message().data[:-1])), "announces 12 bytes of pixels and holds 11"),
         (message(data=bytes(11)), "data does not fit: 11 bytes, step x height is 12"),
         (message(encoding="rgb9"), "unknown encoding: 'rgb9'"),
         (message(height=0), "absurd dimensions: 2x0 pixels"),
         (message(height=2**32 - 1), "absurd dimensions"),
-        (struct.pack("<IIII", 0, 0, 0, 2**32 - 1), "with a text of 4294967295 bytes"),
+        (garbage(struct.pack("<IIII", 0, 0, 0, 2**32 - 1)), "with a text of 4294967295 bytes"),
     ],
 )
 def test_a_malformed_image_costs_itself_only(
-    forward: StreamForward, bad: bytes, reason: str, caplog: pytest.LogCaptureFixture
+    forward: StreamForward, bad: Message, reason: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert frame(forward.take(message(), "/camera", 1)).header.seq == 0
+    assert frame(forward.take(message(), 1)).header.seq == 0
     with caplog.at_level(logging.WARNING):
-        assert forward.take(bad, "/camera", 2) is None
+        assert forward.take(bad, 2) is None
     assert reason in caplog.text
     assert "/image from /camera" in caplog.text
-    assert frame(forward.take(message(), "/camera", 3)).header.seq == 1
+    assert frame(forward.take(message(), 3)).header.seq == 1
     assert forward.status(wanted=True, publishers=1, replaced=0, broken_links={}).dropped == {MALFORMED: 1}
 
 
+@pytest.mark.parametrize("is_bigendian", [False, True])
+def test_byte_order_travels(forward: StreamForward, *, is_bigendian: bool) -> None:
+    depth = Image(1, 2, 3, "lens", 1, 2, "16UC1", is_bigendian, 4, memoryview(bytes(4)))
+    made = frame(forward.take(received(TYPE_NAME, encode_image(depth)), 0))
+    assert (made.encoding, made.is_bigendian) == ("16UC1", is_bigendian)
+
+
 def test_every_message_is_accounted_for(forward: StreamForward) -> None:
-    for data in (message(), b"", message(), message()):
-        forward.take(data, "/camera", 0)
+    for each_message in (message(), garbage(b""), message(), message()):
+        forward.take(each_message, 0)
     assert forward.status(wanted=True, publishers=2, replaced=1, broken_links={"refused": 3}) == StreamStatus(
         camera="front",
         stream="color",
@@ -91,4 +111,21 @@ def test_every_message_is_accounted_for(forward: StreamForward) -> None:
 
 
 def test_a_long_frame_id_is_cut_to_what_the_contract_carries(forward: StreamForward) -> None:
-    assert frame(forward.take(message(frame_id="x" * 300), "/camera", 0)).header.frame_id == "x" * 256
+    assert frame(forward.take(message(frame_id="x" * 300), 0)).header.frame_id == "x" * 256
+
+
+@pytest.mark.parametrize(
+    "other", [TopicType("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1"), TopicType(TYPE_NAME, "0" * 32)]
+)
+def test_a_message_of_another_type_is_counted_as_that(forward: StreamForward, other: TopicType) -> None:
+    wrong = Message(message().data, "", PublisherAccepted("/camera", other, "", latching=False))
+    assert forward.take(wrong, 0) is None
+    assert forward.status(wanted=True, publishers=1, replaced=0, broken_links={}).dropped == {MISMATCH: 1}
+
+
+def test_a_message_longer_than_its_kind_allows_is_not_looked_at(caplog: pytest.LogCaptureFixture) -> None:
+    longest = len(message().data)
+    for limit, whole in ((longest, True), (longest - 1, False)):
+        kind = StreamKind(ImageFrame, QoS.IMAGE, {TYPE_NAME: each(image)}, max_bytes=limit)
+        assert (StreamForward(COLOR, "/image", kind, "boot").take(message(), 0) is not None) == whole
+    assert f"{TYPE_NAME} of {longest} bytes, at most {longest - 1} are read" in caplog.text

@@ -1,7 +1,10 @@
 #!/usr/bin/env bash
 # Install Debian's own ROS 1, the independent peer of the integration tests, where that is allowed and possible.
 set -euo pipefail
-packages=(python3-rosmaster python3-rospy python3-rosbag python3-sensor-msgs python3-std-msgs rosbash python3-rostopic)
+packages=(
+    python3-rosmaster python3-rospy python3-rosbag rosbash python3-rostopic
+    python3-sensor-msgs python3-std-msgs python3-stereo-msgs python3-tf2-msgs
+)
 
 missing=()
 for package in "${packages[@]}"; do

@@ -24,19 +24,16 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 ROSMASTER = "/usr/bin/rosmaster"
 ROSTOPIC = "/usr/bin/rostopic"
 _PACKAGES = Path("/usr/lib/python3/dist-packages")
-_NEEDED = (
-    ROSMASTER,
-    ROSTOPIC,
-    "/usr/bin/rosbag",
-    *(str(_PACKAGES / name) for name in ("rospy", "sensor_msgs", "std_msgs")),
-)
+_PROGRAMS = (ROSMASTER, ROSTOPIC, "/usr/bin/rosbag")
+_PYTHON_PACKAGES = ("rospy", "sensor_msgs", "std_msgs")
 END_TIMEOUT_S = 5.0
 START_TIMEOUT_S = 20.0
 
 
-def require_ros() -> None:
-    """Skip the test where Debian's ROS is not installed; fail it in CI, where it has to be."""
-    missing = [path for path in _NEEDED if not Path(path).exists()]
+def require_ros(*packages: str) -> None:
+    """Skip the test where Debian's ROS and further packages are not installed; fail it in CI, where they have to be."""
+    modules = [str(_PACKAGES / package) for package in (*_PYTHON_PACKAGES, *packages)]
+    missing = [path for path in (*_PROGRAMS, *modules) if not Path(path).exists()]
     if missing and os.environ.get("CI"):
         pytest.fail(f"CI needs Debian's ROS packages; missing: {', '.join(missing)}")
     if missing:

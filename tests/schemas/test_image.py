@@ -1,10 +1,44 @@
+from typing import Any
+
+import numpy as np
 import pytest
 
 from schemas.errors import SchemaError
-from schemas.image import MAX_SIDE, MAX_STEP, check_layout
+from schemas.image import BYTES_PER_PIXEL, MAX_SIDE, MAX_STEP, check_layout
+from tests.schemas.pictures import compressed, file_of
+
+ROWS = {
+    "rgb8": 18,
+    "bgr8": 18,
+    "rgba8": 24,
+    "bgra8": 24,
+    "mono8": 6,
+    "mono16": 12,
+    "yuv422": 12,
+    "16UC1": 12,
+    "32FC1": 24,
+    "bayer_rggb8": 6,
+    "bayer_bggr8": 6,
+    "bayer_gbrg8": 6,
+    "bayer_grbg8": 6,
+    "bayer_rggb16": 12,
+    "bayer_bggr16": 12,
+    "bayer_gbrg16": 12,
+    "bayer_grbg16": 12,
+}
 
 
-@pytest.mark.parametrize(("encoding", "row"), [("rgb8", 18), ("bgr8", 18), ("rgba8", 24), ("bgra8", 24), ("mono8", 6)])
+def test_every_encoding_of_the_contract_is_covered() -> None:
+    assert set(ROWS) == set(BYTES_PER_PIXEL)
+
+
+def test_yuv422_has_whole_pairs_of_pixels() -> None:
+    check_layout(4, 2, "yuv422", 4, 16)
+    with pytest.raises(SchemaError, match="yuv422 pixels come in pairs, and a row has 3"):
+        check_layout(4, 3, "yuv422", 8, 32)
+
+
+@pytest.mark.parametrize(("encoding", "row"), ROWS.items())
 def test_exact_and_padded_rows_fit(encoding: str, row: int) -> None:
     check_layout(4, 6, encoding, row, row * 4)
     check_layout(4, 6, encoding, row + 2, (row + 2) * 4)
@@ -37,3 +71,46 @@ def test_a_row_as_long_as_the_contract_carries() -> None:
     check_layout(1, 6, "rgb8", MAX_STEP, MAX_STEP)
     with pytest.raises(SchemaError, match="absurd step"):
         check_layout(1, 6, "rgb8", MAX_STEP + 1, MAX_STEP + 1)
+
+
+COLOR_FILE = file_of(np.zeros((4, 6, 3), np.uint8), ".png")
+GREY_FILE = file_of(np.zeros((4, 6), np.uint8), ".png")
+DEEP_FILE = file_of(np.zeros((4, 6), np.uint16), ".png")
+
+
+@pytest.mark.parametrize("encoding", ["mono16", "16UC1", "bayer_rggb16"])
+def test_a_grey_file_may_be_a_mosaic_or_depth(encoding: str) -> None:
+    assert compressed(DEEP_FILE, encoding, 12).format == "png"
+
+
+def test_a_file_of_inverse_depth_says_how() -> None:
+    assert compressed(DEEP_FILE, "32FC1", 24, inverse_depth=(1.0, 2.0)).inverse_depth == (1.0, 2.0)
+    for encoding, step, said in (("32FC1", 24, None), ("16UC1", 12, (1.0, 2.0))):
+        with pytest.raises(SchemaError, match="inverse depth"):
+            compressed(DEEP_FILE, encoding, step, inverse_depth=said)
+
+
+@pytest.mark.parametrize(
+    ("data", "encoding", "step", "more", "reason"),
+    [
+        (COLOR_FILE, "rgb8", 18, {"kind": "jpeg"}, "format 'jpeg', the file is png"),
+        (COLOR_FILE, "rgb8", 18, {"kind": "webp"}, "format 'webp', the file is png"),
+        (COLOR_FILE, "bgr8", 18, {}, "bgr8 pixels, the file has rgb8"),
+        (GREY_FILE, "16UC1", 12, {}, "16UC1 pixels, the file has mono8"),
+        (COLOR_FILE, "rgb8", 17, {}, "step too short"),
+        (COLOR_FILE, "rgb8", 18, {"height": 5}, "6x5 pixels, the file has 6x4"),
+        (COLOR_FILE, "rgb8", 21, {"width": 7}, "7x4 pixels, the file has 6x4"),
+        (COLOR_FILE, "rgb8", MAX_SIDE * 3, {"height": MAX_SIDE, "width": MAX_SIDE}, "bytes of pixels, at most"),
+        (b"", "rgb8", 18, {}, "neither a JPEG nor a PNG"),
+    ],
+)
+def test_a_compressed_frame_is_held_to_its_file(
+    data: bytes, encoding: str, step: int, more: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(SchemaError, match=reason):
+        compressed(data, encoding, step, **more)
+
+
+def test_a_raw_frame_has_no_inverse_depth() -> None:
+    with pytest.raises(SchemaError, match="inverse depth in a raw image"):
+        compressed(bytes(96), "32FC1", 24, kind="raw", inverse_depth=(1.0, 2.0))

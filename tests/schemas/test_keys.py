@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from schemas import keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, Stream, StreamKey
+from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
@@ -49,8 +49,56 @@ def test_reserved_camera_names(name: str) -> None:
 
 @pytest.mark.parametrize(
     "key",
-    ["fleet/r1/front", "fleet/r1/front/depth", "fleet/r1/front/color/x", "other/r1/front/color", "fleet/r1/*/color"],
+    ["fleet/r1/front", "fleet/r1/front/smell", "fleet/r1/front/color/x", "other/r1/front/color", "fleet/r1/*/color"],
 )
 def test_other_keys_are_no_streams(key: str) -> None:
     with pytest.raises(SchemaError):
         keys.parse_stream(key)
+
+
+@given(names, names.filter(lambda name: name not in keys.RESERVED), st.sampled_from(sorted(keys.SENSOR_STREAMS)))
+def test_what_sensors_send_is_named_by_camera_and_stream(robot: str, camera: str, stream: Stream) -> None:
+    key = keys.sensor_key(robot, f"{camera}/{stream}")
+    assert key == StreamKey(CameraKey(robot, camera), stream)
+    assert (str(key), key.alive) == (f"fleet/{robot}/{camera}/{stream}", f"fleet/{robot}/{camera}/{stream}/alive")
+
+
+@pytest.mark.parametrize("stream", sorted(keys.ROBOT_STREAMS))
+def test_what_belongs_to_the_whole_robot_has_no_camera(stream: str) -> None:
+    key = keys.sensor_key("r1", stream)
+    assert key == RobotStreamKey("r1", stream)
+    assert (str(key), key.alive) == (f"fleet/r1/{stream}", f"fleet/r1/{stream}/alive")
+    assert keys.parse_robot(str(key)) == "r1"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "front",
+        "front/smell",
+        "front/classes",
+        "status",
+        "tf/x",
+        "ros",
+        "ros/",
+        "ros//a",
+        "ros/*",
+        "text/a b",
+        "ros/a/alive",
+        "ros/" + "a/" * 98 + "bc",
+        "a b/depth",
+        "/tf",
+    ],
+)
+def test_other_names_are_no_sensor_streams(name: str) -> None:
+    with pytest.raises(SchemaError):
+        keys.sensor_key("r1", name)
+
+
+@pytest.mark.parametrize("stream", ["ros/battery", "ros/arm/joint_states", "text/mode", "ros/" + "a/" * 98])
+def test_named_streams_are_one_each(stream: str) -> None:
+    key = RobotStreamKey("r1", stream.rstrip("/"))
+    assert keys.sensor_key("r1", stream.rstrip("/")) == key
+    assert (str(key), key.kind) == (f"fleet/r1/{key.stream}", stream[:4].rstrip("/"))
+    assert key.alive == f"fleet/r1/{key.stream}/alive"

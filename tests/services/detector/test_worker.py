@@ -15,9 +15,10 @@ from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
-from services.detector.account import FAILED, MALFORMED, REPLACED, UNWANTED
+from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED, UNWANTED
 from services.detector.worker import Worker
 from tests.schemas.frames import header
+from tests.schemas.pictures import compressed, file_of
 from tests.services.detector.fakes import FakeModel
 
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")
@@ -162,6 +163,38 @@ async def test_a_bad_frame_is_counted_and_harms_no_other(rig: Rig) -> None:
         loads = await loads_after(statuses, inferred=2)
         assert loads["front"].dropped == {MALFORMED: 2, FAILED: 1}
         assert loads["rear"].dropped == {}
+
+
+async def test_a_depth_image_is_refused_for_what_it_is(rig: Rig) -> None:
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+    ):
+        await until(lambda: camera.wanted)
+        for seq, encoding in enumerate(("16UC1", "32FC1")):
+            camera.put(codec.encode(msgspec.structs.replace(frame(seq), width=4, encoding=encoding)))
+            await asyncio.sleep(0.02)
+        camera.put(codec.encode(frame(2)))
+        assert (await receive(classes, ClassList)).header.seq == 2
+        assert (await loads_after(statuses, inferred=1))["front"].dropped == {DEPTH: 2}
+    assert len(rig.model.seen) == 1
+
+
+async def test_a_compressed_picture_is_decoded_and_a_damaged_one_is_malformed(rig: Rig) -> None:
+    file = file_of(np.full((4, 6, 3), (1, 2, 3), np.uint8), ".png")
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+    ):
+        await until(lambda: camera.wanted)
+        camera.put(codec.encode(compressed(file[:40], "rgb8", 18)))
+        await asyncio.sleep(0.02)
+        camera.put(codec.encode(compressed(file, "rgb8", 18)))
+        await receive(classes, ClassList)
+        assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}
+    assert [tuple(image[3, 5]) for image in rig.model.seen] == [(1, 2, 3)]
 
 
 async def test_a_camera_that_leaves_and_returns_is_served_again(rig: Rig) -> None:

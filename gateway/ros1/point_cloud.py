@@ -1,0 +1,91 @@
+"""sensor_msgs/PointCloud2 without copying its points."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from gateway.ros1.errors import MessageError
+
+TYPE_NAME = "sensor_msgs/PointCloud2"
+MAX_TEXT_BYTES = 1024
+MAX_FIELDS = 64
+_HEAD = struct.Struct("<IIII")
+_SIZE = struct.Struct("<III")
+_LENGTH = struct.Struct("<I")
+_FIELD = struct.Struct("<IBI")
+_LAYOUT = struct.Struct("<?III")
+
+
+@dataclass(frozen=True, slots=True)
+class PointField:
+    """`count` values of a numbered type at `offset` bytes into each point."""
+
+    name: str
+    offset: int
+    datatype: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class PointCloud:
+    """One cloud; `data` holds `height` rows of `row_step` bytes, if the sender was honest: check before use."""
+
+    stamp: int
+    frame_id: str
+    height: int
+    width: int
+    fields: tuple[PointField, ...]
+    is_bigendian: bool
+    point_step: int
+    row_step: int
+    data: memoryview
+    is_dense: bool
+
+
+def decode_point_cloud(message: bytes | bytearray | memoryview) -> PointCloud:
+    """Return the cloud; `data` is a view into the message, the stamp is in nanoseconds.
+
+    Raises:
+        MessageError: not a serialised sensor_msgs/PointCloud2.
+
+    """
+    view = memoryview(message)
+    try:
+        return _decode(view)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise MessageError(f"{len(view)} bytes are not a {TYPE_NAME}: {error}") from error
+
+
+def _decode(view: memoryview) -> PointCloud:
+    _, secs, nsecs, length = _HEAD.unpack_from(view)
+    frame_id, at = _text(view, _HEAD.size, length)
+    height, width, count = _SIZE.unpack_from(view, at)
+    fields, at = _fields(view, at + _SIZE.size, count)
+    bigendian, point_step, row_step, length = _LAYOUT.unpack_from(view, at)
+    at += _LAYOUT.size
+    if len(view) - at - 1 != length:
+        raise MessageError(f"{TYPE_NAME} announces {length} bytes of points and holds {len(view) - at - 1}")
+    stamp = secs * 1_000_000_000 + nsecs
+    return PointCloud(
+        stamp, frame_id, height, width, fields, bigendian, point_step, row_step, view[at:-1], is_dense=bool(view[-1])
+    )
+
+
+def _fields(view: memoryview, at: int, count: int) -> tuple[tuple[PointField, ...], int]:
+    if count > MAX_FIELDS:
+        raise MessageError(f"{TYPE_NAME} with {count} fields")
+    fields = []
+    for _ in range(count):
+        (length,) = _LENGTH.unpack_from(view, at)
+        name, at = _text(view, at + _LENGTH.size, length)
+        fields.append(PointField(name, *_FIELD.unpack_from(view, at)))
+        at += _FIELD.size
+    return tuple(fields), at
+
+
+def _text(view: memoryview, at: int, length: int) -> tuple[str, int]:
+    end = at + length
+    if length > MAX_TEXT_BYTES or end > len(view):
+        raise MessageError(f"{TYPE_NAME} with a text of {length} bytes")
+    return str(view[at:end], "utf-8"), end

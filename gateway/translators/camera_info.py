@@ -1,0 +1,45 @@
+"""sensor_msgs/CameraInfo to CameraInfo."""
+
+from typing import Any, Final
+
+from gateway.ros1.messages import deserialise
+from gateway.ros1.subscriber import Message
+from gateway.translators.stream_kind import label, stamp_of, stamped
+from schemas import codec
+from schemas.camera_info import MAX_DISTORTION, CameraInfo, Region
+from schemas.errors import SchemaError
+from schemas.header import Header
+
+TYPE_NAME: Final = "sensor_msgs/CameraInfo"
+
+
+def camera_info(message: Message, header: Header) -> bytes:
+    """Translate a camera's calibration."""
+    found: Any = deserialise(TYPE_NAME, message.data)
+    if len(found.D) > MAX_DISTORTION:
+        raise SchemaError(f"{len(found.D)} numbers of distortion, at most {MAX_DISTORTION} are carried")
+    return codec.encode(
+        CameraInfo(
+            header=stamped(header, stamp_of(found.header), found.header.frame_id),
+            height=found.height,
+            width=found.width,
+            distortion_model=label("distortion model", found.distortion_model),
+            d=found.D.tolist(),
+            k=found.K.tolist(),
+            r=found.R.tolist(),
+            p=found.P.tolist(),
+            binning_x=found.binning_x,
+            binning_y=found.binning_y,
+            roi=_region(found.roi),
+        )
+    )
+
+
+def _region(roi: Any) -> Region:
+    return Region(
+        x_offset=roi.x_offset,
+        y_offset=roi.y_offset,
+        height=roi.height,
+        width=roi.width,
+        do_rectify=bool(roi.do_rectify),
+    )

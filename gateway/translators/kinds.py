@@ -1,0 +1,51 @@
+"""Which ROS types may come on which stream."""
+
+from typing import Final
+
+from bus import QoS
+from gateway.ros1 import image as ros_image
+from gateway.ros1 import point_cloud as ros_point_cloud
+from gateway.ros1.wire.tcpros import ANY
+from gateway.translators import camera_info, compressed_image, disparity, raw
+from gateway.translators import transforms as tf
+from gateway.translators.camera_info import camera_info as info
+from gateway.translators.image import depth, image
+from gateway.translators.points import point_cloud
+from gateway.translators.stream_kind import MIB, StreamKind, each
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
+from schemas.keys import ROS, TEXT, TF, TF_STATIC, SensorKey, Stream, StreamKey
+from schemas.points import PointCloud
+from schemas.raw import RawMessage, Text
+from schemas.transforms import Transforms
+
+_INFO: Final = StreamKind(CameraInfo, QoS.RESULT, {camera_info.TYPE_NAME: each(info)}, max_bytes=MIB // 16)
+
+_KINDS: Final[dict[str, StreamKind]] = {
+    Stream.COLOR: StreamKind(
+        ImageFrame,
+        QoS.IMAGE,
+        {ros_image.TYPE_NAME: each(image), compressed_image.TYPE_NAME: each(compressed_image.compressed_image)},
+    ),
+    Stream.DEPTH: StreamKind(
+        ImageFrame,
+        QoS.IMAGE,
+        {
+            ros_image.TYPE_NAME: each(depth),
+            compressed_image.TYPE_NAME: each(compressed_image.compressed_depth),
+            disparity.TYPE_NAME: each(disparity.disparity),
+        },
+    ),
+    Stream.INFO: _INFO,
+    Stream.DEPTH_INFO: _INFO,
+    Stream.POINTS: StreamKind(PointCloud, QoS.IMAGE, {ros_point_cloud.TYPE_NAME: each(point_cloud)}),
+    TF: StreamKind(Transforms, QoS.RESULT, {tf.TYPE_NAME: each(tf.transforms)}, max_bytes=4 * MIB),
+    TF_STATIC: StreamKind(Transforms, QoS.RESULT, {tf.TYPE_NAME: tf.StaticTransforms}, max_bytes=4 * MIB),
+    TEXT: StreamKind(Text, QoS.RESULT, {raw.STRING: each(raw.text)}, max_bytes=MIB),
+    ROS: StreamKind(RawMessage, QoS.IMAGE, {ANY: each(raw.raw)}),  # they may be large: the newest wins
+}
+
+
+def kind_of(key: SensorKey) -> StreamKind:
+    """Return what a stream that sensors send carries."""
+    return _KINDS[key.stream if isinstance(key, StreamKey) else key.kind]

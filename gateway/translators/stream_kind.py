@@ -1,0 +1,71 @@
+"""What a stream carries and how it is made of ROS messages."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import msgspec
+
+from bus import QoS
+from gateway.ros1.subscriber import Message
+from gateway.ros1.wire.tcpros import ANY
+from schemas import codec
+from schemas.errors import SchemaError
+from schemas.header import MAX_LABEL, Header
+
+MIB: Final = 1 << 20
+
+Translate = Callable[[Message, Header], bytes]
+"""Given a ROS message and a header without stamp and frame_id, returns the payload to publish.
+
+Raises MessageError or SchemaError for bytes that are not such a message.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamKind:
+    """One schema, and by ROS type (`*` for any) what begins translating a subscription's messages to it.
+
+    max_bytes: a longer ROS message is not looked at.
+    """
+
+    schema: type[codec.Message]
+    qos: QoS
+    translators: Mapping[str, Callable[[], Translate]]
+    max_bytes: int = 64 * MIB
+
+    @property
+    def encoding(self) -> str:
+        """The Zenoh encoding of the payloads."""
+        return codec.encoding(self.schema)
+
+    @property
+    def ros_type(self) -> str:
+        """The ROS type to subscribe to: the only one there is, or any."""
+        return next(iter(self.translators)) if len(self.translators) == 1 else ANY
+
+
+def each(translate: Translate) -> Callable[[], Translate]:
+    """Return what begins a translation that looks at each message alone."""
+    return lambda: translate
+
+
+def stamped(header: Header, stamp_ns: int, frame_id: str) -> Header:
+    """Return the header with a ROS message's own stamp and frame; a long frame is cut to what the contract carries."""
+    return msgspec.structs.replace(header, stamp_ns=stamp_ns, frame_id=frame_id[:MAX_LABEL])
+
+
+def stamp_of(header: Any) -> int:
+    """Return the stamp of a deserialised std_msgs/Header in nanoseconds; ROS's seconds have no sign."""
+    return int(header.stamp.sec % 2**32) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def label(what: str, text: str) -> str:
+    """Return a text that the contract carries whole; `what` says what it names.
+
+    Raises:
+        SchemaError: it is too long for that.
+    """
+    if len(text) > MAX_LABEL:
+        raise SchemaError(f"{what} with a name of {len(text)} characters")
+    return text

@@ -1,0 +1,60 @@
+"""tf2_msgs/TFMessage to Transforms."""
+
+import struct
+from typing import Any, Final
+
+from gateway.ros1.errors import MessageError
+from gateway.ros1.messages import deserialise
+from gateway.ros1.subscriber import Message
+from gateway.translators.stream_kind import label, stamp_of
+from schemas import codec
+from schemas.errors import SchemaError
+from schemas.header import Header
+from schemas.transforms import MAX_TRANSFORMS, Transform, Transforms
+
+TYPE_NAME: Final = "tf2_msgs/TFMessage"
+_COUNT: Final = struct.Struct("<I")
+
+
+def transforms(message: Message, header: Header) -> bytes:
+    """Translate one message's transforms."""
+    return codec.encode(Transforms(header=header, transforms=_transforms(message)))
+
+
+class StaticTransforms:
+    """Merges what all publishers of a subscription said into one whole; of each child the last one counts.
+
+    So does a ROS listener. The last message of each publisher would not do: `rosbag play` sends what several recorded
+    publishers latched under its one name.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[str, Transform] = {}
+
+    def __call__(self, message: Message, header: Header) -> bytes:
+        """Translate a message to all transforms known with it."""
+        known = self._known | {found.child_frame_id: found for found in _transforms(message)}
+        if len(known) > MAX_TRANSFORMS:
+            raise SchemaError(f"static transforms of {len(known)} frames, at most {MAX_TRANSFORMS} are kept")
+        self._known = known
+        return codec.encode(Transforms(header=header, transforms=list(known.values())))
+
+
+def _transforms(message: Message) -> list[Transform]:
+    if len(message.data) < _COUNT.size:
+        raise MessageError(f"{len(message.data)} bytes are not a {TYPE_NAME}")
+    (count,) = _COUNT.unpack_from(message.data)
+    if count > MAX_TRANSFORMS:
+        raise SchemaError(f"{count} transforms in a message, at most {MAX_TRANSFORMS} are carried")
+    return [_transform(found) for found in deserialise(TYPE_NAME, message.data).transforms]
+
+
+def _transform(found: Any) -> Transform:
+    at, turned = found.transform.translation, found.transform.rotation
+    return Transform(
+        frame_id=label("frame", found.header.frame_id),
+        child_frame_id=label("frame", found.child_frame_id),
+        stamp_ns=stamp_of(found.header),
+        translation=(at.x, at.y, at.z),
+        rotation=(turned.x, turned.y, turned.z, turned.w),
+    )

@@ -1,0 +1,43 @@
+"""CameraInfo: what a camera's pixels mean in space."""
+
+from typing import Annotated, Final
+
+import msgspec
+
+from schemas.header import Header, Label
+
+MAX_DISTORTION: Final = 32
+
+Uint32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
+Nine = Annotated[list[float], msgspec.Meta(min_length=9, max_length=9)]
+Twelve = Annotated[list[float], msgspec.Meta(min_length=12, max_length=12)]
+
+
+class Region(msgspec.Struct, frozen=True, kw_only=True):
+    """The part of the full picture that the camera sends, in pixels; all zeros mean the full picture."""
+
+    x_offset: Uint32 = 0
+    y_offset: Uint32 = 0
+    height: Uint32 = 0
+    width: Uint32 = 0
+    do_rectify: bool = False
+
+
+class CameraInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """A camera's calibration, as sensor_msgs/CameraInfo defines it; k[0] is 0 where the camera is not calibrated.
+
+    height, width: pixels of the picture that was calibrated. d: distortion, as many numbers as distortion_model has.
+    k: 3 x 3 intrinsic matrix, row by row, in pixels. r: 3 x 3 rectification. p: 3 x 4 projection after rectification.
+    """
+
+    header: Header
+    height: Uint32
+    width: Uint32
+    distortion_model: Label
+    d: Annotated[list[float], msgspec.Meta(max_length=MAX_DISTORTION)]
+    k: Nine
+    r: Nine
+    p: Twelve
+    binning_x: Uint32 = 0
+    binning_y: Uint32 = 0
+    roi: Region = Region()

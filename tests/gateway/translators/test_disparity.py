@@ -1,0 +1,50 @@
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.stream import MALFORMED
+from schemas.image import ImageFrame
+from tests.gateway.sensing import STAMP_NS, disparity
+from tests.gateway.translators.translating import dropped, translated
+
+BAD = [0.0, -1.0, np.nan, np.inf, -np.inf, 1e-44]
+
+
+@pytest.mark.parametrize("is_bigendian", [False, True])
+@pytest.mark.parametrize("padding", [0, 4])
+def test_disparities_become_metres(padding: int, *, is_bigendian: bool) -> None:
+    sent = np.array([[50.0, 25.0, 0.5]], np.float32)
+    made = translated(ImageFrame, "front/depth", disparity(sent, padding=padding, is_bigendian=is_bigendian))
+    assert (made.header.stamp_ns, made.header.frame_id, made.header.camera) == (STAMP_NS, "lens", "front")
+    assert (made.height, made.width, made.encoding, made.step) == (1, 3, "32FC1", 12)
+    assert made.is_bigendian is False
+    assert np.frombuffer(made.data, "<f4").tolist() == [1.0, 2.0, 100.0]  # f = 500 pixels, T = 0.1 m
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_no_disparity_is_no_distance(bad: float) -> None:
+    made = translated(ImageFrame, "front/depth", disparity(np.array([[bad, 50.0]], np.float32)))
+    depth = np.frombuffer(made.data, "<f4")
+    assert np.isnan(depth[0])
+    assert depth[1] == 1.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"f": 0.0},
+        {"T": 0.0},
+        {"T": -0.1},
+        {"f": float("nan")},
+        {"f": float("inf")},
+        {"encoding": "mono8"},
+        {"width": 3},
+        {"height": 2**32 - 1},
+        {"height": 0},
+        {"step": 7},
+    ],
+    ids=str,
+)
+def test_what_does_not_fit_is_malformed(changes: dict[str, Any]) -> None:
+    assert dropped("front/depth", disparity(np.ones((1, 2), np.float32), **changes)) == {MALFORMED: 1}

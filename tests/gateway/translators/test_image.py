@@ -1,0 +1,30 @@
+import pytest
+
+from gateway.ros1.image import TYPE_NAME, Image, encode_image
+from gateway.ros1.subscriber import Message
+from gateway.stream import MALFORMED
+from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
+from tests.gateway.sensing import received
+from tests.gateway.translators.translating import dropped, translated
+
+
+def image(encoding: str, *, is_bigendian: bool = False) -> Message:
+    step = 2 * BYTES_PER_PIXEL[encoding]
+    return received(
+        TYPE_NAME, encode_image(Image(1, 2, 3, "lens", 1, 2, encoding, is_bigendian, step, memoryview(bytes(step))))
+    )
+
+
+@pytest.mark.parametrize("encoding", BYTES_PER_PIXEL)
+def test_every_encoding_is_an_image(encoding: str) -> None:
+    made = translated(ImageFrame, "front/color", image(encoding, is_bigendian=True))
+    assert (made.encoding, made.is_bigendian, made.step) == (encoding, True, 2 * BYTES_PER_PIXEL[encoding])
+    assert (made.header.stamp_ns, made.header.frame_id, made.header.received_ns) == (2_000_000_003, "lens", 99)
+
+
+@pytest.mark.parametrize("encoding", BYTES_PER_PIXEL)
+def test_only_some_are_depth(encoding: str) -> None:
+    if encoding in DEPTH_ENCODINGS:
+        assert translated(ImageFrame, "front/depth", image(encoding)).encoding == encoding
+    else:
+        assert dropped("front/depth", image(encoding)) == {MALFORMED: 1}

@@ -1,0 +1,38 @@
+import pytest
+
+from bus import QoS
+from gateway.ros1.messages import message_type
+from gateway.translators import kind_of
+from schemas import codec, keys
+from schemas.camera_info import CameraInfo
+from schemas.codec import Message
+from schemas.image import ImageFrame
+from schemas.points import PointCloud
+from schemas.raw import RawMessage, Text
+from schemas.transforms import Transforms
+
+KINDS: dict[str, tuple[type[Message], QoS, str]] = {
+    "front/color": (ImageFrame, QoS.IMAGE, "*"),
+    "front/depth": (ImageFrame, QoS.IMAGE, "*"),
+    "front/info": (CameraInfo, QoS.RESULT, "sensor_msgs/CameraInfo"),
+    "front/depth_info": (CameraInfo, QoS.RESULT, "sensor_msgs/CameraInfo"),
+    "front/points": (PointCloud, QoS.IMAGE, "sensor_msgs/PointCloud2"),
+    "tf": (Transforms, QoS.RESULT, "tf2_msgs/TFMessage"),
+    "tf_static": (Transforms, QoS.RESULT, "tf2_msgs/TFMessage"),
+    "text/mode": (Text, QoS.RESULT, "std_msgs/String"),
+    "ros/battery": (RawMessage, QoS.IMAGE, "*"),
+}
+
+
+def test_every_stream_that_sensors_send_is_covered() -> None:
+    named = {f"front/{stream}" for stream in keys.SENSOR_STREAMS} | keys.ROBOT_STREAMS
+    assert named == {name for name in KINDS if name.partition("/")[0] not in keys.NAMED_STREAMS}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_stream_carries_one_schema_of_known_ros_types(name: str) -> None:
+    schema, qos, ros_type = KINDS[name]
+    kind = kind_of(keys.sensor_key("r1", name))
+    assert (kind.schema, kind.qos, kind.ros_type) == (schema, qos, ros_type)
+    assert kind.encoding == codec.encoding(schema)
+    assert all(message_type(each).md5sum for each in kind.translators)

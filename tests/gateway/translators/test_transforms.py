@@ -1,0 +1,80 @@
+import struct
+
+import pytest
+
+from gateway.ros1.subscriber import Message
+from gateway.stream import MALFORMED, StreamForward
+from schemas import codec
+from schemas.header import MAX_LABEL
+from schemas.transforms import MAX_TRANSFORMS, Transform, Transforms
+from tests.gateway.sensing import STAMP_NS, received, tf, transform
+from tests.gateway.translators.translating import dropped, forward, translated
+
+
+def children(stream: StreamForward, message: Message) -> dict[str, float]:
+    """Return how far in x every child is that the stream now tells of."""
+    payload = stream.take(message, 99)
+    assert payload is not None
+    sent = codec.decode(Transforms, payload, stream.kind.encoding)
+    return {found.child_frame_id: found.translation[0] for found in sent.transforms}
+
+
+@pytest.mark.parametrize("name", ["tf", "tf_static"])
+def test_a_transform_arrives_whole(name: str) -> None:
+    made = translated(Transforms, name, tf(transform("lens", parent="base_link", x=1.5)))
+    assert (made.header.robot, made.header.camera, made.header.stamp_ns) == ("r1", "", 0)
+    assert made.transforms == [
+        Transform(
+            frame_id="base_link",
+            child_frame_id="lens",
+            stamp_ns=STAMP_NS,
+            translation=(1.5, 2.0, 3.0),
+            rotation=(0.0, 0.0, 0.6, 0.8),
+        )
+    ]
+
+
+def test_moving_transforms_are_told_message_by_message() -> None:
+    stream = forward("tf")
+    assert children(stream, tf(transform("a"), transform("b"))) == {"a": 0, "b": 0}
+    assert children(stream, tf(transform("c"))) == {"c": 0}
+    assert children(stream, tf()) == {}
+
+
+def test_static_transforms_of_all_publishers_are_told_whole() -> None:
+    stream = forward("tf_static")
+    assert children(stream, tf(transform("a"), callerid="/one")) == {"a": 0}
+    assert children(stream, tf(transform("b"), callerid="/two")) == {"a": 0, "b": 0}
+    assert children(stream, tf(transform("a", x=5), callerid="/one")) == {"a": 5, "b": 0}
+    assert children(stream, tf(transform("c"), callerid="/one")) == {"a": 5, "b": 0, "c": 0}
+
+
+def test_a_new_subscription_begins_with_nothing() -> None:
+    stream = forward("tf_static")
+    children(stream, tf(transform("gone")))
+    stream.begin()
+    assert children(stream, tf(transform("a"))) == {"a": 0}
+
+
+def many(count: int, prefix: str = "f") -> Message:
+    return tf(*(transform(f"{prefix}{number}") for number in range(count)))
+
+
+def test_the_most_transforms_and_one_more() -> None:
+    assert len(translated(Transforms, "tf", many(MAX_TRANSFORMS)).transforms) == MAX_TRANSFORMS
+    assert dropped("tf", many(MAX_TRANSFORMS + 1)) == {MALFORMED: 1}
+    assert dropped("tf", received("tf2_msgs/TFMessage", struct.pack("<I", 2**32 - 1))) == {MALFORMED: 1}
+
+
+def test_static_transforms_are_bounded_over_all_messages_and_the_known_ones_stay() -> None:
+    stream = forward("tf_static")
+    assert len(children(stream, many(MAX_TRANSFORMS))) == MAX_TRANSFORMS
+    assert stream.take(many(1, "g"), 0) is None
+    assert len(children(stream, many(1))) == MAX_TRANSFORMS
+
+
+def test_a_frames_name_is_never_cut() -> None:
+    longest = transform("c" * MAX_LABEL, parent="p" * MAX_LABEL)
+    assert translated(Transforms, "tf", tf(longest)).transforms[0].frame_id == "p" * MAX_LABEL
+    assert dropped("tf", tf(transform("c" * (MAX_LABEL + 1)))) == {MALFORMED: 1}
+    assert dropped("tf", tf(transform("c", parent="p" * (MAX_LABEL + 1)))) == {MALFORMED: 1}

@@ -1,0 +1,32 @@
+"""One message through a stream, as the gateway sends it through."""
+
+from typing import TypeVar
+
+from gateway.ros1.subscriber import Message
+from gateway.stream import StreamForward
+from gateway.translators import kind_of
+from schemas import codec, keys
+from schemas.codec import Message as OurMessage
+
+M = TypeVar("M", bound=OurMessage)
+
+
+def forward(name: str) -> StreamForward:
+    """Return a stream of robot r1."""
+    key = keys.sensor_key("r1", name)
+    return StreamForward(key, "/topic", kind_of(key), "boot")
+
+
+def translated(schema: type[M], name: str, message: Message) -> M:
+    """Return what the message becomes on the named stream."""
+    stream = forward(name)
+    payload = stream.take(message, 99)
+    assert payload is not None
+    return codec.decode(schema, payload, stream.kind.encoding)
+
+
+def dropped(name: str, message: Message) -> dict[str, int]:
+    """Return the drops that the message is counted under."""
+    stream = forward(name)
+    assert stream.take(message, 99) is None
+    return stream.status(wanted=True, publishers=1, replaced=0, broken_links={}).dropped
