@@ -24,7 +24,7 @@ from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+    from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
     from types import TracebackType
 
 _log = logging.getLogger(__name__)
@@ -226,9 +226,12 @@ class Node:
         """Return how many publisherUpdate calls the topic had."""
         return self._subscriptions[topic].update_count if topic in self._subscriptions else 0
 
-    def known_publishers(self) -> Mapping[str, int]:
-        """Return how many publishers are known by topic."""
-        return {topic: len(subscription.publisher_uris) for topic, subscription in self._subscriptions.items()}
+    def links(self) -> Mapping[str, Collection[bool]]:
+        """Return by topic for each known publisher whether it is connected."""
+        return {
+            topic: [link.connected for link in subscription.counters.links.values()]
+            for topic, subscription in self._subscriptions.items()
+        }
 
     def shutdown(self, reason: str) -> None:
         """Give up all registrations and leave it to the owner of the node to end it."""

@@ -11,7 +11,7 @@ from gateway.ros1.errors import CallError, Ros1Error, UnreachableError
 from gateway.ros1.registrations import Changes, Registration, Registrations, Role
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Mapping, Sequence
+    from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
     from typing import Protocol
 
     from gateway.ros1.master import MasterClient
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
         def publishers_registered(self, topic: str, uris: Sequence[str]) -> None: ...
 
-        def known_publishers(self) -> Mapping[str, int]:
-            """Return how many publishers are known by topic."""
+        def links(self) -> Mapping[str, Collection[bool]]:
+            """Return by topic for each known publisher whether it is connected."""
 
 
 _log = logging.getLogger(__name__)
@@ -98,24 +98,30 @@ class Registrar:
         try:
             if compare:
                 state = await self._master.get_system_state()
-                self._registrations.compare(state, self._lists.known_publishers())
-            await self._apply()
+                self._registrations.compare(state, self._lists.links())
+            answered = await self._apply() or compare
         except Ros1Error as error:
             if self.master_answers is not False:
                 _log.warning("waiting for the ROS master at %s: %s", self._master.uri, error)
             self.master_answers = False
         else:
-            if self.master_answers is False:
-                _log.info("the ROS master at %s answers", self._master.uri)
-            self.master_answers = True
+            if answered:
+                self._answered()
 
-    async def _apply(self) -> None:
+    def _answered(self) -> None:
+        if self.master_answers is False:
+            _log.info("the ROS master at %s answers", self._master.uri)
+        self.master_answers = True
+
+    async def _apply(self) -> bool:
+        """Make the calls that are due; return whether there were any."""
         changes = self._registrations.plan()
         for registration in changes.unregister:
             await self._one(self._unregister, registration)
         for registration in changes.register:
             self._registrations.registering(registration)
             await self._one(self._register, registration)
+        return changes != Changes((), ())
 
     async def _one(self, call: Callable[[Registration], Awaitable[None]], registration: Registration) -> None:
         """Make one call; a master that refuses it does not keep the others from being made."""

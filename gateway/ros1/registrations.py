@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from gateway.ros1.master import SystemState
 
@@ -61,12 +61,16 @@ class Registrations:
         self.held.discard(registration)
         self._confirmed.discard(registration)
 
-    def compare(self, state: SystemState, known_publishers: Mapping[str, int]) -> None:
-        """Forget what the master does not confirm, and subscriptions that know of another number of publishers."""
+    def compare(self, state: SystemState, links: Mapping[str, Collection[bool]]) -> None:
+        """Forget what the master does not confirm, and subscriptions that may have missed who publishes.
+
+        `links` says by topic for each known publisher whether it is connected. One that is not may be gone, with a
+        namesake at another URI listed in its place: the answer to registering again holds the URIs.
+        """
         self._confirmed = {
             registration
             for registration in self._confirmed
-            if self._listed(registration, state) and not _stale(registration, state, known_publishers)
+            if self._listed(registration, state) and not _stale(registration, state, links)
         }
 
     def _listed(self, registration: Registration, state: SystemState) -> bool:
@@ -74,7 +78,8 @@ class Registrations:
         return self._node in by_topic.get(registration.topic, ())
 
 
-def _stale(registration: Registration, state: SystemState, known_publishers: Mapping[str, int]) -> bool:
+def _stale(registration: Registration, state: SystemState, links: Mapping[str, Collection[bool]]) -> bool:
     if registration.role is Role.PUBLISHER:
         return False
-    return len(state.publishers.get(registration.topic, ())) != known_publishers.get(registration.topic, 0)
+    connected = links.get(registration.topic, ())
+    return not all(connected) or len(connected) != len(state.publishers.get(registration.topic, ()))

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import pytest
+
 from gateway.ros1.master import SystemState
 from gateway.ros1.registrations import Changes, Registration, Registrations, Role
 
@@ -66,13 +68,24 @@ def test_restarted_master_has_forgotten_us() -> None:
 
 def test_confirmed_is_left_alone() -> None:
     book = registered(CHAT, COLOR)
-    book.compare(state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)}), {"/color": 1})
+    book.compare(state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)}), {"/color": [True]})
     assert book.plan() == NOTHING
 
 
-def test_lost_update_about_publishers_registers_the_subscription_again() -> None:
+@pytest.mark.parametrize(
+    ("listed", "links"),
+    [
+        pytest.param(("/cam", "/cam2"), [True], id="one more"),
+        pytest.param(("/cam",), [True, True], id="one less"),
+        pytest.param(("/cam",), [False], id="perhaps another in its place"),
+        pytest.param(("/cam", "/cam2"), [True, False], id="perhaps another beside one that is connected"),
+    ],
+)
+def test_update_about_publishers_that_may_be_lost_registers_the_subscription_again(
+    listed: tuple[str, ...], links: list[bool]
+) -> None:
     book = registered(COLOR)
-    book.compare(state({"/color": ("/cam", "/cam2")}, {"/color": ("/ours",)}), {"/color": 1})
+    book.compare(state({"/color": listed}, {"/color": ("/ours",)}), {"/color": links})
     assert book.plan() == Changes((), (COLOR,))
 
 
