@@ -41,7 +41,6 @@ class Registrar:
         self._registrations = Registrations(node)
         self._caller_api = ""
         self._wake = asyncio.Event()
-        self._waiters: list[asyncio.Future[None]] = []
         self.master_answers: bool | None = None
         self._refused: set[Registration] = set()
 
@@ -51,7 +50,7 @@ class Registrar:
         return self.master_answers is True and self._registrations.plan() == Changes((), ())
 
     def want(self, registration: Registration) -> None:
-        self._registrations.wanted.add(registration)
+        self._registrations.want(registration)
         self._wake.set()
 
     def release(self, registration: Registration) -> None:
@@ -62,24 +61,13 @@ class Registrar:
         self._registrations.wanted.clear()
         self._wake.set()
 
-    async def settle(self) -> None:
-        """Return when everything wanted or released so far has been tried once."""
-        waiter = asyncio.get_running_loop().create_future()
-        self._waiters.append(waiter)
-        self._wake.set()
-        await waiter
-
     async def run(self, caller_api: str) -> None:
         """Register `caller_api`, the node's slave URI, for what is wanted, until cancelled."""
         self._caller_api = caller_api
         compare = True
         while True:
             self._wake.clear()
-            waiters, self._waiters = self._waiters, []
             await self._attempt(compare=compare)
-            for waiter in waiters:
-                if not waiter.done():
-                    waiter.set_result(None)
             compare = not await self._woken()
 
     async def finish(self) -> None:

@@ -35,7 +35,8 @@ class Changes:
 class Registrations:
     """Tracks which registrations are wanted, and which the master may hold.
 
-    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered.
+    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered. What is
+    wanted anew is registered anew, since the answer tells whoever wants it now who is there.
     """
 
     def __init__(self, node: str) -> None:
@@ -43,6 +44,12 @@ class Registrations:
         self.wanted: set[Registration] = set()
         self.held: set[Registration] = set()
         self._confirmed: set[Registration] = set()
+        self._in_flight: set[Registration] = set()
+
+    def want(self, registration: Registration) -> None:
+        self.wanted.add(registration)
+        self._confirmed.discard(registration)
+        self._in_flight.discard(registration)
 
     def plan(self) -> Changes:
         """Return what to call now."""
@@ -53,9 +60,12 @@ class Registrations:
 
     def registering(self, registration: Registration) -> None:
         self.held.add(registration)
+        self._in_flight.add(registration)
 
     def registered(self, registration: Registration) -> None:
-        self._confirmed.add(registration)
+        if registration in self._in_flight:
+            self._confirmed.add(registration)
+        self._in_flight.discard(registration)
 
     def unregistered(self, registration: Registration) -> None:
         self.held.discard(registration)

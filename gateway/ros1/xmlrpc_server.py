@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 _CHUNK_BYTES = 64 << 10
 MAX_CONNECTIONS = 256
-_SHUTDOWN_S = 0.5
+_SHUTDOWN_S = 0.1
 
 
 class Api(Protocol):

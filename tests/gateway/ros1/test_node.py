@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import TYPE_CHECKING
 
 import pytest
@@ -97,6 +97,51 @@ async def test_error_of_the_body_stays_as_it_is_and_leaves_nothing(master: RosMa
 async def test_leaving_does_not_wait_for_an_absent_master() -> None:
     async with asyncio.timeout(10), Node("/a", master_uri=NOBODY, poll_interval=100) as a, a.advertise("/chat", STRING):
         pass
+
+
+async def test_leaving_a_master_that_hangs_takes_one_deadline_however_much_there_is_to_unregister() -> None:
+    async with AsyncExitStack() as silence, AsyncExitStack() as stack:
+        async with RosMaster() as master:
+            port = int(master.uri.rstrip("/").rpartition(":")[2])
+            a = await stack.enter_async_context(Node("/a", master_uri=master.uri, poll_interval=100, timeout=100))
+            for i in range(10):
+                await stack.enter_async_context(a.advertise(f"/out{i}", STRING))
+                await stack.enter_async_context(a.subscribe(f"/in{i}", STRING, print))
+            await until(lambda: a.registered, "it is registered")
+        asked = await silence.enter_async_context(silent_listener(port))
+        async with asyncio.timeout(10):  # 21 deadlines would take longer
+            await stack.aclose()
+        assert asked.is_set()
+
+
+@asynccontextmanager
+async def silent_listener(port: int) -> AsyncIterator[asyncio.Event]:
+    """Accept connections and never answer; yields what is set once somebody has connected."""
+    connected, ended = asyncio.Event(), asyncio.Event()
+
+    async def serve(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        connected.set()
+        await ended.wait()
+        writer.close()
+
+    async with await asyncio.start_server(serve, "127.0.0.1", port):
+        yield connected
+        ended.set()
+
+
+async def test_subscribing_again_at_once_finds_who_is_there(master: RosMaster) -> None:
+    async with (
+        node("/b", master) as b,
+        b.advertise("/chat", STRING, latch=True) as publication,
+        Node("/a", master_uri=master.uri, poll_interval=100) as a,
+    ):
+        publication.publish(b"kept")
+        for _ in range(3):
+            got: list[Message] = []
+            async with a.subscribe("/chat", STRING, got.append):
+                pass
+            async with a.subscribe("/chat", STRING, got.append):
+                await until(lambda: got, "the message has come")  # noqa: B023 - awaited within the loop
 
 
 async def test_subscribing_again_after_leaving(master: RosMaster) -> None:

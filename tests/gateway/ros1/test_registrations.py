@@ -13,7 +13,7 @@ NOTHING = Changes((), ())
 def registered(*registrations: Registration) -> Registrations:
     book = Registrations("/ours")
     for registration in registrations:
-        book.wanted.add(registration)
+        book.want(registration)
         book.registering(registration)
         book.registered(registration)
     return book
@@ -25,7 +25,7 @@ def state(publishers: dict[str, tuple[str, ...]], subscribers: dict[str, tuple[s
 
 def test_wanted_is_registered_once() -> None:
     book = Registrations("/ours")
-    book.wanted.add(CHAT)
+    book.want(CHAT)
     assert book.plan() == Changes((), (CHAT,))
     book.registering(CHAT)
     assert book.plan() == Changes((), (CHAT,))
@@ -49,7 +49,7 @@ def test_registering_that_may_have_arrived_is_unregistered() -> None:
 
 def test_what_was_never_tried_is_not_unregistered() -> None:
     book = Registrations("/ours")
-    book.wanted.add(CHAT)
+    book.want(CHAT)
     book.wanted.discard(CHAT)
     assert book.plan() == NOTHING
 
@@ -58,6 +58,26 @@ def test_wanted_again_while_it_was_unregistered() -> None:
     book = registered(CHAT)
     book.unregistered(CHAT)
     assert book.plan() == Changes((), (CHAT,))
+
+
+def test_wanted_again_before_it_was_unregistered_asks_again_who_is_there() -> None:
+    book = registered(COLOR)
+    book.wanted.discard(COLOR)
+    book.want(COLOR)
+    assert book.plan() == Changes((), (COLOR,))
+
+
+def test_wanted_again_while_it_was_registered_asks_again_who_is_there() -> None:
+    book = Registrations("/ours")
+    book.want(COLOR)
+    book.registering(COLOR)
+    book.wanted.discard(COLOR)
+    book.want(COLOR)
+    book.registered(COLOR)
+    assert book.plan() == Changes((), (COLOR,))
+    book.registering(COLOR)
+    book.registered(COLOR)
+    assert book.plan() == NOTHING
 
 
 def test_restarted_master_has_forgotten_us() -> None:
