@@ -119,7 +119,9 @@ class Registrar:
             raise
         except CallError as error:
             if registration not in self._refused:
-                _log.error("the ROS master refuses %s %s: %s", registration.role.value, registration.topic, error)
+                _log.error(
+                    "%s: the ROS master refuses us as a %s: %s", registration.topic, registration.role.value, error
+                )
             self._refused.add(registration)
         else:
             self._refused.discard(registration)

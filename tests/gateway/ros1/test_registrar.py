@@ -48,7 +48,7 @@ async def test_refused_registration_is_logged_once_and_keeps_no_other_from_being
         await until(lambda: master.attempts >= 4, "the refused one is tried again")
         assert not node.registered
         assert master.registered == ["/taken"]
-    assert caplog.text.count("the ROS master refuses publisher /refused: status -1: not that one") == 1
+    assert caplog.text.count("/refused: the ROS master refuses us as a publisher: status -1: not that one") == 1
 
 
 async def test_registration_that_is_taken_later_counts() -> None:

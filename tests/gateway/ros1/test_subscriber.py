@@ -135,6 +135,6 @@ async def test_publisher_that_offers_no_tcpros_is_tried_again(master: RosMaster,
 async def test_number_of_links_is_bounded(master: RosMaster) -> None:
     async with node("/a", master) as a, a.subscribe("/chat", STRING, print) as subscription:
         a.publishers_updated("/chat", [f"http://127.0.0.1:9/{i}" for i in range(MAX_PUBLISHERS + 1)])
-        assert len(subscription.publisher_uris) == MAX_PUBLISHERS
+        assert len(subscription.counters.links) == MAX_PUBLISHERS
         a.publishers_updated("/chat", [])
-        assert len(subscription.publisher_uris) == 0
+        assert len(subscription.counters.links) == 0
