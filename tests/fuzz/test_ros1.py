@@ -12,8 +12,7 @@ from gateway.ros1.image import decode_image
 from gateway.ros1.messages import deserialise
 from gateway.ros1.wire.header import decode_header
 from gateway.ros1.wire.tcpros import Offer, PublisherConnection, SubscriberConnection, TopicType
-from gateway.ros1.wire.xmlrpc import decode
-from tests.gateway.ros1.feeding import events_of
+from tests.gateway.ros1.feeding import decode, events_of
 from tests.gateway.ros1.goldens import (
     IMAGE,
     IMAGE_MD5,

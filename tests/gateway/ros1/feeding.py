@@ -1,15 +1,17 @@
-"""Feeds a subscriber's connection as a socket does: at most as much at once as its buffer takes."""
+"""Feeds parsers: a subscriber's connection as a socket does, at most as much at once as its buffer takes."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import Ros1Error
+from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Decoder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent
+    from gateway.ros1.wire.xmlrpc import Body
 
 
 def events_of(connection: SubscriberConnection, *pieces: bytes) -> list[SubscriberEvent]:
@@ -38,3 +40,10 @@ def _fed(connection: SubscriberConnection, pieces: tuple[bytes, ...]) -> Iterato
             connection.buffer_updated(count)
             while (event := connection.next_event()) is not None:
                 yield event
+
+
+def decode(data: bytes, max_bytes: int = DEFAULT_MAX_BODY_BYTES) -> Body:
+    """Return what a whole XML-RPC body says."""
+    decoder = Decoder(max_bytes)
+    decoder.feed(data)
+    return decoder.close()

@@ -14,10 +14,10 @@ from gateway.ros1.wire.xmlrpc import (
     Fault,
     MethodCall,
     MethodResponse,
-    decode,
     encode,
     result_of,
 )
+from tests.gateway.ros1.feeding import decode
 from tests.gateway.ros1.goldens import REGISTER_PUBLISHER, REGISTER_PUBLISHER_RESPONSE, TOPIC
 
 # XML itself turns a carriage return into a newline.
