@@ -54,6 +54,10 @@ class MasterClient:
             raise XmlRpcError(f"a system state of {len(parts)} parts")
         return SystemState(*(_by_name(part) for part in parts))
 
+    async def lookup_node(self, name: str) -> str:
+        """Return the node's slave URI; StatusError when unknown."""
+        return _is(str, await self.call("lookupNode", name))
+
     async def get_pid(self) -> int:
         return _is(int, await self.call("getPid"))
 

@@ -70,7 +70,7 @@ async def test_registrations_show_in_the_state_until_unregistered(connect: Conne
     assert (state.publishers, state.subscribers) == ({"/chat": ("/a",)}, {"/chat": ("/b",)})
     assert dict(await a.call("getTopicTypes")) == {"/chat": STRING}
     assert dict(await a.call("getPublishedTopics", "")) == {"/chat": STRING}
-    assert await a.call("lookupNode", "/a") == DEAD_URI
+    assert await a.lookup_node("/a") == DEAD_URI
     assert await a.unregister_publisher("/chat", DEAD_URI) is True
     assert await a.unregister_publisher("/chat", DEAD_URI) is False
     assert await b.unregister_subscriber("/chat", "http://127.0.0.1:10/") is True
@@ -126,12 +126,12 @@ async def test_node_whose_name_is_taken_is_shut_down_and_forgotten(connect: Conn
         state = await connect("/b").get_system_state()
     assert calls[0][0] == "shutdown"
     assert state.publishers == {"/new": ("/a",)}
-    assert await connect("/b").call("lookupNode", "/a") == DEAD_URI
+    assert await connect("/b").lookup_node("/a") == DEAD_URI
 
 
 async def test_unknown_node_and_service_are_errors(connect: Connect) -> None:
     with pytest.raises(StatusError) as error:
-        await connect("/a").call("lookupNode", "/nobody")
+        await connect("/a").lookup_node("/nobody")
     assert error.value.code == -1
     with pytest.raises(StatusError):
         await connect("/a").call("lookupService", "/nothing")

@@ -35,6 +35,7 @@ async def test_system_state() -> None:
         ("register_subscriber", ("/t", "a/A", "http://a/"), "http://b/"),
         ("register_subscriber", ("/t", "a/A", "http://a/"), [5]),
         ("unregister_publisher", ("/t", "http://a/"), "1"),
+        ("lookup_node", ("/b",), 5),
         ("get_pid", (), "5"),
     ],
 )

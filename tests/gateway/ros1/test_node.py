@@ -82,7 +82,7 @@ async def test_leaving_unregisters(master: RosMaster) -> None:
         state = await watch.master.get_system_state()
         assert (state.publishers, state.subscribers) == ({}, {})
         with pytest.raises(StatusError):
-            await watch.master.call("lookupNode", "/a")
+            await watch.master.lookup_node("/a")
 
 
 async def test_error_of_the_body_stays_as_it_is_and_leaves_nothing(master: RosMaster) -> None:
