@@ -82,7 +82,8 @@ class _Link(asyncio.BufferedProtocol):
         if self.error is not None:
             return
         try:
-            for event in self._connection.buffer_updated(nbytes):
+            self._connection.buffer_updated(nbytes)
+            while (event := self._connection.next_event()) is not None:
                 self._on_event(event)
                 self.first_event.set()
         except Ros1Error as error:

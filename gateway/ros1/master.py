@@ -34,77 +34,35 @@ class MasterClient:
 
     async def register_subscriber(self, topic: str, type_name: str, caller_api: str) -> tuple[str, ...]:
         """Return the slave URIs of the topic's publishers."""
-        return _strings(await self._call("registerSubscriber", topic, type_name, caller_api))
+        return _strings(await self.call("registerSubscriber", topic, type_name, caller_api))
 
     async def unregister_subscriber(self, topic: str, caller_api: str) -> bool:
         """Return whether the registration was there."""
-        return bool(_is(int, await self._call("unregisterSubscriber", topic, caller_api)))
+        return bool(_is(int, await self.call("unregisterSubscriber", topic, caller_api)))
 
     async def register_publisher(self, topic: str, type_name: str, caller_api: str) -> tuple[str, ...]:
         """Return the slave URIs of the topic's subscribers."""
-        return _strings(await self._call("registerPublisher", topic, type_name, caller_api))
+        return _strings(await self.call("registerPublisher", topic, type_name, caller_api))
 
     async def unregister_publisher(self, topic: str, caller_api: str) -> bool:
         """Return whether the registration was there."""
-        return bool(_is(int, await self._call("unregisterPublisher", topic, caller_api)))
+        return bool(_is(int, await self.call("unregisterPublisher", topic, caller_api)))
 
     async def get_system_state(self) -> SystemState:
-        parts = _is(list, await self._call("getSystemState"))
+        parts = _is(list, await self.call("getSystemState"))
         if len(parts) != 3:
             raise XmlRpcError(f"a system state of {len(parts)} parts")
         return SystemState(*(_by_name(part) for part in parts))
 
-    async def get_topic_types(self) -> dict[str, str]:
-        """Return message type names by topic, of every topic that ever had a registration."""
-        return _pairs(await self._call("getTopicTypes"))
-
-    async def get_published_topics(self, subgraph: str = "") -> dict[str, str]:
-        """Return message type names by topic, of topics with a publisher now."""
-        return _pairs(await self._call("getPublishedTopics", subgraph))
-
     async def lookup_node(self, name: str) -> str:
         """Return the node's slave URI; StatusError when unknown."""
-        return _is(str, await self._call("lookupNode", name))
-
-    async def lookup_service(self, name: str) -> str:
-        """Return the service's `rosrpc://` URI; StatusError when unknown."""
-        return _is(str, await self._call("lookupService", name))
-
-    async def get_uri(self) -> str:
-        return _is(str, await self._call("getUri"))
+        return _is(str, await self.call("lookupNode", name))
 
     async def get_pid(self) -> int:
-        return _is(int, await self._call("getPid"))
+        return _is(int, await self.call("getPid"))
 
-    async def get_param(self, key: str) -> Any:
-        """Return the parameter's value; StatusError when it is not set."""
-        return await self._call("getParam", key)
-
-    async def set_param(self, key: str, value: Any) -> None:
-        await self._call("setParam", key, value)
-
-    async def has_param(self, key: str) -> bool:
-        return _is(bool, await self._call("hasParam", key))
-
-    async def delete_param(self, key: str) -> None:
-        """Forget a parameter; StatusError when it is not set."""
-        await self._call("deleteParam", key)
-
-    async def search_param(self, key: str) -> str:
-        """Return the key's full name, searched from this node's namespace up; StatusError when not found."""
-        return _is(str, await self._call("searchParam", key))
-
-    async def get_param_names(self) -> tuple[str, ...]:
-        return _strings(await self._call("getParamNames"))
-
-    async def subscribe_param(self, caller_api: str, key: str) -> Any:
-        """Return the parameter's value, `{}` when not set; later values come as paramUpdate."""
-        return await self._call("subscribeParam", caller_api, key)
-
-    async def unsubscribe_param(self, caller_api: str, key: str) -> None:
-        await self._call("unsubscribeParam", caller_api, key)
-
-    async def _call(self, method: str, *params: Any) -> Any:
+    async def call(self, method: str, *params: Any) -> Any:
+        """Return the value that the master answers to any method of its API."""
         return await self._client.call(self.uri, method, self._caller_id, *params)
 
 
@@ -124,11 +82,6 @@ def _pair(value: Any) -> tuple[Any, Any]:
             return first, second
         case _:
             raise XmlRpcError(f"pair expected, not {str(value)[:80]!r}")
-
-
-def _pairs(value: Any) -> dict[str, str]:
-    pairs = (_pair(item) for item in _is(list, value))
-    return {_is(str, name): _is(str, kind) for name, kind in pairs}
 
 
 def _by_name(value: Any) -> dict[str, tuple[str, ...]]:

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import InvalidNameError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _NAME = re.compile(r"(?:[~/]\w|[A-Za-z])\w*(?:/\w+)*", re.ASCII)
 _SLASHES = re.compile("/+")
@@ -57,10 +53,8 @@ def namespace_of(name: str) -> str:
     return validate_global(name).rpartition("/")[0] + "/"
 
 
-def resolve(name: str, node: str, remaps: Mapping[str, str] | None = None) -> str:
+def resolve(name: str, node: str) -> str:
     """Return the global name that `name` means within the node called `node`; doubled slashes count as one.
-
-    `remaps` goes from global to global names.
 
     Raises:
         InvalidNameError: the name or the node's name is not legal.
@@ -69,9 +63,5 @@ def resolve(name: str, node: str, remaps: Mapping[str, str] | None = None) -> st
     validate_global(node)
     name = validate(_SLASHES.sub("/", name).rstrip("/"))
     if name.startswith("~"):
-        resolved = f"{node}/{name[1:]}"
-    elif name.startswith("/"):
-        resolved = name
-    else:
-        resolved = namespace_of(node) + name
-    return (remaps or {}).get(resolved, resolved)
+        return f"{node}/{name[1:]}"
+    return name if name.startswith("/") else namespace_of(node) + name

@@ -17,14 +17,14 @@ from gateway.ros1.registrar import Registrar
 from gateway.ros1.registrations import Registration, Role
 from gateway.ros1.slave import SlaveApi
 from gateway.ros1.subscriber import Message, Subscription
-from gateway.ros1.tasks import TaskScope, cancel_and_wait
+from gateway.ros1.tasks import TaskScope, cancel_and_wait, to_the_end
 from gateway.ros1.tcpros_server import TcprosServer
 from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES, Offer
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+    from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
     from types import TracebackType
 
 _log = logging.getLogger(__name__)
@@ -33,13 +33,15 @@ _log = logging.getLogger(__name__)
 class Node:
     """Enter it to come up; the master may be absent and may come and go. Leaving unregisters, within a deadline.
 
+    Leaving a subscription or a publication ends it here at once and waits for no master.
+
     Args:
         name: global and unique: a master shuts down the older of two nodes of one name.
         master_uri: where the master answers, such as `http://robot:11311`.
         host: the name or address under which others reach this node.
         poll_interval: seconds between looks at the master.
         timeout: seconds for each call, connection and handshake.
-        exit_timeout: seconds for unregistering.
+        exit_timeout: seconds for unregistering everything when the node is left.
         rng: jitters reconnects.
 
     Raises:
@@ -55,7 +57,7 @@ class Node:
         host: str = "127.0.0.1",
         poll_interval: float = 3.0,
         timeout: float = 5.0,
-        exit_timeout: float = 2.0,
+        exit_timeout: float = 1.0,
         rng: Random | None = None,
     ) -> None:
         self.name = validate_global(name)
@@ -97,7 +99,7 @@ class Node:
             await stack.enter_async_context(self._slave)
             await stack.enter_async_context(self._tcpros)
             registering = self._scope.start(self._registrar.run(self.uri), "registrar")
-            stack.push_async_callback(self._unregister, registering)
+            stack.push_async_callback(lambda: to_the_end(self._unregister(registering)))
             self._stack = stack.pop_all()
         return self
 
@@ -154,7 +156,6 @@ class Node:
             del self._subscriptions[topic]
             links = subscription.close()
             self._registrar.release(registration)
-            await self._settle()
             await cancel_and_wait(links)
 
     @asynccontextmanager
@@ -192,16 +193,10 @@ class Node:
             del self._publications[topic]
             publication.close()
             self._registrar.release(registration)
-            await self._settle()
 
     def _want(self, registration: Registration) -> None:
         if not self.shutdown_requested.is_set():
             self._registrar.want(registration)
-
-    async def _settle(self) -> None:
-        with suppress(TimeoutError):
-            async with asyncio.timeout(self._exit_timeout):
-                await self._registrar.settle()
 
     # What the slave API and the registrar ask of a node.
 
@@ -236,9 +231,12 @@ class Node:
         """Return how many publisherUpdate calls the topic had."""
         return self._subscriptions[topic].update_count if topic in self._subscriptions else 0
 
-    def known_publishers(self) -> Mapping[str, int]:
-        """Return how many publishers are known by topic."""
-        return {topic: len(subscription.publisher_uris) for topic, subscription in self._subscriptions.items()}
+    def links(self) -> Mapping[str, Collection[bool]]:
+        """Return by topic for each known publisher whether it is connected."""
+        return {
+            topic: [link.connected for link in subscription.counters.links.values()]
+            for topic, subscription in self._subscriptions.items()
+        }
 
     def shutdown(self, reason: str) -> None:
         """Give up all registrations and leave it to the owner of the node to end it."""

@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.ros1.errors import StatusError
 from gateway.ros1.names import namespace_of
+
+FAILURE = 0
+MAX_PARAMETER_BYTES = 8 << 20
+_VALUE_BYTES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +23,15 @@ class ParameterUpdate:
 
 
 class ParameterTree:
-    """Values by global name; a value that is a dict is a namespace. `{}` tells a subscriber that nothing is set."""
+    """Values by global name; a value that is a dict is a namespace. `{}` tells a subscriber that nothing is set.
 
-    def __init__(self) -> None:
+    The whole tree holds at most `max_bytes`, counting 64 for each name and value, and the length of texts.
+    """
+
+    def __init__(self, max_bytes: int = MAX_PARAMETER_BYTES) -> None:
+        self._max_bytes = max_bytes
         self._root: dict[str, Any] = {}
+        self._size = _size({})
         self._subscribers: dict[str, dict[str, str]] = {}
 
     def get(self, key: str) -> Any:
@@ -48,15 +58,17 @@ class ParameterTree:
 
         Raises:
             TypeError: the root can only become a namespace.
+            StatusError: the tree would grow too large; then nothing is changed.
 
         """
         parts = _parts(key)
         if not parts:
             if not isinstance(value, dict):
                 raise TypeError("the root of the parameters is a namespace")
+            self._resize(_size(value) - self._size)
             self._root = value
         else:
-            self._namespace(parts[:-1])[parts[-1]] = value
+            self._put(parts, value)
         return self._updates(_join(parts), value, caller_id)
 
     def delete(self, key: str) -> list[ParameterUpdate]:
@@ -69,7 +81,9 @@ class ParameterTree:
         parts = _parts(key)
         if not parts:
             raise LookupError("the root of the parameters cannot be deleted")
-        del _inside(self.get(_join(parts[:-1])))[parts[-1]]
+        namespace = _inside(self.get(_join(parts[:-1])))
+        self._size -= _size_within(namespace, parts[-1])
+        del namespace[parts[-1]]
         return self._updates(_join(parts), {}, "")
 
     def names(self) -> list[str]:
@@ -112,15 +126,22 @@ class ParameterTree:
     def subscription_count(self) -> int:
         return sum(len(subscribers) for subscribers in self._subscribers.values())
 
-    def _namespace(self, parts: list[str]) -> dict[str, Any]:
-        """Return the namespace, made where it is not; a plain value in its way is replaced."""
-        namespace = self._root
-        for part in parts:
-            inner = namespace.get(part)
-            if not isinstance(inner, dict):
-                inner = namespace[part] = {}
-            namespace = inner
-        return namespace
+    def _put(self, parts: list[str], value: Any) -> None:
+        """Put a value where it belongs; namespaces are made on the way, a plain value in the way is replaced."""
+        namespace, depth = self._root, 0
+        while depth < len(parts) - 1 and isinstance(namespace.get(parts[depth]), dict):
+            namespace = namespace[parts[depth]]
+            depth += 1
+        for part in reversed(parts[depth + 1 :]):
+            value = {part: value}
+        name = parts[depth]
+        self._resize(_size_within({name: value}, name) - _size_within(namespace, name))
+        namespace[name] = value
+
+    def _resize(self, change: int) -> None:
+        if change > 0 and self._size + change > self._max_bytes:
+            raise StatusError(FAILURE, f"the parameters would take more than {self._max_bytes} bytes")
+        self._size += change
 
     def _updates(self, key: str, value: Any, caller_id: str) -> list[ParameterUpdate]:
         updates = []
@@ -133,6 +154,23 @@ class ParameterTree:
                 continue
             updates += [ParameterUpdate(api, told, news) for api, node in subscribers.items() if node != caller_id]
         return updates
+
+
+def _size(value: Any) -> int:
+    match value:
+        case dict():
+            return _VALUE_BYTES + sum(_size_within(value, name) for name in value)
+        case list():
+            return _VALUE_BYTES + sum(map(_size, value))
+        case str() | bytes():
+            return _VALUE_BYTES + len(value)
+        case _:
+            return _VALUE_BYTES
+
+
+def _size_within(namespace: dict[str, Any], name: str) -> int:
+    """Return what a namespace's entry takes, 0 where there is none."""
+    return _size(name) + _size(namespace[name]) if name in namespace else 0
 
 
 def _parts(key: str) -> list[str]:

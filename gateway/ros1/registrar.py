@@ -11,7 +11,7 @@ from gateway.ros1.errors import CallError, Ros1Error, UnreachableError
 from gateway.ros1.registrations import Changes, Registration, Registrations, Role
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Mapping, Sequence
+    from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
     from typing import Protocol
 
     from gateway.ros1.master import MasterClient
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
         def publishers_registered(self, topic: str, uris: Sequence[str]) -> None: ...
 
-        def known_publishers(self) -> Mapping[str, int]:
-            """Return how many publishers are known by topic."""
+        def links(self) -> Mapping[str, Collection[bool]]:
+            """Return by topic for each known publisher whether it is connected."""
 
 
 _log = logging.getLogger(__name__)
@@ -41,7 +41,6 @@ class Registrar:
         self._registrations = Registrations(node)
         self._caller_api = ""
         self._wake = asyncio.Event()
-        self._waiters: list[asyncio.Future[None]] = []
         self.master_answers: bool | None = None
         self._refused: set[Registration] = set()
 
@@ -51,7 +50,7 @@ class Registrar:
         return self.master_answers is True and self._registrations.plan() == Changes((), ())
 
     def want(self, registration: Registration) -> None:
-        self._registrations.wanted.add(registration)
+        self._registrations.want(registration)
         self._wake.set()
 
     def release(self, registration: Registration) -> None:
@@ -62,24 +61,13 @@ class Registrar:
         self._registrations.wanted.clear()
         self._wake.set()
 
-    async def settle(self) -> None:
-        """Return when everything wanted or released so far has been tried once."""
-        waiter = asyncio.get_running_loop().create_future()
-        self._waiters.append(waiter)
-        self._wake.set()
-        await waiter
-
     async def run(self, caller_api: str) -> None:
         """Register `caller_api`, the node's slave URI, for what is wanted, until cancelled."""
         self._caller_api = caller_api
         compare = True
         while True:
             self._wake.clear()
-            waiters, self._waiters = self._waiters, []
             await self._attempt(compare=compare)
-            for waiter in waiters:
-                if not waiter.done():
-                    waiter.set_result(None)
             compare = not await self._woken()
 
     async def finish(self) -> None:
@@ -98,24 +86,30 @@ class Registrar:
         try:
             if compare:
                 state = await self._master.get_system_state()
-                self._registrations.compare(state, self._lists.known_publishers())
-            await self._apply()
+                self._registrations.compare(state, self._lists.links())
+            answered = await self._apply() or compare
         except Ros1Error as error:
             if self.master_answers is not False:
                 _log.warning("waiting for the ROS master at %s: %s", self._master.uri, error)
             self.master_answers = False
         else:
-            if self.master_answers is False:
-                _log.info("the ROS master at %s answers", self._master.uri)
-            self.master_answers = True
+            if answered:
+                self._answered()
 
-    async def _apply(self) -> None:
+    def _answered(self) -> None:
+        if self.master_answers is False:
+            _log.info("the ROS master at %s answers", self._master.uri)
+        self.master_answers = True
+
+    async def _apply(self) -> bool:
+        """Make the calls that are due; return whether there were any."""
         changes = self._registrations.plan()
         for registration in changes.unregister:
             await self._one(self._unregister, registration)
         for registration in changes.register:
             self._registrations.registering(registration)
             await self._one(self._register, registration)
+        return changes != Changes((), ())
 
     async def _one(self, call: Callable[[Registration], Awaitable[None]], registration: Registration) -> None:
         """Make one call; a master that refuses it does not keep the others from being made."""
@@ -125,7 +119,9 @@ class Registrar:
             raise
         except CallError as error:
             if registration not in self._refused:
-                _log.error("the ROS master refuses %s %s: %s", registration.role.value, registration.topic, error)
+                _log.error(
+                    "%s: the ROS master refuses us as a %s: %s", registration.topic, registration.role.value, error
+                )
             self._refused.add(registration)
         else:
             self._refused.discard(registration)

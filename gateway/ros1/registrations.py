@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from gateway.ros1.master import SystemState
 
@@ -35,7 +35,8 @@ class Changes:
 class Registrations:
     """Tracks which registrations are wanted, and which the master may hold.
 
-    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered.
+    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered. What is
+    wanted anew is registered anew, since the answer tells whoever wants it now who is there.
     """
 
     def __init__(self, node: str) -> None:
@@ -43,6 +44,12 @@ class Registrations:
         self.wanted: set[Registration] = set()
         self.held: set[Registration] = set()
         self._confirmed: set[Registration] = set()
+        self._in_flight: set[Registration] = set()
+
+    def want(self, registration: Registration) -> None:
+        self.wanted.add(registration)
+        self._confirmed.discard(registration)
+        self._in_flight.discard(registration)
 
     def plan(self) -> Changes:
         """Return what to call now."""
@@ -53,20 +60,27 @@ class Registrations:
 
     def registering(self, registration: Registration) -> None:
         self.held.add(registration)
+        self._in_flight.add(registration)
 
     def registered(self, registration: Registration) -> None:
-        self._confirmed.add(registration)
+        if registration in self._in_flight:
+            self._confirmed.add(registration)
+        self._in_flight.discard(registration)
 
     def unregistered(self, registration: Registration) -> None:
         self.held.discard(registration)
         self._confirmed.discard(registration)
 
-    def compare(self, state: SystemState, known_publishers: Mapping[str, int]) -> None:
-        """Forget what the master does not confirm, and subscriptions that know of another number of publishers."""
+    def compare(self, state: SystemState, links: Mapping[str, Collection[bool]]) -> None:
+        """Forget what the master does not confirm, and subscriptions that may have missed who publishes.
+
+        `links` says by topic for each known publisher whether it is connected. One that is not may be gone, with a
+        namesake at another URI listed in its place: the answer to registering again holds the URIs.
+        """
         self._confirmed = {
             registration
             for registration in self._confirmed
-            if self._listed(registration, state) and not _stale(registration, state, known_publishers)
+            if self._listed(registration, state) and not _stale(registration, state, links)
         }
 
     def _listed(self, registration: Registration, state: SystemState) -> bool:
@@ -74,7 +88,8 @@ class Registrations:
         return self._node in by_topic.get(registration.topic, ())
 
 
-def _stale(registration: Registration, state: SystemState, known_publishers: Mapping[str, int]) -> bool:
+def _stale(registration: Registration, state: SystemState, links: Mapping[str, Collection[bool]]) -> bool:
     if registration.role is Role.PUBLISHER:
         return False
-    return len(state.publishers.get(registration.topic, ())) != known_publishers.get(registration.topic, 0)
+    connected = links.get(registration.topic, ())
+    return not all(connected) or len(connected) != len(state.publishers.get(registration.topic, ()))

@@ -113,10 +113,6 @@ class Subscription:
         self.update_count = 0
         self._links: dict[str, asyncio.Task[None]] = {}
 
-    @property
-    def publisher_uris(self) -> frozenset[str]:
-        return frozenset(self._links)
-
     def publishers_updated(self, uris: Iterable[str]) -> None:
         """Follow the master's whole list: drop the links that are not in it, start those that are new."""
         listed = dict.fromkeys(uris)
@@ -161,7 +157,7 @@ class Subscription:
             counters.failures[failure] += 1
             self.counters.failures[failure] += 1
             level = logging.WARNING if counters.failures[failure] == 1 else logging.DEBUG
-            _log.log(level, "%s from %s: %s: %s", self.topic, uri, failure, reason)
+            _log.log(level, "%s as publisher of %s: %s: %s", uri, self.topic, failure, reason)
             await asyncio.sleep(backoff.next_delay())
 
     async def _run_link(self, uri: str, counters: LinkCounters) -> tuple[LinkFailure, object]:

@@ -45,3 +45,17 @@ async def cancel_and_wait(tasks: set[asyncio.Task[None]]) -> None:
         task.cancel()
     if tasks:
         await asyncio.wait(tasks)
+
+
+async def to_the_end(coroutine: Coroutine[Any, Any, None]) -> None:
+    """Run a coroutine that has its own deadline to its end; being cancelled meanwhile is raised afterwards."""
+    task = asyncio.create_task(coroutine)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.wait({task})
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        raise cancelled from task.exception()
+    task.result()

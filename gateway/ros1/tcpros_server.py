@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Self
 from gateway.ros1.errors import TcprosError, WireError
 from gateway.ros1.hosts import listen
 from gateway.ros1.keepalive import notice_dead_peer
-from gateway.ros1.lograte import LogRate
 from gateway.ros1.tasks import cancel_and_wait
 from gateway.ros1.wire.tcpros import PublisherConnection, SubscriberRefused
 
@@ -48,7 +47,6 @@ class TcprosServer:
         self._listener: socket.socket | None = None
         self._accepting: asyncio.Task[None] | None = None
         self._port = 0
-        self._log_rate = LogRate()
 
     @property
     def address(self) -> tuple[str, int]:
@@ -79,14 +77,14 @@ class TcprosServer:
             try:
                 connection, peer = await loop.sock_accept(listener)
             except OSError as error:
-                self._warn("cannot accept a subscriber: %s", error)
+                _log.warning("%s cannot accept a subscriber: %s", self._callerid, error)
                 await asyncio.sleep(_RETRY_ACCEPT_S)
                 continue
-            self._start(connection, f"{peer[0]}:{peer[1]}")
+            self._start(connection, peer[0])
 
     def _start(self, connection: socket.socket, peer: str) -> None:
         if len(self._connections) >= _MAX_CONNECTIONS:
-            self._warn("%s is turned away: %d subscribers already", peer, _MAX_CONNECTIONS)
+            _log.warning("%s is turned away: %d subscribers already", peer, _MAX_CONNECTIONS)
             connection.close()
             return
         task = self._scope.start(self._serve(connection, peer), f"subscriber {peer}")
@@ -99,19 +97,16 @@ class TcprosServer:
             async with asyncio.timeout(self._timeout):
                 event = await self._handshake(connection)
         except (WireError, OSError) as error:
-            self._warn("%s is no subscriber: %r", peer, error)
+            _log.warning("%s is no subscriber: %r", peer, error)
             return
         if isinstance(event, SubscriberRefused):
-            self._warn("%s is refused: %s", peer, event.reason)
+            _log.warning("%s is refused: %s", peer, event.reason)
             return
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(event.tcp_nodelay))
         notice_dead_peer(connection)
         publication = self._publications.get(event.topic)
         if publication is not None:
             await publication.serve(connection, event)
-
-    def _warn(self, text: str, *arguments: object) -> None:
-        _log.log(self._log_rate.level(asyncio.get_running_loop().time()), text, *arguments)
 
     async def _handshake(self, connection: socket.socket) -> PublisherEvent:
         """Return how the subscriber's header is answered; a refusal is sent already."""

@@ -1,4 +1,4 @@
-"""Serves ROS's XML-RPC APIs: bounded bodies, a deadline for every request, one answer at a time decided in no time."""
+"""Serves ROS's XML-RPC APIs: a bounded number of connections, one request and one deadline for each, bounded bodies."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from aiohttp import web
 
 from gateway.ros1.errors import StatusError, WireError, XmlRpcError
 from gateway.ros1.hosts import listen, uri_host
-from gateway.ros1.lograte import LogRate
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Body, Decoder, Fault, MethodCall, MethodResponse, encode
 
 if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
     from types import TracebackType
 
 _log = logging.getLogger(__name__)
 _CHUNK_BYTES = 64 << 10
-_MAX_CONCURRENT = 256
-_SHUTDOWN_S = 0.5
+MAX_CONNECTIONS = 256
+_SHUTDOWN_S = 0.1
 
 
 class Api(Protocol):
@@ -36,7 +36,11 @@ class Api(Protocol):
 
 
 class XmlRpcServer:
-    """An HTTP server for one API, on a port that the system chooses unless one is given."""
+    """An HTTP server for one API, on a port that the system chooses unless one is given.
+
+    A connection is closed `timeout` seconds after it was made at the latest, whatever it has sent by then. Further
+    connections than MAX_CONNECTIONS are closed at once.
+    """
 
     def __init__(
         self,
@@ -50,11 +54,8 @@ class XmlRpcServer:
         self._api = api
         self._host = host
         self._port = port
-        self._timeout = timeout
         self._max_body_bytes = max_body_bytes
-        self._active = 0
-        self._log_rate = LogRate()
-        self._http = web.Server(self._handle, access_log=None)
+        self._http = _HttpServer(self._handle, timeout)
         self._server: asyncio.Server | None = None
 
     @property
@@ -83,22 +84,18 @@ class XmlRpcServer:
         await self._http.shutdown(_SHUTDOWN_S)
 
     async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
+        response = await self._respond(request)
+        response.force_close()
+        return response
+
+    async def _respond(self, request: web.BaseRequest) -> web.Response:
         if request.method != "POST":
             return web.Response(status=405)
-        if self._active >= _MAX_CONCURRENT:
-            return web.Response(status=503)
-        self._active += 1
         try:
-            async with asyncio.timeout(self._timeout):
-                body = await self._read(request)
+            body = await self._read(request)
         except WireError as error:
-            level = self._log_rate.level(asyncio.get_running_loop().time())
-            _log.log(level, "a request from %s is not XML-RPC: %s", request.remote, error)
+            _log.warning("%s sent a request that is not XML-RPC: %s", request.remote, error)
             return web.Response(status=400)
-        except TimeoutError:
-            return web.Response(status=408)
-        finally:
-            self._active -= 1
         return web.Response(body=_encode(self._answer(body)), content_type="text/xml")
 
     async def _read(self, request: web.BaseRequest) -> MethodCall:
@@ -118,6 +115,31 @@ class XmlRpcServer:
         except LookupError:
             return Fault(1, f"no method {call.method[:80]!r}")
         return MethodResponse([1, message, value])
+
+
+class _HttpServer(web.Server):
+    """Bounds what aiohttp leaves open: the number of connections, and how long each may take."""
+
+    def __init__(self, handler: Callable[[web.BaseRequest], Awaitable[web.StreamResponse]], timeout: float) -> None:
+        super().__init__(handler, access_log=None)
+        self._timeout = timeout
+        self._deadlines: dict[web.RequestHandler, asyncio.TimerHandle] = {}
+
+    def connection_made(self, handler: web.RequestHandler, transport: asyncio.Transport) -> None:
+        super().connection_made(handler, transport)
+        loop = asyncio.get_running_loop()
+        if len(self._deadlines) >= MAX_CONNECTIONS:
+            host = transport.get_extra_info("peername")[0]
+            _log.warning("%s is turned away: %d connections already", host, MAX_CONNECTIONS)
+            loop.call_soon(transport.abort)  # the handler's task must have begun
+            return
+        self._deadlines[handler] = loop.call_later(self._timeout, transport.abort)
+
+    def connection_lost(self, handler: web.RequestHandler, exc: BaseException | None = None) -> None:
+        super().connection_lost(handler, exc)
+        deadline = self._deadlines.pop(handler, None)
+        if deadline is not None:
+            deadline.cancel()
 
 
 def _encode(answer: Body) -> bytes:

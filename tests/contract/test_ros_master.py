@@ -57,9 +57,9 @@ async def test_fresh_master_knows_nobody(connect: Connect, master_uri: str) -> N
     master = connect("/a")
     state = await master.get_system_state()
     assert (state.publishers, state.subscribers, state.services) == ({}, {}, {})
-    assert await master.get_topic_types() == {}
+    assert dict(await master.call("getTopicTypes")) == {}
     assert await master.get_pid() > 0
-    assert (await master.get_uri()).rpartition(":")[2] == master_uri.rpartition(":")[2]
+    assert (await master.call("getUri")).rpartition(":")[2] == master_uri.rpartition(":")[2]
 
 
 async def test_registrations_show_in_the_state_until_unregistered(connect: Connect) -> None:
@@ -68,16 +68,16 @@ async def test_registrations_show_in_the_state_until_unregistered(connect: Conne
     assert await b.register_subscriber("/chat", STRING, "http://127.0.0.1:10/") == (DEAD_URI,)
     state = await a.get_system_state()
     assert (state.publishers, state.subscribers) == ({"/chat": ("/a",)}, {"/chat": ("/b",)})
-    assert await a.get_topic_types() == {"/chat": STRING}
-    assert await a.get_published_topics() == {"/chat": STRING}
+    assert dict(await a.call("getTopicTypes")) == {"/chat": STRING}
+    assert dict(await a.call("getPublishedTopics", "")) == {"/chat": STRING}
     assert await a.lookup_node("/a") == DEAD_URI
     assert await a.unregister_publisher("/chat", DEAD_URI) is True
     assert await a.unregister_publisher("/chat", DEAD_URI) is False
     assert await b.unregister_subscriber("/chat", "http://127.0.0.1:10/") is True
     state = await a.get_system_state()
     assert (state.publishers, state.subscribers) == ({}, {})
-    assert await a.get_published_topics() == {}
-    assert await a.get_topic_types() == {"/chat": STRING}
+    assert dict(await a.call("getPublishedTopics", "")) == {}
+    assert dict(await a.call("getTopicTypes")) == {"/chat": STRING}
 
 
 async def test_registering_twice_counts_once(connect: Connect) -> None:
@@ -134,7 +134,7 @@ async def test_unknown_node_and_service_are_errors(connect: Connect) -> None:
         await connect("/a").lookup_node("/nobody")
     assert error.value.code == -1
     with pytest.raises(StatusError):
-        await connect("/a").lookup_service("/nothing")
+        await connect("/a").call("lookupService", "/nothing")
 
 
 @pytest.mark.parametrize("topic", ["", "no spaces", "/a:b"])
@@ -158,55 +158,55 @@ async def test_illegal_uri_is_refused(connect: Connect, uri: str) -> None:
 
 async def test_any_type_does_not_squash_a_type(connect: Connect) -> None:
     await connect("/a").register_subscriber("/chat", "*", DEAD_URI)
-    assert await connect("/a").get_topic_types() == {}
+    assert dict(await connect("/a").call("getTopicTypes")) == {}
     await connect("/a").register_publisher("/chat", STRING, DEAD_URI)
     await connect("/b").register_publisher("/chat", "*", "http://127.0.0.1:10/")
-    assert await connect("/a").get_topic_types() == {"/chat": STRING}
+    assert dict(await connect("/a").call("getTopicTypes")) == {"/chat": STRING}
 
 
 async def test_parameters(connect: Connect) -> None:
     master = connect("/ns/a")
-    await master.set_param("/robot", {"name": "r1", "limits": {"speed": 0.5}})
-    await master.set_param("relative", [1, True, "x"])
-    assert await master.get_param("/robot/limits/speed") == 0.5
-    assert await master.get_param("/robot") == {"name": "r1", "limits": {"speed": 0.5}}
-    assert await master.get_param("/ns/relative") == [1, True, "x"]
-    assert await master.has_param("/robot/name") is True
-    assert await master.has_param("/robot/name/inside") is False
-    assert set(await master.get_param_names()) == {"/robot/name", "/robot/limits/speed", "/ns/relative"}
-    await master.delete_param("/robot/limits")
-    assert await master.get_param("/robot") == {"name": "r1"}
+    await master.call("setParam", "/robot", {"name": "r1", "limits": {"speed": 0.5}})
+    await master.call("setParam", "relative", [1, True, "x"])
+    assert await master.call("getParam", "/robot/limits/speed") == 0.5
+    assert await master.call("getParam", "/robot") == {"name": "r1", "limits": {"speed": 0.5}}
+    assert await master.call("getParam", "/ns/relative") == [1, True, "x"]
+    assert await master.call("hasParam", "/robot/name") is True
+    assert await master.call("hasParam", "/robot/name/inside") is False
+    assert set(await master.call("getParamNames")) == {"/robot/name", "/robot/limits/speed", "/ns/relative"}
+    await master.call("deleteParam", "/robot/limits")
+    assert await master.call("getParam", "/robot") == {"name": "r1"}
 
 
 @pytest.mark.parametrize("key", ["/nothing", "/robot/name/inside"])
 async def test_absent_parameter_is_an_error(connect: Connect, key: str) -> None:
     master = connect("/a")
-    await master.set_param("/robot/name", "r1")
+    await master.call("setParam", "/robot/name", "r1")
     with pytest.raises(StatusError):
-        await master.get_param(key)
+        await master.call("getParam", key)
     with pytest.raises(StatusError):
-        await master.delete_param(key)
+        await master.call("deleteParam", key)
 
 
 async def test_search_goes_upwards(connect: Connect) -> None:
     master = connect("/ns/deep/a")
-    await master.set_param("/robot/name", "far")
-    assert await master.search_param("robot/name") == "/robot/name"
-    await master.set_param("/ns/robot/model", "near")
-    assert await master.search_param("robot/name") == "/ns/robot/name"
+    await master.call("setParam", "/robot/name", "far")
+    assert await master.call("searchParam", "robot/name") == "/robot/name"
+    await master.call("setParam", "/ns/robot/model", "near")
+    assert await master.call("searchParam", "robot/name") == "/ns/robot/name"
     with pytest.raises(StatusError):
-        await master.search_param("nothing")
+        await master.call("searchParam", "nothing")
 
 
 async def test_parameter_subscribers_are_told(connect: Connect) -> None:
     async with slave() as (uri, calls):
-        assert await connect("/listener").subscribe_param(uri, "/robot/speed") == {}
-        await connect("/a").set_param("/robot/speed", 0.5)
+        assert await connect("/listener").call("subscribeParam", uri, "/robot/speed") == {}
+        await connect("/a").call("setParam", "/robot/speed", 0.5)
         await until(lambda: len(calls) == 1, "the value is told")
-        await connect("/a").set_param("/robot", {"speed": 0.7})
+        await connect("/a").call("setParam", "/robot", {"speed": 0.7})
         await until(lambda: len(calls) == 2, "the value within a namespace is told")
-        await connect("/listener").unsubscribe_param(uri, "/robot/speed")
-        await connect("/a").set_param("/robot/speed", 0.9)
+        await connect("/listener").call("unsubscribeParam", uri, "/robot/speed")
+        await connect("/a").call("setParam", "/robot/speed", 0.9)
         await connect("/listener").register_subscriber("/chat", STRING, uri)
         await connect("/a").register_publisher("/chat", STRING, DEAD_URI)
         await until(lambda: calls[-1][0] == "publisherUpdate", "a later call has come")

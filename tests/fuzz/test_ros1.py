@@ -12,7 +12,7 @@ from gateway.ros1.image import decode_image
 from gateway.ros1.messages import deserialise
 from gateway.ros1.wire.header import decode_header
 from gateway.ros1.wire.tcpros import Offer, PublisherConnection, SubscriberConnection, TopicType
-from gateway.ros1.wire.xmlrpc import decode
+from tests.gateway.ros1.feeding import decode, events_of
 from tests.gateway.ros1.goldens import (
     IMAGE,
     IMAGE_MD5,
@@ -56,7 +56,7 @@ def test_header(body: bytes) -> None:
 def test_subscriber_side(stream: bytes) -> None:
     connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=IMAGE_TYPE, max_message_bytes=1 << 16)
     with suppress(WireError, LinkRefusedError, TypeMismatchError):
-        connection.receive_data(stream)
+        events_of(connection, stream)
 
 
 @many

@@ -77,9 +77,9 @@ PublisherEvent: TypeAlias = SubscriberAccepted | SubscriberRefused
 
 
 class SubscriberConnection:
-    """The subscriber's side: send `opening`, then feed what arrives.
+    """The subscriber's side: send `opening`, receive into `get_buffer`, take events until there is none.
 
-    Bytes go in through `receive_data`, or without a copy through `get_buffer` and `buffer_updated`.
+    An error ends the connection; the events before it have been given by then, however the stream is cut.
     """
 
     def __init__(
@@ -106,11 +106,15 @@ class SubscriberConnection:
         self._frames = FrameReceiver(MAX_HEADER_BYTES)
 
     def get_buffer(self) -> memoryview:
-        """Return where the next received bytes belong; never empty."""
+        """Return where the next received bytes belong; never empty once `next_event` has returned None."""
         return self._frames.get_buffer()
 
-    def buffer_updated(self, count: int) -> list[SubscriberEvent]:
-        """Take `count` bytes written to the start of the last `get_buffer`.
+    def buffer_updated(self, count: int) -> None:
+        """Take `count` bytes written to the start of the last `get_buffer`."""
+        self._frames.buffer_updated(count)
+
+    def next_event(self) -> SubscriberEvent | None:
+        """Return the next event, or None: then more bytes are needed.
 
         Raises:
             HeaderError, TcprosError: the publisher does not speak TCPROS, or a limit is passed.
@@ -118,28 +122,15 @@ class SubscriberConnection:
             TypeMismatchError: the publisher's type or md5sum is not the expected one.
 
         """
-        events: list[SubscriberEvent] = []
-        self._frames.buffer_updated(count)
-        while (frame := self._frames.next_frame()) is not None:
-            if self._accepted:
-                events.append(MessageReceived(frame))
-            else:
-                events.append(self._accept(decode_header(frame)))
-                self._accepted = True
-                self._frames.max_frame_bytes = self._max_message_bytes
-        return events
-
-    def receive_data(self, data: bytes) -> list[SubscriberEvent]:
-        """Take received bytes; raises like `buffer_updated`."""
-        events: list[SubscriberEvent] = []
-        rest = memoryview(data)
-        while rest:
-            buffer = self.get_buffer()
-            count = min(len(buffer), len(rest))
-            buffer[:count] = rest[:count]
-            rest = rest[count:]
-            events += self.buffer_updated(count)
-        return events
+        frame = self._frames.next_frame()
+        if frame is None:
+            return None
+        if self._accepted:
+            return MessageReceived(frame)
+        event = self._accept(decode_header(frame))
+        self._accepted = True
+        self._frames.max_frame_bytes = self._max_message_bytes
+        return event
 
     def _accept(self, fields: Mapping[str, str]) -> PublisherAccepted:
         if "error" in fields:

@@ -111,13 +111,6 @@ class Decoder:
         return MethodResponse(values[0])
 
 
-def decode(data: bytes, max_bytes: int = DEFAULT_MAX_BODY_BYTES) -> Body:
-    """Return a whole body; raises XmlRpcError like `Decoder`."""
-    decoder = Decoder(max_bytes)
-    decoder.feed(data)
-    return decoder.close()
-
-
 def _fault(fault: xmlrpc.client.Fault) -> Fault:
     code: Any = fault.faultCode
     message: Any = fault.faultString

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gateway.ros1.errors import HeaderError, Ros1Error, UnreachableError
+from gateway.ros1.errors import HeaderError, Ros1Error, TcprosError, UnreachableError
 from gateway.ros1.link import run_link
 from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent, TopicType
 from tests.gateway.ros1.goldens import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, TOPIC
@@ -72,6 +72,15 @@ async def test_error_of_the_parser_ends_the_link() -> None:
     async with publisher(b"\x01\x00\x00\x00x", hang=True) as address:
         with pytest.raises(HeaderError):
             await receive(address)
+
+
+async def test_messages_before_a_bad_one_are_handed_over() -> None:
+    events: list[SubscriberEvent] = []
+    connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=TopicType("*", "*"))
+    async with publisher(PUBLISHER_HEADER + IMAGE + IMAGE + b"\xff\xff\xff\xff", hang=True) as address:
+        with pytest.raises(TcprosError, match="over the limit"):
+            await run_link(address, connection, events.append, handshake_timeout=5.0)
+    assert len(events) == 3
 
 
 async def test_error_of_the_receiver_ends_the_link() -> None:

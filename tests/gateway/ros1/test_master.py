@@ -32,14 +32,11 @@ async def test_system_state() -> None:
         ("get_system_state", (), [[["/t"]], [], []]),
         ("get_system_state", (), [[["/t", "/a"]], [], []]),
         ("get_system_state", (), [[["/t", [1]]], [], []]),
-        ("get_topic_types", (), [["/t", 5]]),
-        ("get_topic_types", (), {"/t": "a/A"}),
         ("register_subscriber", ("/t", "a/A", "http://a/"), "http://b/"),
         ("register_subscriber", ("/t", "a/A", "http://a/"), [5]),
         ("unregister_publisher", ("/t", "http://a/"), "1"),
         ("lookup_node", ("/b",), 5),
         ("get_pid", (), "5"),
-        ("has_param", ("/p",), "yes"),
     ],
 )
 async def test_answer_of_another_kind_is_an_error(method: str, arguments: tuple[Any, ...], answer: Any) -> None:

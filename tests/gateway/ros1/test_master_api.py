@@ -8,6 +8,7 @@ import pytest
 
 from gateway.ros1.errors import StatusError
 from gateway.ros1.master_api import MasterApi
+from gateway.ros1.parameters import MAX_PARAMETER_BYTES
 
 URI = "http://127.0.0.1:1/"
 OTHER = "http://127.0.0.1:2/"
@@ -76,6 +77,14 @@ def test_wrong_parameters_are_the_callers_error(api: MasterApi, method: str, par
     with pytest.raises(StatusError) as error:
         api.call(method, params)
     assert error.value.code == -1
+
+
+def test_parameters_over_the_limit_are_refused_with_a_reason(api: MasterApi) -> None:
+    api.call("setParam", ("/a", "/small", 1))
+    with pytest.raises(StatusError, match=str(MAX_PARAMETER_BYTES)) as error:
+        api.call("setParam", ("/a", "/big", "x" * MAX_PARAMETER_BYTES))
+    assert error.value.code == 0
+    assert api.call("getParam", ("/a", "/"))[1] == {"small": 1}
 
 
 def test_published_topics_within_a_namespace(api: MasterApi) -> None:

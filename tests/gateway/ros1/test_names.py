@@ -53,11 +53,6 @@ def test_relative_name_of_a_node_without_namespace() -> None:
     assert resolve("a", "/node") == "/a"
 
 
-def test_remapping_comes_after_resolving() -> None:
-    assert resolve("a", "/ns/node", {"/ns/a": "/b"}) == "/b"
-    assert resolve("/a", "/ns/node", {"/ns/a": "/b"}) == "/a"
-
-
 @pytest.mark.parametrize(("name", "node"), [("", "/n"), ("/", "/n"), ("a", "n"), ("a b", "/n")])
 def test_unresolvable(name: str, node: str) -> None:
     with pytest.raises(InvalidNameError):

@@ -1,7 +1,12 @@
 from __future__ import annotations
 
-import pytest
+from contextlib import suppress
 
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.ros1.errors import StatusError
 from gateway.ros1.parameters import ParameterTree, ParameterUpdate
 
 URI = "http://127.0.0.1:1/"
@@ -100,3 +105,52 @@ def test_unsubscribed_is_not_told() -> None:
     parameters.forget(URI)
     assert parameters.subscription_count == 0
     assert parameters.set("/", {}, "/somebody") == []
+
+
+LIMIT = 10_000
+FULL = LIMIT - 3 * 64 - len("a")  # less the root, the name and the value itself
+
+
+def test_largest_tree_and_one_byte_more() -> None:
+    parameters = ParameterTree(LIMIT)
+    parameters.set("/a", "x" * FULL)
+    with pytest.raises(StatusError, match=f"more than {LIMIT} bytes"):
+        parameters.set("/a", "x" * (FULL + 1))
+    for key in ("/b", "/a/b", "/c/d/e"):
+        with pytest.raises(StatusError):
+            parameters.set(key, "x" * FULL)
+    with pytest.raises(StatusError):
+        parameters.set("/", {"a": "x" * FULL, "b": 1})
+    assert parameters.names() == ["/a"]
+    assert parameters.get("/a") == "x" * FULL
+
+
+@pytest.mark.parametrize(
+    "value", [[0] * (LIMIT // 64), {str(i): 0 for i in range(LIMIT // 128)}, {"x": "/".join("a" * 5000)}]
+)
+def test_whatever_a_value_is_made_of_counts(value: object) -> None:
+    parameters = ParameterTree(LIMIT)
+    with pytest.raises(StatusError):
+        parameters.set("/a", value)
+    assert parameters.names() == []
+
+
+names = st.sampled_from("abc")
+keys = st.lists(names, min_size=1, max_size=4).map("/".join)
+values = st.recursive(
+    st.text(max_size=9) | st.integers(), lambda inner: st.lists(inner) | st.dictionaries(names, inner), max_leaves=5
+)
+
+
+@given(st.lists(st.tuples(keys, st.none() | values)))
+def test_what_was_replaced_or_deleted_makes_room_again(changes: list[tuple[str, object]]) -> None:
+    """A value of None deletes."""
+    parameters = ParameterTree(LIMIT)
+    for key, value in changes:
+        with suppress(LookupError):
+            parameters.delete(key) if value is None else parameters.set(key, value)
+    for name in list(parameters.get("/")):
+        parameters.delete(name)
+    parameters.set("/a", "x" * FULL)
+    with pytest.raises(StatusError):
+        parameters.set("/a", "x" * (FULL + 1))

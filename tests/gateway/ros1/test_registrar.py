@@ -12,6 +12,8 @@ from tests.gateway.ros1.waiting import until
 if TYPE_CHECKING:
     import pytest
 
+NOBODY = "http://127.0.0.1:9/"
+
 
 class RefusingMaster:
     """Takes every topic but one."""
@@ -46,7 +48,7 @@ async def test_refused_registration_is_logged_once_and_keeps_no_other_from_being
         await until(lambda: master.attempts >= 4, "the refused one is tried again")
         assert not node.registered
         assert master.registered == ["/taken"]
-    assert caplog.text.count("the ROS master refuses publisher /refused: status -1: not that one") == 1
+    assert caplog.text.count("/refused: the ROS master refuses us as a publisher: status -1: not that one") == 1
 
 
 async def test_registration_that_is_taken_later_counts() -> None:
@@ -59,3 +61,25 @@ async def test_registration_that_is_taken_later_counts() -> None:
         await until(lambda: master.attempts, "it is refused")
         master.refused = ""
         await until(lambda: node.registered, "it is registered")
+
+
+async def test_master_that_was_never_asked_with_success_does_not_answer(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    async with Node("/a", master_uri=NOBODY, poll_interval=100) as node:
+        async with node.advertise("/chat", "std_msgs/String"):
+            await until(lambda: node.master_answers is False, "it is known that nobody is there")
+            node.shutdown("so that nothing is left to be called")
+            async with node.advertise("/other", "std_msgs/String"):
+                pass
+        assert node.master_answers is False
+    assert node.master_answers is False
+    assert "answers" not in caplog.text
+
+
+async def test_refusal_is_an_answer() -> None:
+    async with (
+        XmlRpcServer(RefusingMaster("/refused"), host="127.0.0.1") as server,
+        Node("/a", master_uri=server.uri, poll_interval=100) as node,
+        node.advertise("/refused", "std_msgs/String"),
+    ):
+        await until(lambda: node.master_answers, "it has answered")

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import pytest
+
 from gateway.ros1.master import SystemState
 from gateway.ros1.registrations import Changes, Registration, Registrations, Role
 
@@ -11,7 +13,7 @@ NOTHING = Changes((), ())
 def registered(*registrations: Registration) -> Registrations:
     book = Registrations("/ours")
     for registration in registrations:
-        book.wanted.add(registration)
+        book.want(registration)
         book.registering(registration)
         book.registered(registration)
     return book
@@ -23,7 +25,7 @@ def state(publishers: dict[str, tuple[str, ...]], subscribers: dict[str, tuple[s
 
 def test_wanted_is_registered_once() -> None:
     book = Registrations("/ours")
-    book.wanted.add(CHAT)
+    book.want(CHAT)
     assert book.plan() == Changes((), (CHAT,))
     book.registering(CHAT)
     assert book.plan() == Changes((), (CHAT,))
@@ -47,7 +49,7 @@ def test_registering_that_may_have_arrived_is_unregistered() -> None:
 
 def test_what_was_never_tried_is_not_unregistered() -> None:
     book = Registrations("/ours")
-    book.wanted.add(CHAT)
+    book.want(CHAT)
     book.wanted.discard(CHAT)
     assert book.plan() == NOTHING
 
@@ -58,6 +60,26 @@ def test_wanted_again_while_it_was_unregistered() -> None:
     assert book.plan() == Changes((), (CHAT,))
 
 
+def test_wanted_again_before_it_was_unregistered_asks_again_who_is_there() -> None:
+    book = registered(COLOR)
+    book.wanted.discard(COLOR)
+    book.want(COLOR)
+    assert book.plan() == Changes((), (COLOR,))
+
+
+def test_wanted_again_while_it_was_registered_asks_again_who_is_there() -> None:
+    book = Registrations("/ours")
+    book.want(COLOR)
+    book.registering(COLOR)
+    book.wanted.discard(COLOR)
+    book.want(COLOR)
+    book.registered(COLOR)
+    assert book.plan() == Changes((), (COLOR,))
+    book.registering(COLOR)
+    book.registered(COLOR)
+    assert book.plan() == NOTHING
+
+
 def test_restarted_master_has_forgotten_us() -> None:
     book = registered(CHAT, COLOR)
     book.compare(state({}, {}), {})
@@ -66,13 +88,24 @@ def test_restarted_master_has_forgotten_us() -> None:
 
 def test_confirmed_is_left_alone() -> None:
     book = registered(CHAT, COLOR)
-    book.compare(state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)}), {"/color": 1})
+    book.compare(state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)}), {"/color": [True]})
     assert book.plan() == NOTHING
 
 
-def test_lost_update_about_publishers_registers_the_subscription_again() -> None:
+@pytest.mark.parametrize(
+    ("listed", "links"),
+    [
+        pytest.param(("/cam", "/cam2"), [True], id="one more"),
+        pytest.param(("/cam",), [True, True], id="one less"),
+        pytest.param(("/cam",), [False], id="perhaps another in its place"),
+        pytest.param(("/cam", "/cam2"), [True, False], id="perhaps another beside one that is connected"),
+    ],
+)
+def test_update_about_publishers_that_may_be_lost_registers_the_subscription_again(
+    listed: tuple[str, ...], links: list[bool]
+) -> None:
     book = registered(COLOR)
-    book.compare(state({"/color": ("/cam", "/cam2")}, {"/color": ("/ours",)}), {"/color": 1})
+    book.compare(state({"/color": listed}, {"/color": ("/ours",)}), {"/color": links})
     assert book.plan() == Changes((), (COLOR,))
 
 

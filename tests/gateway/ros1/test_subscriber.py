@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
 STRING = "std_msgs/String"
+DEAD_URI = "http://127.0.0.1:9/"
 
 
 @pytest.fixture
@@ -97,6 +98,27 @@ async def test_publisher_of_another_type_than_the_first_is_refused(master: RosMa
         assert subscription.counters.links[good].connected
 
 
+async def test_namesake_at_another_uri_is_found_though_no_update_tells_of_it() -> None:
+    """The master lists one publisher all along, so that its number says nothing."""
+    got: list[Message] = []
+    uris = [DEAD_URI]
+
+    def answer(method: str, _params: tuple[Any, ...]) -> Any:
+        if method == "getSystemState":
+            return [[["/chat", ["/talker"]]], [["/chat", ["/a"]]], []]
+        return list(uris) if method == "registerSubscriber" else 1
+
+    async with (
+        fake_publisher(stream(b"moved"), hang=True) as uri,
+        XmlRpcServer(FakeSlave(answer), host="127.0.0.1") as master,
+        Node("/a", master_uri=master.uri, poll_interval=0.05) as a,
+        a.subscribe("/chat", STRING, got.append) as subscription,
+    ):
+        await until(lambda: subscription.counters.failures, "the old URI has failed")
+        uris[:] = [uri]
+        await until(lambda: got, "the publisher is heard at its new URI")
+
+
 @pytest.mark.parametrize("answer", [[], 0, ["UDPROS", "127.0.0.1", 1], ["TCPROS", "", 1], ["TCPROS", "127.0.0.1", 0]])
 async def test_publisher_that_offers_no_tcpros_is_tried_again(master: RosMaster, answer: object) -> None:
     slave = FakeSlave(lambda _method, _params: answer)
@@ -113,6 +135,6 @@ async def test_publisher_that_offers_no_tcpros_is_tried_again(master: RosMaster,
 async def test_number_of_links_is_bounded(master: RosMaster) -> None:
     async with node("/a", master) as a, a.subscribe("/chat", STRING, print) as subscription:
         a.publishers_updated("/chat", [f"http://127.0.0.1:9/{i}" for i in range(MAX_PUBLISHERS + 1)])
-        assert len(subscription.publisher_uris) == MAX_PUBLISHERS
+        assert len(subscription.counters.links) == MAX_PUBLISHERS
         a.publishers_updated("/chat", [])
-        assert len(subscription.publisher_uris) == 0
+        assert len(subscription.counters.links) == 0

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from gateway.ros1.tasks import TaskScope, cancel_and_wait
+from gateway.ros1.tasks import TaskScope, cancel_and_wait, to_the_end
 
 
 async def forever() -> None:
@@ -58,3 +58,30 @@ async def test_cancel_and_wait_returns_when_all_have_ended() -> None:
     await cancel_and_wait(tasks)
     assert all(task.cancelled() for task in tasks)
     await cancel_and_wait(set())
+
+
+async def test_to_the_end_though_cancelled() -> None:
+    go, done = asyncio.Event(), asyncio.Event()
+
+    async def clean_up() -> None:
+        await go.wait()
+        done.set()
+
+    task = asyncio.ensure_future(to_the_end(clean_up()))
+    for _ in range(2):
+        await asyncio.sleep(0)
+        task.cancel()
+    await asyncio.sleep(0)
+    assert not task.done()
+    go.set()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert done.is_set()
+
+
+async def test_error_at_the_end_is_raised() -> None:
+    async def fail() -> None:
+        raise ValueError("its")
+
+    with pytest.raises(ValueError, match="its"):
+        await to_the_end(fail())

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from gateway.ros1.errors import FaultError, StatusError, UnreachableError, XmlRpcError
 from gateway.ros1.wire.xmlrpc import MethodCall, encode
 from gateway.ros1.xmlrpc_client import XmlRpcClient
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc_server import MAX_CONNECTIONS, XmlRpcServer
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -39,16 +40,22 @@ async def client() -> AsyncIterator[XmlRpcClient]:
         yield running
 
 
-async def raw(server: XmlRpcServer, request: bytes) -> bytes:
-    """Return all that the server answers to raw bytes."""
+@asynccontextmanager
+async def connected(server: XmlRpcServer, request: bytes) -> AsyncIterator[asyncio.StreamReader]:
+    """Connect and send raw bytes."""
     port = int(server.uri.rstrip("/").rpartition(":")[2])
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(request)
     try:
-        return await reader.readline()
+        yield reader
     finally:
-        writer.close()
-        await writer.wait_closed()
+        writer.transport.abort()
+
+
+async def raw(server: XmlRpcServer, request: bytes) -> bytes:
+    """Return the first line of the answer to raw bytes."""
+    async with connected(server, request) as reader:
+        return await reader.readline()
 
 
 async def test_call_and_answer(server: XmlRpcServer, client: XmlRpcClient) -> None:
@@ -86,13 +93,63 @@ async def test_request_over_the_limit_is_refused(server: XmlRpcServer, client: X
     [
         (b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", b"405"),
         (b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 3\r\n\r\nabc", b"400"),
-        (b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 300\r\n\r\n<methodCall>", b"408"),
         (b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 17\r\n\r\n<methodResponse/>", b"400"),
     ],
-    ids=["GET", "not XML", "never completed", "no call"],
+    ids=["GET", "not XML", "no call"],
 )
 async def test_what_is_no_call(server: XmlRpcServer, request_bytes: bytes, status: bytes) -> None:
     assert (await raw(server, request_bytes)).split()[1] == status
+
+
+CALL = encode(MethodCall("echo", ("a",)))
+HEAD = f"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: {len(CALL)}\r\n\r\n".encode()
+
+
+async def rest_of(reader: asyncio.StreamReader) -> bytes:
+    """Return what comes until the connection ends, in whichever way."""
+    with suppress(ConnectionError):
+        return await reader.read()
+    return b""
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [b"", b"POST / HT", HEAD[:-2], HEAD, HEAD + CALL[:-1]],
+    ids=["nothing", "half a line", "half a head", "head", "half a body"],
+)
+async def test_connection_without_a_whole_request_in_time_is_closed(
+    server: XmlRpcServer, client: XmlRpcClient, sent: bytes
+) -> None:
+    async with connected(server, sent) as reader:
+        assert await rest_of(reader) == b""
+    assert await client.call(server.uri, "echo", 1) == [1]
+
+
+async def test_one_request_a_connection(server: XmlRpcServer) -> None:
+    async with connected(server, 2 * (HEAD + CALL)) as reader:
+        assert (await rest_of(reader)).count(b"HTTP/1.1 200") == 1
+
+
+async def test_connections_over_the_limit_are_closed_at_once_and_later_ones_are_served(
+    client: XmlRpcClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with XmlRpcServer(Api(), host="127.0.0.1", timeout=60.0) as server:
+        async with AsyncExitStack() as stack:
+            silent = [await stack.enter_async_context(connected(server, b"")) for _ in range(MAX_CONNECTIONS)]
+            async with connected(server, HEAD + CALL) as reader:
+                assert await rest_of(reader) == b""
+            assert not any(reader.at_eof() for reader in silent)
+            assert caplog.messages.count(f"127.0.0.1 is turned away: {MAX_CONNECTIONS} connections already") == 1
+        assert await echo_when_served(server, client) == [1]
+
+
+async def echo_when_served(server: XmlRpcServer, client: XmlRpcClient) -> Any:
+    """Return the answer of the first call that is not turned away."""
+    async with asyncio.timeout(20):
+        while True:
+            with suppress(UnreachableError):
+                return await client.call(server.uri, "echo", 1)
+            await asyncio.sleep(0.01)
 
 
 async def test_server_goes_on_after_garbage(server: XmlRpcServer, client: XmlRpcClient) -> None:

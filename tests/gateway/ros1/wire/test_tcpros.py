@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.ros1.errors import HeaderError, LinkRefusedError, TcprosError, TypeMismatchError
+from gateway.ros1.errors import HeaderError, LinkRefusedError, TcprosError, TypeMismatchError, WireError
 from gateway.ros1.wire.header import decode_header, encode_header
 from gateway.ros1.wire.tcpros import (
     MessageReceived,
@@ -16,11 +16,11 @@ from gateway.ros1.wire.tcpros import (
     PublisherConnection,
     SubscriberAccepted,
     SubscriberConnection,
-    SubscriberEvent,
     SubscriberRefused,
     TopicType,
     message_prefix,
 )
+from tests.gateway.ros1.feeding import events_of, outcome_of
 from tests.gateway.ros1.goldens import (
     IMAGE,
     IMAGE_MD5,
@@ -59,7 +59,7 @@ def test_opening_says_who_wants_what() -> None:
 
 
 def test_stream_of_rospy() -> None:
-    events = subscriber().receive_data(PUBLISHER_HEADER + IMAGE + IMAGE)
+    events = events_of(subscriber(), PUBLISHER_HEADER + IMAGE + IMAGE)
     accepted, *messages = events
     assert isinstance(accepted, PublisherAccepted)
     assert (accepted.callerid, accepted.type, accepted.latching) == ("/golden_publisher", IMAGE_TYPE, True)
@@ -68,11 +68,35 @@ def test_stream_of_rospy() -> None:
 
 def test_stream_split_at_every_byte_gives_the_same_events() -> None:
     stream = PUBLISHER_HEADER + IMAGE + message_prefix(0) + IMAGE
-    whole = subscriber().receive_data(stream)
+    whole = events_of(subscriber(), stream)
     assert len(whole) == 4
     for cut in range(len(stream) + 1):
-        connection = subscriber()
-        assert connection.receive_data(stream[:cut]) + connection.receive_data(stream[cut:]) == whole
+        assert events_of(subscriber(), stream[:cut], stream[cut:]) == whole
+
+
+GOOD = PUBLISHER_HEADER + IMAGE + IMAGE
+
+
+@pytest.mark.parametrize(
+    ("stream", "count", "error"),
+    [
+        pytest.param(GOOD + message_prefix(1001), 3, "TcprosError", id="length after messages"),
+        pytest.param(GOOD + message_prefix(1001) + IMAGE, 3, "TcprosError", id="length before a message"),
+        pytest.param(PUBLISHER_HEADER + b"\xff" * 9, 1, "TcprosError", id="length after the header"),
+        pytest.param(b"\xff" * 9 + GOOD, 0, "TcprosError", id="length of the header"),
+        pytest.param(message_prefix(5) + b"\1\0\0\0x" + IMAGE, 0, "HeaderError", id="header"),
+        pytest.param(PUBLISHER_REFUSAL + IMAGE, 0, "LinkRefusedError", id="refusal"),
+    ],
+)
+def test_stream_that_goes_bad_gives_what_was_good_first_wherever_it_is_split(
+    stream: bytes, count: int, error: str
+) -> None:
+    whole = events, reason = outcome_of(subscriber(), stream)
+    assert len(events) == count
+    assert reason.startswith(error)
+    assert outcome_of(subscriber(), *(stream[i : i + 1] for i in range(len(stream)))) == whole
+    for cut in range(len(stream) + 1):
+        assert outcome_of(subscriber(), stream[:cut], stream[cut:]) == whole
 
 
 @given(
@@ -81,51 +105,48 @@ def test_stream_split_at_every_byte_gives_the_same_events() -> None:
 )
 def test_stream_cut_anywhere_gives_the_same_events(bodies: list[bytes], cuts: list[int]) -> None:
     stream = publisher_header() + b"".join(message_prefix(len(body)) + body for body in bodies)
-    connection = subscriber()
-    events: list[SubscriberEvent] = []
     edges = [0, *sorted(cut for cut in cuts if cut < len(stream)), len(stream)]
-    for start, end in pairwise(edges):
-        events += connection.receive_data(stream[start:end])
+    events = events_of(subscriber(), *(stream[start:end] for start, end in pairwise(edges)))
     assert events[1:] == [MessageReceived(bytearray(body)) for body in bodies]
 
 
 def test_empty_message_is_a_message() -> None:
-    assert subscriber().receive_data(publisher_header() + message_prefix(0))[1:] == [MessageReceived(bytearray())]
+    assert events_of(subscriber(), publisher_header() + message_prefix(0))[1:] == [MessageReceived(bytearray())]
 
 
 def test_message_of_the_largest_size_and_one_byte_more() -> None:
     body = bytes(1000)
-    assert len(subscriber().receive_data(publisher_header() + message_prefix(1000) + body)) == 2
+    assert len(events_of(subscriber(), publisher_header() + message_prefix(1000) + body)) == 2
     with pytest.raises(TcprosError):
-        subscriber().receive_data(publisher_header() + message_prefix(1001))
+        events_of(subscriber(), publisher_header() + message_prefix(1001))
 
 
 def test_small_messages_do_not_limit_the_header() -> None:
-    assert len(subscriber(max_message_bytes=1).receive_data(PUBLISHER_HEADER)) == 1
+    assert len(events_of(subscriber(max_message_bytes=1), PUBLISHER_HEADER)) == 1
 
 
 def test_refusal_is_surfaced_before_anything_else_in_the_header() -> None:
     with pytest.raises(LinkRefusedError, match="Client"):
-        subscriber().receive_data(PUBLISHER_REFUSAL)
+        events_of(subscriber(), PUBLISHER_REFUSAL)
     with pytest.raises(LinkRefusedError, match="no a=b"):
-        subscriber().receive_data(encode_header({"type": "x", "error": "no a=b"}))
+        events_of(subscriber(), encode_header({"type": "x", "error": "no a=b"}))
 
 
 @pytest.mark.parametrize("found", [STRING_TYPE, TopicType(IMAGE_TYPE.name, "0" * 32), TopicType("a/Image", IMAGE_MD5)])
 def test_publisher_of_another_type_is_refused(found: TopicType) -> None:
     with pytest.raises(TypeMismatchError):
-        subscriber().receive_data(publisher_header(type=found.name, md5sum=found.md5sum))
+        events_of(subscriber(), publisher_header(type=found.name, md5sum=found.md5sum))
 
 
 @pytest.mark.parametrize("changes", [{"type": "*"}, {"md5sum": "*"}])
 @pytest.mark.parametrize("expected", [IMAGE_TYPE, ANY])
 def test_publisher_of_any_type_is_refused(changes: dict[str, str], expected: TopicType) -> None:
     with pytest.raises(TypeMismatchError):
-        subscriber(expected).receive_data(publisher_header(**changes))
+        events_of(subscriber(expected), publisher_header(**changes))
 
 
 def test_any_type_takes_the_publishers() -> None:
-    (event,) = subscriber(ANY).receive_data(publisher_header())
+    (event,) = events_of(subscriber(ANY), publisher_header())
     assert isinstance(event, PublisherAccepted)
     assert event.type == IMAGE_TYPE
 
@@ -135,12 +156,12 @@ def test_publisher_that_does_not_say_its_type_is_refused(key: str) -> None:
     fields = {"type": IMAGE_TYPE.name, "md5sum": IMAGE_MD5}
     del fields[key]
     with pytest.raises(TcprosError, match=key):
-        subscriber().receive_data(encode_header(fields))
+        events_of(subscriber(), encode_header(fields))
 
 
 def test_header_over_the_limit_is_refused_before_it_comes() -> None:
     with pytest.raises(TcprosError):
-        subscriber().receive_data(struct.pack("<I", (1 << 20) + 1))
+        events_of(subscriber(), struct.pack("<I", (1 << 20) + 1))
     with pytest.raises(TcprosError):
         publisher().receive_data(struct.pack("<I", (1 << 20) + 1))
 
@@ -167,10 +188,14 @@ def test_reply_says_all_that_recorders_need() -> None:
     }
 
 
-def test_bytes_after_the_header_are_ignored() -> None:
-    connection = publisher()
-    assert isinstance(connection.receive_data(SUBSCRIBER_HEADER + b"\xff" * 100), SubscriberAccepted)
-    assert connection.receive_data(b"\xff" * 100_000) is None
+def test_bytes_after_the_header_are_ignored_however_they_are_cut() -> None:
+    stream = SUBSCRIBER_HEADER + b"\xff" * 100
+    for cut in range(len(stream) + 1):
+        connection = publisher()
+        first, second = connection.receive_data(stream[:cut]), connection.receive_data(stream[cut:])
+        assert isinstance(first or second, SubscriberAccepted)
+        assert None in (first, second)
+        assert connection.receive_data(b"\xff" * 100_000) is None
 
 
 @pytest.mark.parametrize(
@@ -205,11 +230,17 @@ def test_subscriber_to_any_type_is_accepted(fields: dict[str, str]) -> None:
     assert isinstance(event, SubscriberAccepted)
 
 
-def test_garbage_instead_of_a_header() -> None:
-    with pytest.raises(TcprosError):
-        publisher().receive_data(b"GET / HTTP/1.1\r\n\r\n")
-    with pytest.raises(HeaderError):
-        publisher().receive_data(b"\x04\x00\x00\x00\xff\xff\xff\xff")
+@pytest.mark.parametrize(
+    ("stream", "error"),
+    [(b"GET / HTTP/1.1\r\n\r\n", TcprosError), (b"\x04\x00\x00\x00\xff\xff\xff\xff" + SUBSCRIBER_HEADER, HeaderError)],
+    ids=["length", "header"],
+)
+def test_garbage_instead_of_a_header_however_it_is_cut(stream: bytes, error: type[WireError]) -> None:
+    for cut in range(len(stream) + 1):
+        connection = publisher()
+        with pytest.raises(error):  # noqa: PT012 - either piece may be where it shows
+            connection.receive_data(stream[:cut])
+            connection.receive_data(stream[cut:])
 
 
 @given(st.lists(st.binary(max_size=50), max_size=5), st.integers(1, 40))
@@ -220,10 +251,7 @@ def test_both_sides_pumped_against_each_other(bodies: list[bytes], piece: int) -
         event = theirs.receive_data(ours.opening[start : start + piece]) or event
     assert isinstance(event, SubscriberAccepted)
     stream = event.reply + b"".join(message_prefix(len(body)) + body for body in bodies)
-    events: list[SubscriberEvent] = []
-    for start in range(0, len(stream), piece):
-        events += ours.receive_data(stream[start : start + piece])
-    assert events == [
+    assert events_of(ours, *(stream[start : start + piece] for start in range(0, len(stream), piece))) == [
         PublisherAccepted("/ours", OFFER.type, OFFER.definition, OFFER.latching),
         *(MessageReceived(bytearray(body)) for body in bodies),
     ]
@@ -233,7 +261,7 @@ def test_both_sides_disagree() -> None:
     event = publisher().receive_data(subscriber(STRING_TYPE).opening)
     assert isinstance(event, SubscriberRefused)
     with pytest.raises(LinkRefusedError, match="is sensor_msgs/Image"):
-        subscriber(STRING_TYPE).receive_data(event.reply)
+        events_of(subscriber(STRING_TYPE), event.reply)
 
 
 def test_prefix_of_the_largest_message_and_one_byte_more() -> None:

@@ -14,10 +14,10 @@ from gateway.ros1.wire.xmlrpc import (
     Fault,
     MethodCall,
     MethodResponse,
-    decode,
     encode,
     result_of,
 )
+from tests.gateway.ros1.feeding import decode
 from tests.gateway.ros1.goldens import REGISTER_PUBLISHER, REGISTER_PUBLISHER_RESPONSE, TOPIC
 
 # XML itself turns a carriage return into a newline.
@@ -59,6 +59,26 @@ def test_body_split_at_every_byte_is_the_same(stream: bytes) -> None:
         decoder.feed(stream[:cut])
         decoder.feed(stream[cut:])
         assert decoder.close() == whole
+
+
+@pytest.mark.parametrize(
+    "stream",
+    [
+        pytest.param(REGISTER_PUBLISHER + b"<x/>", id="bad tail"),
+        pytest.param(REGISTER_PUBLISHER[:-3], id="cut off"),
+        pytest.param(b"<methodCall><methodName>x</methodName></params></methodCall>", id="not well-formed"),
+        pytest.param(
+            b"<methodResponse><params><param><value><int>x</int></value></param></params></methodResponse>", id="int"
+        ),
+    ],
+)
+def test_bad_body_is_refused_wherever_it_is_split(stream: bytes) -> None:
+    for cut in range(len(stream) + 1):
+        decoder = Decoder()
+        with pytest.raises(XmlRpcError):  # noqa: PT012 - any piece may be where it shows
+            decoder.feed(stream[:cut])
+            decoder.feed(stream[cut:])
+            decoder.close()
 
 
 def test_body_of_the_largest_size_and_one_byte_more() -> None:
