@@ -13,9 +13,9 @@ class TrainingSettings(BaseModel):
     seed: int = Field(
         default=1, ge=0, description="Seed of the scenes and of the training; the same seed, the same data."
     )
-    images: PositiveInt = Field(default=3000, description="Images to train on, two of each scene.")
+    images: PositiveInt = Field(default=2000, description="Images to train on, two of each scene.")
     holdout: PositiveInt = Field(default=200, description="Images of other scenes to evaluate on, never trained on.")
-    epochs: PositiveInt = Field(default=10, description="Passes over the images.")
+    epochs: PositiveInt = Field(default=8, description="Passes over the images.")
     imgsz: PositiveInt = Field(default=320, multiple_of=32, description="Longer side of the model's input in pixels.")
     batch: PositiveInt = Field(default=8, description="Images per step.")
     workers: PositiveInt = Field(default=2, description="Processes that render, and threads that train without a GPU.")
