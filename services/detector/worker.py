@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import time
+from collections import defaultdict
 from concurrent.futures import Executor
 
 from bus import Bus, QoS
@@ -35,6 +36,7 @@ class Worker:
         self._board = Board()
         self._cameras: dict[CameraKey, Camera] = {}
         self._accounts: dict[CameraKey, Account] = {}
+        self._turns: defaultdict[CameraKey, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     async def run(self) -> None:
         """Work until cancelled."""
@@ -55,21 +57,18 @@ class Worker:
                 except SchemaError as error:
                     log.warning("%s: camera left out: %s", presence.key, error)
                     continue
-                previous = served.get(key)
-                if not presence.alive:
-                    if previous is not None:
-                        previous.cancel()
-                elif previous is None and len(served) >= MAX_STREAMS:
+                previous = served.pop(key, None)
+                if previous is not None:
+                    previous.cancel()
+                if presence.alive and len(served) >= MAX_STREAMS:
                     log.warning("%s: camera left out: %d are served already", key, len(served))
-                else:
-                    served[key] = group.create_task(self._serve(key, previous))
+                elif presence.alive:
+                    served[key] = group.create_task(self._serve(key))
 
-    async def _serve(self, key: CameraKey, previous: asyncio.Task[None] | None) -> None:
+    async def _serve(self, key: CameraKey) -> None:
         """Serve a camera that is there (again), once what served it before has ended."""
-        if previous is not None:
-            await asyncio.wait([previous])
         account = self._accounts.setdefault(key, Account(key))
-        async with serving(self._bus, key, account) as camera:
+        async with self._turns[key], serving(self._bus, key, account) as camera:
             self._cameras[key] = camera
             try:
                 await feed(self._bus, camera, self._board)
@@ -131,5 +130,5 @@ class Worker:
             worker=self._name,
             model=self._model.name,
             sent_ns=time.time_ns(),
-            cameras=[account.load() for account in self._accounts.values()],
+            cameras=[account.load() for account in list(self._accounts.values())[-MAX_STREAMS:]],
         )

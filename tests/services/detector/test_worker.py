@@ -223,6 +223,23 @@ async def test_a_camera_that_blinks_is_served_by_one_task_only(rig: Rig) -> None
                 assert (await receive(classes, ClassList)).header.seq == seq
 
 
+async def test_a_camera_that_blinks_twice_before_anybody_has_left_is_served_again(rig: Rig) -> None:
+    async with (
+        rig.bus.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as camera,
+        rig.bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(9)) as classes,
+    ):
+        for _ in range(3):
+            async with rig.bus.announce(FRONT.alive(Stream.COLOR)):
+                await asyncio.sleep(0)
+            await asyncio.sleep(0)
+        async with rig.bus.announce(FRONT.alive(Stream.COLOR)):
+            await asyncio.sleep(0.05)
+            await until(lambda: camera.wanted)
+            camera.put(codec.encode(frame(7)))
+            assert (await receive(classes, ClassList)).header.seq == 7
+        await until(lambda: not camera.wanted)
+
+
 async def test_a_frame_that_waits_when_the_demand_ends_is_counted(rig: Rig) -> None:
     async with (
         rig.camera(FRONT) as camera,
