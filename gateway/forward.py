@@ -12,6 +12,7 @@ from bus.shared_demand import SharedDemand, while_wanted
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
 from gateway.stream import StreamForward
+from schemas import codec
 from schemas.status import StreamStatus
 
 
@@ -56,9 +57,9 @@ class Forward:
                 self.subscription = None
 
     def _on_message(self, message: Message) -> None:
-        payload = self.stream.take(message, time.time_ns())
-        if payload is not None:
-            self.publisher.put(payload)
+        translated = self.stream.take(message, time.time_ns())
+        if translated is not None:
+            self.publisher.put(codec.encode(translated))
 
 
 @asynccontextmanager

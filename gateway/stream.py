@@ -10,6 +10,7 @@ from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.translators import StreamKind, Translate
+from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.keys import SensorKey, StreamKey
@@ -22,7 +23,7 @@ MISMATCH: Final = "of a type that the stream cannot carry"
 
 
 class StreamForward:
-    """Turns a topic's messages into payloads.
+    """Turns a topic's messages into the fleet's own.
 
     boot_id: this gateway process. Numbers count on while nobody listens and the topic is not subscribed.
     """
@@ -45,14 +46,14 @@ class StreamForward:
         """Start a subscription: what was kept of an earlier one's messages is forgotten."""
         self._translates = {message_type(name).topic_type: begin() for name, begin in self.kind.translators.items()}
 
-    def take(self, message: Message, now_ns: int) -> bytes | None:
-        """Return the payload of a ROS message, or None when there is none, which is counted.
+    def take(self, message: Message, now_ns: int) -> codec.Message | None:
+        """Return what a ROS message says, or None when it cannot be read, which is counted.
 
         now_ns: when the whole message was here, nanoseconds since the epoch.
         """
         self._received += 1
         try:
-            payload = self._translate(message, self._header(now_ns))
+            translated = self._translate(message, self._header(now_ns))
         except TypeMismatchError as error:
             self._leave_out(MISMATCH, message, error)
             return None
@@ -60,9 +61,9 @@ class StreamForward:
             self._leave_out(MALFORMED, message, error)
             return None
         self._translated += 1
-        return payload
+        return translated
 
-    def _translate(self, message: Message, header: Header) -> bytes:
+    def _translate(self, message: Message, header: Header) -> codec.Message:
         kind = message.publisher.type
         translate = self._translates.get(kind) or self._translates.get(ANY_TYPE.topic_type)
         if translate is None:

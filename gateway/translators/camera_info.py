@@ -5,7 +5,6 @@ from typing import Any, Final
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import label, stamp_of, stamped
-from schemas import codec
 from schemas.camera_info import MAX_DISTORTION, CameraInfo, Region
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -13,25 +12,23 @@ from schemas.header import Header
 TYPE_NAME: Final = "sensor_msgs/CameraInfo"
 
 
-def camera_info(message: Message, header: Header) -> bytes:
+def camera_info(message: Message, header: Header) -> CameraInfo:
     """Translate a camera's calibration."""
     found: Any = deserialise(TYPE_NAME, message.data)
     if len(found.D) > MAX_DISTORTION:
         raise SchemaError(f"{len(found.D)} numbers of distortion, at most {MAX_DISTORTION} are carried")
-    return codec.encode(
-        CameraInfo(
-            header=stamped(header, stamp_of(found.header), found.header.frame_id),
-            height=found.height,
-            width=found.width,
-            distortion_model=label("distortion model", found.distortion_model),
-            d=found.D.tolist(),
-            k=found.K.tolist(),
-            r=found.R.tolist(),
-            p=found.P.tolist(),
-            binning_x=found.binning_x,
-            binning_y=found.binning_y,
-            roi=_region(found.roi),
-        )
+    return CameraInfo(
+        header=stamped(header, stamp_of(found.header), found.header.frame_id),
+        height=found.height,
+        width=found.width,
+        distortion_model=label("distortion model", found.distortion_model),
+        d=found.D.tolist(),
+        k=found.K.tolist(),
+        r=found.R.tolist(),
+        p=found.P.tolist(),
+        binning_x=found.binning_x,
+        binning_y=found.binning_y,
+        roi=_region(found.roi),
     )
 
 

@@ -6,7 +6,6 @@ from typing import Any, Final
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import stamp_of, stamped
-from schemas import codec
 from schemas.compression import picture_of
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -17,17 +16,17 @@ COMPRESSED_DEPTH: Final = "compressedDepth"
 _QUANTIZATION: Final = struct.Struct("<iff")
 
 
-def compressed_image(message: Message, header: Header) -> bytes:
+def compressed_image(message: Message, header: Header) -> ImageFrame:
     """Translate a JPEG or PNG file."""
-    return codec.encode(_frame(message, header))
+    return _frame(message, header)
 
 
-def compressed_depth(message: Message, header: Header) -> bytes:
+def compressed_depth(message: Message, header: Header) -> ImageFrame:
     """Translate a PNG file of depth, with or without what the compressedDepth transport puts before it."""
     frame = _frame(message, header)
     if frame.encoding not in DEPTH_ENCODINGS:
         raise SchemaError(f"a {frame.format} of {frame.encoding} is no depth")
-    return codec.encode(frame)
+    return frame
 
 
 def _frame(message: Message, header: Header) -> ImageFrame:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import stamp_of, stamped
-from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame, check_layout
@@ -18,7 +17,7 @@ TYPE_NAME: Final = "stereo_msgs/DisparityImage"
 DEPTH: Final = "32FC1"
 
 
-def disparity(message: Message, header: Header) -> bytes:
+def disparity(message: Message, header: Header) -> ImageFrame:
     """Translate disparities in pixels to distances in metres, NaN where the disparity is not above 0."""
     found: Any = deserialise(TYPE_NAME, message.data)
     image, reach = found.image, found.f * found.T
@@ -30,15 +29,13 @@ def disparity(message: Message, header: Header) -> bytes:
     rows = image.data.reshape(image.height, image.step)[:, : image.width * 4]
     pixels = np.ascontiguousarray(rows).view(">f4" if image.is_bigendian else "<f4")
     depth = _metres(pixels, reach)
-    return codec.encode(
-        ImageFrame(
-            header=stamped(header, stamp_of(found.header), found.header.frame_id),
-            height=image.height,
-            width=image.width,
-            encoding=DEPTH,
-            step=image.width * 4,
-            data=depth.data.cast("B"),
-        )
+    return ImageFrame(
+        header=stamped(header, stamp_of(found.header), found.header.frame_id),
+        height=image.height,
+        width=image.width,
+        encoding=DEPTH,
+        step=image.width * 4,
+        data=depth.data.cast("B"),
     )
 
 

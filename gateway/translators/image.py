@@ -3,23 +3,22 @@
 from gateway.ros1.image import decode_image
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import stamped
-from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import DEPTH_ENCODINGS, ImageFrame
 
 
-def image(message: Message, header: Header) -> bytes:
+def image(message: Message, header: Header) -> ImageFrame:
     """Translate an image of any encoding."""
-    return codec.encode(_frame(message, header))
+    return _frame(message, header)
 
 
-def depth(message: Message, header: Header) -> bytes:
+def depth(message: Message, header: Header) -> ImageFrame:
     """Translate a depth image."""
     frame = _frame(message, header)
     if frame.encoding not in DEPTH_ENCODINGS:
         raise SchemaError(f"{frame.encoding} is no encoding of depth: use {' or '.join(sorted(DEPTH_ENCODINGS))}")
-    return codec.encode(frame)
+    return frame
 
 
 def _frame(message: Message, header: Header) -> ImageFrame:

@@ -3,27 +3,24 @@
 from gateway.ros1.point_cloud import decode_point_cloud
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import stamped
-from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.points import MAX_FIELD_NAME, VALUE_BYTES, PointCloud, PointField
 
 
-def point_cloud(message: Message, header: Header) -> bytes:
+def point_cloud(message: Message, header: Header) -> PointCloud:
     """Translate a point cloud."""
     found = decode_point_cloud(message.data)
-    return codec.encode(
-        PointCloud(
-            header=stamped(header, found.stamp, found.frame_id),
-            height=found.height,
-            width=found.width,
-            fields=[_field(field.name, field.offset, field.datatype, field.count) for field in found.fields],
-            is_bigendian=found.is_bigendian,
-            point_step=found.point_step,
-            row_step=found.row_step,
-            data=found.data,
-            is_dense=found.is_dense,
-        )
+    return PointCloud(
+        header=stamped(header, found.stamp, found.frame_id),
+        height=found.height,
+        width=found.width,
+        fields=[_field(field.name, field.offset, field.datatype, field.count) for field in found.fields],
+        is_bigendian=found.is_bigendian,
+        point_step=found.point_step,
+        row_step=found.row_step,
+        data=found.data,
+        is_dense=found.is_dense,
     )
 
 

@@ -5,7 +5,6 @@ from typing import Any, Final
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import label
-from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.raw import MAX_DEFINITION, MAX_MD5, MAX_TEXT, RawMessage, Text
@@ -13,28 +12,26 @@ from schemas.raw import MAX_DEFINITION, MAX_MD5, MAX_TEXT, RawMessage, Text
 STRING: Final = "std_msgs/String"
 
 
-def text(message: Message, header: Header) -> bytes:
+def text(message: Message, header: Header) -> Text:
     """Translate a text."""
     found: Any = deserialise(STRING, message.data)
     if len(found.data) > MAX_TEXT:
         raise SchemaError(f"a text of {len(found.data)} characters, at most {MAX_TEXT} are carried")
-    return codec.encode(Text(header=header, text=found.data))
+    return Text(header=header, text=found.data)
 
 
-def raw(message: Message, header: Header) -> bytes:
+def raw(message: Message, header: Header) -> RawMessage:
     """Put a message of any type into an envelope."""
     publisher = message.publisher
     if len(publisher.definition) > MAX_DEFINITION:
         raise SchemaError(f"{publisher.type.name[:80]} with a definition of {len(publisher.definition)} characters")
     if len(publisher.type.md5sum) > MAX_MD5:
         raise SchemaError(f"{publisher.type.name[:80]} with an md5sum of {len(publisher.type.md5sum)} characters")
-    return codec.encode(
-        RawMessage(
-            header=header,
-            type=label("type", publisher.type.name),
-            md5=publisher.type.md5sum,
-            definition=publisher.definition,
-            latched=publisher.latching,
-            data=memoryview(message.data),
-        )
+    return RawMessage(
+        header=header,
+        type=label("type", publisher.type.name),
+        md5=publisher.type.md5sum,
+        definition=publisher.definition,
+        latched=publisher.latching,
+        data=memoryview(message.data),
     )

@@ -15,8 +15,8 @@ from schemas.header import MAX_LABEL, Header
 
 MIB: Final = 1 << 20
 
-Translate = Callable[[Message, Header], bytes]
-"""Given a ROS message and a header without stamp and frame_id, returns the payload to publish.
+Translate = Callable[[Message, Header], codec.Message]
+"""Given a ROS message and a header without stamp and frame_id, returns the fleet's own message.
 
 Raises MessageError or SchemaError for bytes that are not such a message.
 """

@@ -7,7 +7,6 @@ from gateway.ros1.errors import MessageError
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import label, stamp_of
-from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.transforms import MAX_TRANSFORMS, Transform, Transforms
@@ -16,9 +15,9 @@ TYPE_NAME: Final = "tf2_msgs/TFMessage"
 _COUNT: Final = struct.Struct("<I")
 
 
-def transforms(message: Message, header: Header) -> bytes:
+def transforms(message: Message, header: Header) -> Transforms:
     """Translate one message's transforms."""
-    return codec.encode(Transforms(header=header, transforms=_transforms(message)))
+    return Transforms(header=header, transforms=_transforms(message))
 
 
 class StaticTransforms:
@@ -31,13 +30,13 @@ class StaticTransforms:
     def __init__(self) -> None:
         self._known: dict[str, Transform] = {}
 
-    def __call__(self, message: Message, header: Header) -> bytes:
+    def __call__(self, message: Message, header: Header) -> Transforms:
         """Translate a message to all transforms known with it."""
         known = self._known | {found.child_frame_id: found for found in _transforms(message)}
         if len(known) > MAX_TRANSFORMS:
             raise SchemaError(f"static transforms of {len(known)} frames, at most {MAX_TRANSFORMS} are kept")
         self._known = known
-        return codec.encode(Transforms(header=header, transforms=list(known.values())))
+        return Transforms(header=header, transforms=list(known.values()))
 
 
 def _transforms(message: Message) -> list[Transform]:

@@ -48,13 +48,13 @@ by_stream = pytest.mark.parametrize(("name", "message"), SENT, ids=IDS)
 
 def take(name: str, message: Message) -> None:
     stream = forward(name)
-    payload = stream.take(message, 0)
+    made = stream.take(message, 0)
     status = stream.status(wanted=True, publishers=1, replaced=0, broken_links={})
-    if payload is None:
+    if made is None:
         assert (status.forwarded, status.dropped) == (0, {MALFORMED: 1})
     else:
         assert (status.forwarded, status.dropped) == (1, {})
-        codec.decode(stream.kind.schema, payload, stream.kind.encoding)
+        codec.decode(stream.kind.schema, codec.encode(made), stream.kind.encoding)
 
 
 def changed(message: Message, data: st.DataObject) -> Message:

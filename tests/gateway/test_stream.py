@@ -49,9 +49,9 @@ def forward() -> StreamForward:
     return StreamForward(COLOR, "/image", kind_of(COLOR), "boot")
 
 
-def frame(payload: bytes | None) -> ImageFrame:
-    assert payload is not None
-    return codec.decode(ImageFrame, payload, codec.encoding(ImageFrame))
+def frame(made: codec.Message | None) -> ImageFrame:
+    assert made is not None
+    return codec.decode(ImageFrame, codec.encode(made), codec.encoding(ImageFrame))
 
 
 def test_an_image_becomes_a_frame_with_its_stamp_and_ours(forward: StreamForward) -> None:

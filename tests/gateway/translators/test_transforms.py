@@ -4,7 +4,6 @@ import pytest
 
 from gateway.ros1.subscriber import Message
 from gateway.stream import MALFORMED, StreamForward
-from schemas import codec
 from schemas.header import MAX_LABEL
 from schemas.transforms import MAX_TRANSFORMS, Transform, Transforms
 from tests.gateway.sensing import STAMP_NS, received, tf, transform
@@ -13,9 +12,8 @@ from tests.gateway.translators.translating import dropped, forward, translated
 
 def children(stream: StreamForward, message: Message) -> dict[str, float]:
     """Return how far in x every child is that the stream now tells of."""
-    payload = stream.take(message, 99)
-    assert payload is not None
-    sent = codec.decode(Transforms, payload, stream.kind.encoding)
+    sent = stream.take(message, 99)
+    assert isinstance(sent, Transforms)
     return {found.child_frame_id: found.translation[0] for found in sent.transforms}
 
 

@@ -20,9 +20,9 @@ def forward(name: str) -> StreamForward:
 def translated(schema: type[M], name: str, message: Message) -> M:
     """Return what the message becomes on the named stream."""
     stream = forward(name)
-    payload = stream.take(message, 99)
-    assert payload is not None
-    return codec.decode(schema, payload, stream.kind.encoding)
+    made = stream.take(message, 99)
+    assert made is not None
+    return codec.decode(schema, codec.encode(made), stream.kind.encoding)
 
 
 def dropped(name: str, message: Message) -> dict[str, int]:
