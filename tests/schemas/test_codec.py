@@ -166,9 +166,10 @@ def test_a_wrong_layout_is_a_schema_error_on_the_wire_too() -> None:
 
 
 @pytest.mark.parametrize("field", ["robot", "camera"])
-def test_a_name_that_cannot_be_a_key_chunk_is_refused(field: str) -> None:
+@pytest.mark.parametrize("name", ["r1/x", "r1\n", "\n"])
+def test_a_name_that_cannot_be_a_key_chunk_is_refused(field: str, name: str) -> None:
     fields = msgspec.to_builtins(DETECTIONS)
-    fields["header"][field] = "r1/x"
+    fields["header"][field] = name
     with pytest.raises(SchemaError, match=field):
         codec.decode(Detections, msgspec.msgpack.encode(fields), codec.encoding(Detections))
 
