@@ -46,14 +46,18 @@ def test_distances_up_to_the_bounds_are_carried() -> None:
 
 @pytest.mark.parametrize("number", [float("inf"), float("nan"), MAX_COORDINATE_M * 1.01])
 def test_places_are_finite(number: float) -> None:
-    assert sent(places=[{"frame_id": "map", "at": [0, 0, -MAX_COORDINATE_M]}])
+    (found,) = sent(places=[{"frame_id": "map", "at": [0, 0, -MAX_COORDINATE_M]}]).objects
+    assert found.measured is not None
+    assert found.measured.places[0].at == (0, 0, -MAX_COORDINATE_M)
     with pytest.raises(SchemaError, match="places"):
         sent(places=[{"frame_id": "map", "at": [0, number, 0]}])
 
 
 def test_lists_are_bounded() -> None:
     place = {"frame_id": "map", "unknown": "no transform"}
-    assert sent(places=[place] * MAX_PLACES)
+    (found,) = sent(places=[place] * MAX_PLACES).objects
+    assert found.measured is not None
+    assert len(found.measured.places) == MAX_PLACES
     with pytest.raises(SchemaError, match="places"):
         sent(places=[place] * (MAX_PLACES + 1))
     many = codec.encode(distances(*[unknown("box")] * (MAX_DETECTIONS + 1)))
