@@ -6,6 +6,7 @@ One line of JSON a message; of an image the first and last pixel of its middle r
 
 import json
 import sys
+from typing import Any
 
 import rospy
 from sensor_msgs import point_cloud2
@@ -15,7 +16,7 @@ from std_msgs.msg import String
 TYPES = {"Image": Image, "PointCloud2": PointCloud2, "String": String}
 
 
-def show(message: object, topic: str) -> None:
+def show(message: Any, topic: str) -> None:
     """Print a message."""
     heard: dict[str, object] = {"topic": topic}
     if isinstance(message, String):
