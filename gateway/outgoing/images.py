@@ -47,6 +47,6 @@ def _decoded(frame: ImageFrame) -> tuple[memoryview, int]:
         if (height, width) != (frame.height, frame.width):
             raise SchemaError(f"{frame.width}x{frame.height} pixels, the decoder finds {width}x{height}")
         pixels = simplejpeg.decode_jpeg(frame.data, COLOR_SPACES[frame.encoding])
-    except ValueError as error:
-        raise SchemaError(f"a JPEG file that cannot be decoded: {error}") from error
+    except (ValueError, KeyError) as error:  # KeyError: a subsampling that simplejpeg has no name for
+        raise SchemaError(f"a JPEG file that cannot be decoded: {error!r}") from error
     return pixels.data.cast("B"), pixels.strides[0]

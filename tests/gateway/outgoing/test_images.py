@@ -86,6 +86,13 @@ def test_a_file_that_says_two_sizes_is_refused_before_it_is_decoded() -> None:
         image(msgspec.structs.replace(frame, data=memoryview(doubled)), 1)
 
 
+def test_a_file_of_a_subsampling_that_nobody_uses_is_refused() -> None:
+    frame = overlay()
+    sampling = bytes(frame.data).index(b"\xff\xc0") + 11
+    with pytest.raises(SchemaError, match="cannot be decoded"):
+        image(changed(frame, sampling, b"\x14"), 1)
+
+
 def test_a_file_whose_pixels_are_not_what_the_frame_says_is_refused_by_the_contract() -> None:
     with pytest.raises(SchemaError, match="64x49 pixels, the file has 64x48"):
         msgspec.structs.replace(overlay(), height=49)
