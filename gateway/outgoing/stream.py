@@ -24,7 +24,7 @@ SLOW: Final = "replaced by a newer one before a slow ROS subscriber took it"
 
 
 class StreamReturn(Generic[R]):
-    """Decides about a stream's results. For each that is received: `returned` or `leave_out`, before the next one.
+    """Decides about a stream's results. For each one received: `returned`, `leave_out` or `unheard`, before the next.
 
     topics: by route (see Translator) where results go on ROS; those of another route are refused.
     """

@@ -65,13 +65,17 @@ class FleetRig:
         self, robot: str, accounts: Callable[[GatewayStatus], Iterable[A]], until: Callable[[A], bool]
     ) -> A:
         """Wait until one of the accounts in the robot's status is such; return it."""
-        async with asyncio.timeout(PATIENCE_S), self.subscribed(keys.gateway_status(robot)) as samples:
-            async for sample in samples:
-                status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
+        async with self._statuses(robot) as statuses:
+            async for status in statuses:
                 for account in accounts(status):
                     if until(account):
                         return account
         raise AssertionError("the bus was closed")
+
+    @asynccontextmanager
+    async def _statuses(self, robot: str) -> AsyncIterator[AsyncIterator[GatewayStatus]]:
+        async with asyncio.timeout(PATIENCE_S), self.subscribed(keys.gateway_status(robot)) as samples:
+            yield (codec.decode(GatewayStatus, sample.payload, sample.encoding) async for sample in samples)
 
 
 async def receive(subscription: Subscription, schema: type[M]) -> M:
