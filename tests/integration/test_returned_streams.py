@@ -157,8 +157,10 @@ async def test_a_recorded_bag_reads_back_with_its_definitions(
     await rig.gateway("r1", ros.master_uri, CAMERAS)
     bag = tmp_path / "returned.bag"
     async with detecting(rig, *MADE):
-        recording = await ros.run("/usr/bin/rosbag", "record", "--duration=2", f"--output-name={bag}", *TYPES)
-        await recording.finished()
+        recording = await ros.run("/usr/bin/rosbag", "record", f"--output-name={bag}", *TYPES)
+        for stream in MADE:
+            await rig.return_status("r1", "front", lambda status: status.published >= 5, stream=stream)
+        await recording.end()
     with Reader(bag) as reader:
         found = {connection.topic: (connection, data) for connection, _, data in reader.messages()}
     assert set(found) == set(TYPES)
