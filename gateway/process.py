@@ -12,10 +12,10 @@ from typing import Any
 from bus import Bus, QoS, open_bus
 from bus.clock import clock_id
 from gateway.forward import Forward, offering
+from gateway.outgoing.returned import actions_return, alerts_return, camera_returns
 from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.topics import result_root
-from gateway.outgoing.translators import RETURNED
 from gateway.ros1.node import Node
 from gateway.settings import GatewaySettings
 from gateway.stream import StreamForward
@@ -84,13 +84,15 @@ def node_name(robot: str, boot_id: str) -> str:
 
 
 def _returned(settings: GatewaySettings) -> list[StreamReturn[Any]]:
+    actions = actions_return(settings.robot, settings.actions)
     if not settings.results:
-        return []
-    return [
-        StreamReturn(CameraKey(settings.robot, camera), result_root(camera, first=not place), translator)
+        return [actions]
+    cameras = [
+        returned
         for place, camera in enumerate(settings.cameras)
-        for translator in RETURNED
+        for returned in camera_returns(CameraKey(settings.robot, camera), result_root(camera, first=not place))
     ]
+    return [*cameras, alerts_return(settings.robot), actions]
 
 
 async def _report(

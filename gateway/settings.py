@@ -51,6 +51,16 @@ def _topics(topics: dict[str, str]) -> dict[str, str]:
     return topics
 
 
+def _actions(actions: dict[str, str]) -> dict[str, str]:
+    for name, topic in actions.items():
+        if not NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is no name of an action, which looks like pick_up")
+        _check_topic(f"action {name}", topic)
+    if len(set(actions.values())) < len(actions):
+        raise ValueError("two actions with one topic: a subscriber could not tell them apart")
+    return actions
+
+
 def _check_topic(what: str, topic: str) -> None:
     if len(topic) > MAX_TOPIC or not TOPIC.fullmatch(topic):
         raise ValueError(f"{what}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
@@ -92,7 +102,17 @@ class GatewaySettings(BusSettings):
             "/ultralytics/..., another's to /ultralytics/NAME/..."
         ),
     ] = {"camera": "/camera/color/image_raw"}
-    results: bool = Field(default=True, description="publish the cameras' results on the robot's own ROS graph")
+    results: bool = Field(
+        default=True, description="publish the cameras' results and the alerts on the robot's own ROS graph"
+    )
+    actions: Annotated[
+        dict[str, str],
+        AfterValidator(_actions),
+        Field(
+            description="what the fleet may tell the robot to do, as action=topic, like pick_up=/planner/pick_up; "
+            "every other action is refused"
+        ),
+    ] = {}
     topics: Annotated[
         dict[str, str],
         AfterValidator(_topics),
@@ -106,6 +126,8 @@ class GatewaySettings(BusSettings):
             raise ValueError(f"--cameras and --topics name {twice[0]} twice: a topic becomes one stream")
         if both := [camera for camera in self.cameras if f"{camera}/{Stream.COLOR}" in self.topics]:
             raise ValueError(f"--cameras and --topics both give {both[0]}/{Stream.COLOR}")
+        if both := sorted(set(named) & set(self.actions.values())):
+            raise ValueError(f"{both[0]} is a sensor's topic, so no action can go there")
         return self
 
     def streams(self) -> dict[SensorKey, str]:

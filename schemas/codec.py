@@ -5,11 +5,14 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from schemas import keys
+from schemas.alerts import Action, Alert
 from schemas.camera_info import CameraInfo
 from schemas.detections import ClassList, Detections
+from schemas.distances import Distances
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
+from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.raw import RawMessage, Text
 from schemas.status import GatewayStatus, WorkerStatus
@@ -24,6 +27,10 @@ Message = (
     | RawMessage
     | Detections
     | ClassList
+    | Distances
+    | ObjectClouds
+    | Alert
+    | Action
     | GatewayStatus
     | WorkerStatus
 )
@@ -40,6 +47,10 @@ MAX_BYTES: Final[dict[type, int]] = {
     RawMessage: 128 * KIB * KIB,
     Detections: 16 * KIB * KIB,
     ClassList: 256 * KIB,
+    Distances: 16 * KIB * KIB,
+    ObjectClouds: 64 * KIB * KIB,
+    Alert: 64 * KIB,
+    Action: 512 * KIB,
     GatewayStatus: 1024 * KIB,
     WorkerStatus: 1024 * KIB,
 }
@@ -87,3 +98,13 @@ def check_identity(header: Header, of: keys.CameraKey | keys.RobotStreamKey) -> 
     camera = of.camera if isinstance(of, keys.CameraKey) else ""
     if (header.robot, header.camera) != (of.robot, camera):
         raise SchemaError(f"header says {header.robot[:64]}/{header.camera[:64]}, the key says {of}")
+
+
+def check_robot(robot: str, of: keys.RobotStreamKey) -> None:
+    """Hold a message without a header to the key it came under.
+
+    Raises:
+        SchemaError: it speaks of another robot.
+    """
+    if robot != of.robot:
+        raise SchemaError(f"it is for {robot[:64]}, the key says {of}")

@@ -1,6 +1,6 @@
 """Detections: everything one model call found in one image."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import msgspec
 
@@ -8,8 +8,10 @@ from schemas.errors import SchemaError
 from schemas.header import Count, Header, Label, Spans
 from schemas.image import MAX_SIDE, Side
 
-MAX_DETECTIONS = 1_000
+MAX_DETECTIONS: Final = 1_000
 
+Index = Annotated[int, msgspec.Meta(ge=0, lt=MAX_DETECTIONS)]
+ClassNumber = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 Edge = Annotated[float, msgspec.Meta(ge=0, le=MAX_SIDE)]
 
@@ -34,12 +36,16 @@ class Mask(msgspec.Struct, frozen=True):
 
 
 class Detection(msgspec.Struct, frozen=True, kw_only=True):
-    """One object. score: confidence, 0 to 1. mask: absent when the model does not segment."""
+    """One object.
+
+    score: confidence, 0 to 1. mask: absent when the model does not segment. label: the model's own number of the class.
+    """
 
     name: Label
     score: Annotated[float, msgspec.Meta(ge=0, le=1)]
     box: Box
     mask: Mask | None = None
+    label: ClassNumber = 0
 
 
 class Detections(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,10 +4,10 @@ from typing import Annotated, Final
 
 import msgspec
 
-Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}$")]
+Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}$(?!\n)")]
 """A robot's, camera's or worker's name: one chunk of a key expression, safe in file names and URLs."""
 
-MaybeName = Annotated[str, msgspec.Meta(pattern=r"^([A-Za-z0-9][A-Za-z0-9_.\-]{0,63})?$")]
+MaybeName = Annotated[str, msgspec.Meta(pattern=r"^([A-Za-z0-9][A-Za-z0-9_.\-]{0,63})?$(?!\n)")]
 """A name, or empty."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]

@@ -23,7 +23,13 @@ TEXT: Final = "text"
 ROS: Final = "ros"
 
 ROBOT_STREAMS: Final = frozenset({TF, TF_STATIC})
-"""What there is once a robot."""
+"""What sensors send once a robot."""
+
+ALERTS: Final = "alerts"
+ACTIONS: Final = "actions"
+
+ROBOT_RESULTS: Final = frozenset({ALERTS, ACTIONS})
+"""What a robot is sent once a robot."""
 
 NAMED_STREAMS: Final = frozenset({TEXT, ROS})
 """What there is any number of, each with a name of one or more chunks after it."""
@@ -41,6 +47,10 @@ class Stream(StrEnum):
     POINTS = "points"
     DETECTIONS = "detections"
     CLASSES = "classes"
+    OVERLAY_DETECTION = "overlay/detection"
+    OVERLAY_SEGMENTATION = "overlay/segmentation"
+    DISTANCES = "distances"
+    OBJECTS = "objects"
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -154,7 +164,7 @@ class RobotStreamKey:
     def __post_init__(self) -> None:
         check_name("robot", self.robot)
         match self.stream.split("/"):
-            case [stream] if stream in ROBOT_STREAMS:
+            case [stream] if stream in ROBOT_STREAMS | ROBOT_RESULTS:
                 return
             case [stream, _, *_] if stream in NAMED_STREAMS and len(self.stream) <= MAX_NAMED:
                 self._check_chunks()
@@ -172,7 +182,7 @@ class RobotStreamKey:
 
     @property
     def kind(self) -> str:
-        """Which of ROBOT_STREAMS or NAMED_STREAMS this is."""
+        """Which of ROBOT_STREAMS, ROBOT_RESULTS or NAMED_STREAMS this is."""
         return self.stream.partition("/")[0]
 
     @property
@@ -193,7 +203,7 @@ def sensor_key(robot: str, name: str) -> SensorKey:
     Raises:
         SchemaError: the name is neither.
     """
-    if name.partition("/")[0] in RESERVED:
+    if name.partition("/")[0] in RESERVED - ROBOT_RESULTS:
         return RobotStreamKey(robot, name)
     match name.split("/"):
         case [camera, stream] if stream in SENSOR_STREAMS:
@@ -208,8 +218,8 @@ def parse_stream(key: str) -> StreamKey:
         SchemaError: the key is neither.
     """
     match key.removesuffix(f"/{ALIVE}").split("/"):
-        case ["fleet", robot, camera, stream] if stream in set(Stream):
-            return StreamKey(CameraKey(robot, camera), Stream(stream))
+        case ["fleet", robot, camera, *stream] if "/".join(stream) in set(Stream):
+            return StreamKey(CameraKey(robot, camera), Stream("/".join(stream)))
     raise SchemaError(f"not the key of a camera's stream: {key[:200]!r}")
 
 

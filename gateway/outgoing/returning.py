@@ -1,44 +1,80 @@
 """Return one stream of results while somebody on the robot's ROS graph listens."""
 
+import asyncio
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from dataclasses import dataclass, field
 from typing import Generic
 
-from bus import LATEST, Bus
+from bus import Bus, Sample
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.outgoing.stream import StreamReturn
-from gateway.outgoing.translators import R
+from gateway.outgoing.translator import R
+from gateway.ros1.errors import MessageError
 from gateway.ros1.node import Node
 from gateway.ros1.publisher import Publication
+from schemas.errors import SchemaError
 from schemas.status import ReturnStatus
 
 
 @dataclass(slots=True)
 class Return(Generic[R]):
-    """A stream that is offered on ROS while it runs."""
+    """A stream that is offered on ROS while it runs. publications: by topic, once it runs."""
 
     stream: StreamReturn[R]
     demand: SharedDemand = field(default_factory=SharedDemand)
-    publication: Publication | None = None
+    publications: dict[str, Publication] = field(default_factory=dict)
 
     def status(self) -> ReturnStatus:
         """Account for the stream's messages so far."""
         return self.stream.status(
             wanted=self.demand.wanted,
-            subscribers=self.publication.subscriber_count if self.publication else 0,
-            slow=self.publication.counters.replaced if self.publication else 0,
+            subscribers=sum(publication.subscriber_count for publication in self.publications.values()),
+            slow=sum(publication.counters.replaced for publication in self.publications.values()),
         )
 
     async def run(self, node: Node, bus: Bus) -> None:
         """Advertise on ROS and subscribe on the bus whenever ROS wants the stream, for ever. To be run once."""
-        topic, on_demand = self.stream.topic, self.demand.of(self.stream.topic)
-        async with node.advertise(topic, self.stream.translator.ros_type, on_demand=on_demand) as publication:
-            self.publication = publication
-            await while_wanted(self.demand, lambda: self._subscribe(bus, publication))
+        async with AsyncExitStack() as stack:
+            for topic in self.stream.topics.values():
+                self.publications[topic] = await stack.enter_async_context(self._advertise(node, topic))
+            self.demand.of("the gateway itself")(self.stream.translator.unasked)
+            await while_wanted(self.demand, lambda: self._subscribe(bus))
 
-    async def _subscribe(self, bus: Bus, publication: Publication) -> None:
-        # No history: ROS's texts carry no stamp, so that a result of long ago would pass for one of now.
-        async with bus.subscribe(self.stream.key, LATEST, history=False) as results:
+    def _advertise(self, node: Node, topic: str) -> AbstractAsyncContextManager[Publication]:
+        translator = self.stream.translator
+        return node.advertise(
+            topic,
+            translator.ros_type,
+            latch=translator.latched,
+            queue_size=translator.waiting,
+            on_demand=self.demand.of(topic),
+        )
+
+    async def _subscribe(self, bus: Bus) -> None:
+        # History only for what says of when it is: a result of long ago would pass for one of now.
+        translator = self.stream.translator
+        async with bus.subscribe(str(self.stream.key), translator.keep, history=translator.latched) as results:
             async for sample in results:
-                message = self.stream.take(sample.payload, sample.encoding, sample.replaced)
-                if message is not None:
-                    publication.publish(message)
+                await self._take(sample)
+
+    async def _take(self, sample: Sample) -> None:
+        result = self.stream.receive(sample.payload, sample.encoding, sample.replaced)
+        if result is None:
+            return
+        publication = self.publications[self.stream.topic_of(result)]
+        if self.stream.translator.unasked and not publication.subscriber_count:
+            self.stream.unheard(result)
+            return
+        try:
+            message = await self._translate(result)
+        except (MessageError, SchemaError) as error:
+            self.stream.leave_out(error)
+            return
+        self.stream.returned(result)
+        publication.publish(message)
+
+    async def _translate(self, result: R) -> bytes:
+        translator, number = self.stream.translator, self.stream.next_number
+        if translator.heavy:
+            return await asyncio.to_thread(translator.translate, result, number)
+        return translator.translate(result, number)

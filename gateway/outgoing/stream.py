@@ -1,80 +1,100 @@
-"""One Zenoh key on its way to one ROS topic: checks, translation and the account of every message. Pure."""
+"""One Zenoh key on its way to ROS: checks, and the account of every message. Pure."""
 
 import logging
 from collections import Counter
+from collections.abc import Mapping
 from typing import Final, Generic
 
-from gateway.outgoing.translators import R, Translator
-from gateway.ros1.errors import MessageError
+from gateway.outgoing.novelty import Novelty
+from gateway.outgoing.translator import R, Translator
 from schemas import codec
 from schemas.errors import SchemaError
-from schemas.header import Header
-from schemas.keys import CameraKey
+from schemas.header import MAX_LABEL
+from schemas.keys import RobotStreamKey, StreamKey
 from schemas.status import ReturnStatus
 
 log = logging.getLogger(__name__)
 
 MALFORMED: Final = "malformed"
-DOUBLED: Final = "of a frame returned already, or older"
+DOUBLED: Final = "returned already, or of an older frame"
+REFUSED: Final = "not allowed by the gateway's settings"
+UNHEARD: Final = "nobody on ROS subscribed to its topic"
 REPLACED: Final = "replaced by a newer one before the gateway took it"
 SLOW: Final = "replaced by a newer one before a slow ROS subscriber took it"
 
 
 class StreamReturn(Generic[R]):
-    """Turns a stream's results into ROS messages; frames only go forward.
+    """Decides about a stream's results. For each one received: `returned`, `leave_out` or `unheard`, before the next.
 
-    root: the camera's result namespace on ROS.
+    topics: by route (see Translator) where results go on ROS; those of another route are refused.
     """
 
-    def __init__(self, camera: CameraKey, root: str, translator: Translator[R]) -> None:
-        self.camera = camera
+    def __init__(
+        self, key: StreamKey | RobotStreamKey, translator: Translator[R], novelty: Novelty[R], topics: Mapping[str, str]
+    ) -> None:
+        self.key = key
         self.translator = translator
-        self.topic = f"{root}/{translator.topic}"
-        self._last: Header | None = None
+        self.topics = topics
+        self._novelty = novelty
         self._received = 0
         self._published = 0
         self._dropped: Counter[str] = Counter()
 
-    @property
-    def key(self) -> str:
-        """The key that results come under."""
-        return self.camera.stream(self.translator.stream)
+    def receive(self, payload: bytes, encoding: str, replaced: int) -> R | None:
+        """Return a result that is to be returned, or None when it is malformed, doubled or refused, which is counted.
 
-    def take(self, payload: bytes, encoding: str, replaced: int) -> bytes | None:
-        """Return the ROS message of a result, or None when it is malformed or doubled, which is counted.
-
-        replaced: how many results a newer one replaced since the last one taken.
+        replaced: how many results newer ones replaced since the last one taken.
         """
         self._received += 1 + replaced
         self._dropped[REPLACED] += replaced
         try:
             result = codec.decode(self.translator.schema, payload, encoding)
-            codec.check_identity(result.header, self.camera)
-            if not self._is_new(result.header):
-                self._dropped[DOUBLED] += 1
-                return None
-            message = self.translator.translate(result)
-        except (MessageError, SchemaError) as error:
-            self._dropped[MALFORMED] += 1
-            log.warning("%s: result left out: %s", self.key, error)
+            new = self._novelty.is_new(result)
+        except SchemaError as error:
+            self.leave_out(error)
             return None
-        self._last = result.header
+        if not new:
+            self._dropped[DOUBLED] += 1
+        elif (route := self.translator.route(result)) not in self.topics:
+            self._dropped[REFUSED] += 1
+            log.warning("%s: %r refused: the gateway's settings do not allow it", self.key, route)
+        else:
+            return result
+        return None
+
+    def topic_of(self, result: R) -> str:
+        """Return where a result goes."""
+        return self.topics[self.translator.route(result)]
+
+    @property
+    def next_number(self) -> int:
+        """The number of the message that is returned next."""
+        return self._published + 1
+
+    def returned(self, result: R) -> None:
+        """Take note that a result was returned."""
+        self._novelty.remember(result)
         self._published += 1
-        return message
+
+    def leave_out(self, error: Exception) -> None:
+        """Take note that a result cannot be returned."""
+        self._dropped[MALFORMED] += 1
+        log.warning("%s: result left out: %s", self.key, error)
+
+    def unheard(self, result: R) -> None:
+        """Take note that nobody was there to take a result."""
+        self._dropped[UNHEARD] += 1
+        log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
 
     def status(self, *, wanted: bool, subscribers: int, slow: int) -> ReturnStatus:
         """Account for every message; `slow` is how many were replaced while they waited for a ROS subscriber."""
         return ReturnStatus(
-            camera=self.camera.camera,
-            stream=self.translator.stream,
-            topic=self.topic,
+            camera=self.key.camera.camera if isinstance(self.key, StreamKey) else "",
+            stream=self.key.stream,
+            topic=", ".join(self.topics.values())[:MAX_LABEL],
             wanted=wanted,
             subscribers=subscribers,
             received=self._received,
             published=self._published,
             dropped=dict(self._dropped + Counter({SLOW: slow})),
         )
-
-    def _is_new(self, header: Header) -> bool:
-        last = self._last
-        return last is None or header.boot_id != last.boot_id or header.seq > last.seq

@@ -4,6 +4,7 @@ import re
 from typing import Final
 
 ROOT: Final = "/ultralytics"
+ALERTS_TOPIC: Final = f"{ROOT}/alerts"
 
 
 def result_root(camera: str, *, first: bool) -> str:

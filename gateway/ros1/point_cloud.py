@@ -72,6 +72,41 @@ def _decode(view: memoryview) -> PointCloud:
     )
 
 
+def encode_point_cloud(cloud: PointCloud, *, seq: int) -> bytes:
+    """Return the serialised message; `seq` is the header's.
+
+    Raises:
+        MessageError: a number does not fit its field, or a text is too long or no text.
+
+    """
+    try:
+        frame_id = _encoded_text(cloud.frame_id)
+        parts = (
+            _HEAD.pack(seq, *divmod(cloud.stamp, 1_000_000_000), len(frame_id)),
+            frame_id,
+            _SIZE.pack(cloud.height, cloud.width, len(cloud.fields)),
+            *(_encoded_field(field) for field in cloud.fields),
+            _LAYOUT.pack(cloud.is_bigendian, cloud.point_step, cloud.row_step, cloud.data.nbytes),
+            cloud.data,
+            b"\1" if cloud.is_dense else b"\0",
+        )
+    except (struct.error, UnicodeEncodeError) as error:
+        raise MessageError(f"cannot serialise a {TYPE_NAME}: {error}") from error
+    return b"".join(parts)
+
+
+def _encoded_field(field: PointField) -> bytes:
+    name = _encoded_text(field.name)
+    return _LENGTH.pack(len(name)) + name + _FIELD.pack(field.offset, field.datatype, field.count)
+
+
+def _encoded_text(text: str) -> bytes:
+    encoded = text.encode()
+    if len(encoded) > MAX_TEXT_BYTES:
+        raise MessageError(f"{TYPE_NAME} with a text of {len(encoded)} bytes")
+    return encoded
+
+
 def _fields(view: memoryview, at: int, count: int) -> tuple[tuple[PointField, ...], int]:
     if count > MAX_FIELDS:
         raise MessageError(f"{TYPE_NAME} with {count} fields")

@@ -42,6 +42,7 @@ class UltralyticsModel:
                 score=float(boxes.conf[index]),
                 box=Box(*(float(edge) for edge in boxes.xyxy[index])),
                 mask=outlines[index] if outlines else None,
+                label=int(boxes.cls[index]),
             )
             for index in range(len(boxes))
         ]

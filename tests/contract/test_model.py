@@ -51,3 +51,8 @@ def test_any_size_of_image_will_do(model: Model, shape: tuple[int, int, int]) ->
 def test_the_same_image_gives_the_same_objects(model: Model, view: NDArray[np.uint8]) -> None:
     assert model.infer(view, masks=True) == model.infer(view, masks=True)
     assert model.name
+
+
+def test_every_class_has_a_number_of_its_own(model: Model, view: NDArray[np.uint8]) -> None:
+    found = {(each.name, each.label) for each in model.infer(view, masks=False)}
+    assert len(found) == len({name for name, _ in found}) == len({label for _, label in found})

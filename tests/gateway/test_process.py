@@ -42,7 +42,15 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
 
             waiting = await until_waiting_for(f"the ROS master at http://127.0.0.1:{port}")
             assert [stream.topic for stream in waiting.streams] == ["/camera/color/image_raw"]
-            assert [returned.topic for returned in waiting.returns] == ["/ultralytics/detection/classes"]
+            assert [returned.topic for returned in waiting.returns] == [
+                "/ultralytics/detection/classes",
+                "/ultralytics/detection/distance",
+                "/ultralytics/detection/image",
+                "/ultralytics/segmentation/image",
+                "/ultralytics/segmentation/points",
+                "/ultralytics/alerts",
+                "",
+            ]
             async with RosMaster(port=port):
                 assert (await until_waiting_for("")).boot_id == waiting.boot_id
         running.cancel()

@@ -51,6 +51,11 @@ def test_ros_own_variables_are_the_defaults(
         ("topics", {"ros": "/battery"}, "not a stream of a whole robot: 'ros'"),
         ("topics", {"ros/a b": "/battery"}, "stream name 'a b'"),
         ("topics", {"a b/depth": "/depth"}, "camera name 'a b'"),
+        ("topics", {"alerts": "/alerts"}, "not a stream that sensors send: 'alerts'"),
+        ("actions", {"pick up": "/planner/pick_up"}, "'pick up' is no name of an action, which looks like pick_up"),
+        ("actions", {"pick_up": "pick_up"}, "action pick_up: 'pick_up' is not a ROS topic"),
+        ("actions", {"pick_up": "/ultralytics/alerts"}, "action pick_up: /ultralytics/alerts is where gateways"),
+        ("actions", {"pick_up": "/planner", "stop": "/planner"}, "two actions with one topic"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
@@ -87,3 +92,13 @@ def test_every_stream_has_its_topic() -> None:
 def test_a_topic_has_one_stream_and_a_stream_one_topic(topics: dict[str, str], reason: str) -> None:
     with pytest.raises(ValidationError, match=reason):
         settings(cameras={"front": "/color"}, topics=topics)
+
+
+def test_no_action_is_allowed_unless_it_is_named() -> None:
+    assert settings().actions == {}
+    assert settings(actions={"pick_up": "/planner/pick_up"}).actions == {"pick_up": "/planner/pick_up"}
+
+
+def test_an_action_does_not_go_where_a_sensor_sends() -> None:
+    with pytest.raises(ValidationError, match="/mode is a sensor's topic, so no action can go there"):
+        settings(topics={"text/mode": "/mode"}, actions={"set_mode": "/mode"})

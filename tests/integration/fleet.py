@@ -2,9 +2,9 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
-from typing import Final
+from typing import Final, TypeVar
 
 from bus import QUEUE, Bus, BusSettings, Subscription, open_bus
 from schemas import codec, keys
@@ -14,6 +14,8 @@ from services.toolbox.demo.children import Child, child
 from services.toolbox.demo.ports import free_ports
 
 PATIENCE_S: Final = 60
+
+A = TypeVar("A")
 
 log = logging.getLogger(__name__)
 
@@ -47,22 +49,27 @@ class FleetRig:
         self, robot: str, camera: str, until: Callable[[StreamStatus], bool] = lambda _: True
     ) -> StreamStatus:
         """Wait until the gateway's account of the camera is such; return it."""
-        async with self._statuses(robot) as statuses:
-            async for status in statuses:
-                for stream in status.streams:
-                    if stream.camera == camera and until(stream):
-                        return stream
-        raise AssertionError("the bus was closed")
+        return await self._account(robot, lambda status: status.streams, lambda of: of.camera == camera and until(of))
 
     async def return_status(
-        self, robot: str, camera: str, until: Callable[[ReturnStatus], bool] = lambda _: True
+        self, robot: str, camera: str, until: Callable[[ReturnStatus], bool] = lambda _: True, stream: str = "classes"
     ) -> ReturnStatus:
-        """Wait until the gateway's account of the camera's returned results is such; return it."""
+        """Wait until the gateway's account of a returned stream is such; return it."""
+        return await self._account(
+            robot,
+            lambda status: status.returns,
+            lambda of: (of.camera, of.stream) == (camera, stream) and until(of),
+        )
+
+    async def _account(
+        self, robot: str, accounts: Callable[[GatewayStatus], Iterable[A]], until: Callable[[A], bool]
+    ) -> A:
+        """Wait until one of the accounts in the robot's status is such; return it."""
         async with self._statuses(robot) as statuses:
             async for status in statuses:
-                for returned in status.returns:
-                    if returned.camera == camera and until(returned):
-                        return returned
+                for account in accounts(status):
+                    if until(account):
+                        return account
         raise AssertionError("the bus was closed")
 
     @asynccontextmanager

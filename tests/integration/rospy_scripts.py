@@ -56,6 +56,14 @@ with rosbag.Bag(sys.argv[1]) as bag:
         print("read", topic, message.data, *fields, flush=True)
 """
 
+BAG_SUMMARY = """
+import sys, json, rosbag
+with rosbag.Bag(sys.argv[1]) as bag:
+    for topic, message, stamp, header in bag.read_messages(return_connection_header=True):
+        found = {name: header[name].decode() for name in ("type", "md5sum", "message_definition")}
+        print(json.dumps([topic, found, type(message)._full_text, len(message.data)]), flush=True)
+"""
+
 IMAGE_LISTENER = """
 import sys, hashlib, rospy
 from sensor_msgs.msg import Image

@@ -1,21 +1,21 @@
 """Results of the fleet on a robot's real ROS 1 graph: rostopic and rosbag are the ones who want them."""
 
-import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
 import pytest
 
 from bus import Publisher, QoS
 from gateway.outgoing.stream import MALFORMED
-from gateway.outgoing.translators import STRING
+from gateway.outgoing.texts import STRING
 from gateway.ros1.messages import message_type
 from schemas import codec
 from schemas.detections import ClassList
 from schemas.keys import CameraKey, Stream
 from tests.gateway.outgoing.lists import class_list
 from tests.gateway.ros1.waiting import until
+from tests.integration.detecting import results
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment
 from tests.integration.rospy_scripts import BAG_READER
@@ -33,24 +33,9 @@ async def rig() -> AsyncIterator[FleetRig]:
         yield made
 
 
-@asynccontextmanager
-async def detecting(rig: FleetRig, key: CameraKey, *counts: tuple[str, int]) -> AsyncIterator[Publisher]:
-    """Publish class lists of ever newer frames while they are wanted, as a detector does."""
-
-    async def publish(publisher: Publisher) -> None:
-        seq = 0
-        while True:
-            if publisher.wanted:
-                publisher.put(codec.encode(class_list(*counts, seq=seq, camera=key.camera)))
-                seq += 1
-            await asyncio.sleep(0.05)
-
-    encoding = codec.encoding(ClassList)
-    async with rig.bus.publisher(key.stream(Stream.CLASSES), QoS.RESULT, encoding=encoding) as publisher:
-        publishing = asyncio.create_task(publish(publisher))
-        yield publisher
-        publishing.cancel()
-        await asyncio.wait([publishing])
+def detecting(rig: FleetRig, key: CameraKey, *counts: tuple[str, int]) -> AbstractAsyncContextManager[Publisher]:
+    """Publish class lists, as a detector does."""
+    return results(rig.bus, key, Stream.CLASSES, lambda seq: class_list(*counts, seq=seq, camera=key.camera))
 
 
 @pytest.mark.timeout(120)

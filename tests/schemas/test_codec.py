@@ -15,6 +15,7 @@ from schemas.status import CameraLoad, GatewayStatus, ReturnStatus, StreamStatus
 from schemas.transforms import Transform, Transforms
 from tests.schemas.frames import header, image
 from tests.schemas.pictures import compressed, file_of
+from tests.schemas.results import action, alert, cloud, clouds, distances, known, unknown
 
 DETECTIONS = Detections(
     header=header(),
@@ -75,6 +76,10 @@ MESSAGES: list[Message] = [
     ),
     DETECTIONS,
     ClassList(header=header(), classes=[ClassCount("box", 2, 0.5)], model="m", worker="w"),
+    distances(known("box", 2.5), unknown("pallet", 1)),
+    clouds(cloud((0.0, 0.5, 2.0), rgb=b"rgb")),
+    alert(),
+    action(),
     GatewayStatus(
         robot="r1",
         boot_id="b",
@@ -161,9 +166,10 @@ def test_a_wrong_layout_is_a_schema_error_on_the_wire_too() -> None:
 
 
 @pytest.mark.parametrize("field", ["robot", "camera"])
-def test_a_name_that_cannot_be_a_key_chunk_is_refused(field: str) -> None:
+@pytest.mark.parametrize("name", ["r1/x", "r1\n", "\n"])
+def test_a_name_that_cannot_be_a_key_chunk_is_refused(field: str, name: str) -> None:
     fields = msgspec.to_builtins(DETECTIONS)
-    fields["header"][field] = "r1/x"
+    fields["header"][field] = name
     with pytest.raises(SchemaError, match=field):
         codec.decode(Detections, msgspec.msgpack.encode(fields), codec.encoding(Detections))
 
@@ -174,3 +180,9 @@ def test_identity_is_the_keys() -> None:
     for other in (CameraKey("r2", "front"), CameraKey("r1", "rear"), RobotStreamKey("r1", "tf")):
         with pytest.raises(SchemaError, match=f"header says r1/front, the key says {other}"):
             codec.check_identity(header(), other)
+
+
+def test_a_message_to_a_robot_is_its_keys() -> None:
+    codec.check_robot("r1", RobotStreamKey("r1", "alerts"))
+    with pytest.raises(SchemaError, match="it is for r2, the key says fleet/r1/alerts"):
+        codec.check_robot("r2", RobotStreamKey("r1", "alerts"))

@@ -49,7 +49,15 @@ def test_reserved_camera_names(name: str) -> None:
 
 @pytest.mark.parametrize(
     "key",
-    ["fleet/r1/front", "fleet/r1/front/smell", "fleet/r1/front/color/x", "other/r1/front/color", "fleet/r1/*/color"],
+    [
+        "fleet/r1/front",
+        "fleet/r1/front/smell",
+        "fleet/r1/front/color/x",
+        "other/r1/front/color",
+        "fleet/r1/*/color",
+        "fleet/r1/front/overlay",
+        "fleet/r1/front/overlay/detection/x",
+    ],
 )
 def test_other_keys_are_no_streams(key: str) -> None:
     with pytest.raises(SchemaError):
@@ -79,6 +87,8 @@ def test_what_belongs_to_the_whole_robot_has_no_camera(stream: str) -> None:
         "front/smell",
         "front/classes",
         "status",
+        "alerts",
+        "actions",
         "tf/x",
         "ros",
         "ros/",
@@ -102,3 +112,16 @@ def test_named_streams_are_one_each(stream: str) -> None:
     assert keys.sensor_key("r1", stream.rstrip("/")) == key
     assert (str(key), key.kind) == (f"fleet/r1/{key.stream}", stream[:4].rstrip("/"))
     assert key.alive == f"fleet/r1/{key.stream}/alive"
+
+
+@pytest.mark.parametrize("stream", sorted(keys.ROBOT_RESULTS))
+def test_what_a_robot_is_sent_has_no_camera(stream: str) -> None:
+    key = RobotStreamKey("r1", stream)
+    assert (str(key), key.kind) == (f"fleet/r1/{stream}", stream)
+    assert keys.parse_robot(str(key)) == "r1"
+
+
+def test_an_overlay_is_two_chunks_of_a_key() -> None:
+    key = CameraKey("r1", "front")
+    assert key.stream(Stream.OVERLAY_DETECTION) == "fleet/r1/front/overlay/detection"
+    assert keys.parse_stream("fleet/r1/front/overlay/segmentation/alive") == StreamKey(key, Stream.OVERLAY_SEGMENTATION)

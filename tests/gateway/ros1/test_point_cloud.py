@@ -1,11 +1,21 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from gateway.ros1.errors import MessageError
 from gateway.ros1.messages import deserialise, new_message, serialise
-from gateway.ros1.point_cloud import MAX_FIELDS, MAX_TEXT_BYTES, TYPE_NAME, PointField, decode_point_cloud
+from gateway.ros1.point_cloud import (
+    MAX_FIELDS,
+    MAX_TEXT_BYTES,
+    TYPE_NAME,
+    PointField,
+    decode_point_cloud,
+    encode_point_cloud,
+)
 from tests.gateway.sensing import STAMP_NS, point_cloud
 
 MESSAGE = bytes(point_cloud().data)
@@ -57,3 +67,31 @@ def test_most_fields_and_the_longest_name_and_one_more() -> None:
 def test_an_empty_cloud() -> None:
     cloud = decode_point_cloud(bytes(point_cloud(width=0, row_step=0, height=1, data=np.zeros(0, np.uint8)).data))
     assert (cloud.width, len(cloud.data), cloud.is_dense) == (0, 0, True)
+
+
+def test_what_is_encoded_is_what_was_decoded() -> None:
+    cloud = decode_point_cloud(MESSAGE)
+    assert encode_point_cloud(cloud, seq=int.from_bytes(MESSAGE[:4], "little")) == MESSAGE
+
+
+def test_an_encoded_cloud_is_read_by_others() -> None:
+    made = replace(decode_point_cloud(MESSAGE), frame_id="größer", fields=(PointField("x", 0, 7, 1),))
+    theirs = deserialise(TYPE_NAME, encode_point_cloud(made, seq=2**32 - 1))
+    assert (theirs.header.seq, theirs.header.frame_id, len(theirs.fields)) == (2**32 - 1, "größer", 1)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        {"stamp": 2**32 * 10**9},
+        {"stamp": -1},
+        {"width": 2**32},
+        {"frame_id": "x" * (MAX_TEXT_BYTES + 1)},
+        {"frame_id": "\ud800"},
+        {"fields": (PointField("x", -1, 7, 1),)},
+        {"fields": (PointField("x" * (MAX_TEXT_BYTES + 1), 0, 7, 1),)},
+    ],
+)
+def test_what_the_message_cannot_hold_is_refused(field: dict[str, Any]) -> None:
+    with pytest.raises(MessageError, match=r"cannot serialise|with a text of 1025 bytes"):
+        encode_point_cloud(replace(decode_point_cloud(MESSAGE), **field), seq=0)

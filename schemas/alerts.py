@@ -1,0 +1,64 @@
+"""Alerts and actions: what the rules of the fleet say to people and to robots."""
+
+from enum import StrEnum
+from typing import Annotated, Final
+
+import msgspec
+
+from schemas.header import Label, MaybeName, Name, Nanoseconds
+
+MAX_TEXT: Final = 4_096
+MAX_PAYLOAD: Final = 64 * 1024
+
+Id = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+
+
+class Severity(StrEnum):
+    """How urgent an alert is."""
+
+    INFO = "info"
+    WARNING = "warning"
+    CRITICAL = "critical"
+
+
+class AlertState(StrEnum):
+    """How far an alert has come."""
+
+    RAISED = "raised"
+    ACKNOWLEDGED = "acknowledged"
+    ESCALATED = "escalated"
+    RESOLVED = "resolved"
+
+
+class Alert(msgspec.Struct, frozen=True, kw_only=True):
+    """An alert as it stands; sent again, with the same id and a later changed_ns, whenever it changes.
+
+    rule: the rule that raised it. camera, name: the camera and the class of objects it is about; empty where there is
+    none. text: for people. raised_ns, changed_ns: nanoseconds since the epoch on the monitor's system clock.
+    """
+
+    id: Id
+    rule: Label
+    severity: Severity
+    state: AlertState
+    robot: Name
+    camera: MaybeName = ""
+    name: Label = ""
+    text: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
+    raised_ns: Nanoseconds
+    changed_ns: Nanoseconds
+
+
+class Action(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that a robot is to do, once; the robot's own settings say which actions it takes.
+
+    id: of this one time. name: what is to be done, such as pick_up. payload: what the robot is told, whole.
+    rule: the rule that asks for it; empty where a person does. sent_ns: since the epoch on the sender's system clock.
+    """
+
+    id: Id
+    name: Name
+    robot: Name
+    payload: Annotated[str, msgspec.Meta(max_length=MAX_PAYLOAD)] = ""
+    rule: Label = ""
+    sent_ns: Nanoseconds
