@@ -22,7 +22,8 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     """One ROS topic on its way to one Zenoh key. Counts are frames since the gateway started.
 
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
-    connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason.
+    connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
+    what keeps publishers from being heard now, or empty.
     """
 
     camera: MaybeName
@@ -34,6 +35,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     forwarded: Count
     dropped: Drops = {}
     broken_links: Drops = {}
+    problem: Label = ""
 
 
 class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):
