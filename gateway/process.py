@@ -69,7 +69,7 @@ async def run(settings: GatewaySettings) -> int:
 
 @asynccontextmanager
 async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
-    name = node_name(settings.robot, boot_id)
+    name = settings.names(node_name(settings.robot, boot_id)).node
     async with AsyncExitStack() as stack:
         try:
             node = await stack.enter_async_context(Node(name, master_uri=settings.ros_master, host=settings.ros_host))
@@ -80,17 +80,21 @@ async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
 
 def node_name(robot: str, boot_id: str) -> str:
     """Return a ROS node name that is the robot's and this process's alone: a master ends the older of two namesakes."""
-    return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
+    return f"fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
 
 
 def _returned(settings: GatewaySettings) -> list[StreamReturn[Any]]:
     if not settings.results:
         return []
-    return [
+    returned: list[StreamReturn[Any]] = [
         StreamReturn(CameraKey(settings.robot, camera), result_root(camera, first=not place), translator)
         for place, camera in enumerate(settings.cameras)
         for translator in RETURNED
     ]
+    names = settings.names()
+    for stream in returned:
+        stream.topic = names.resolve(stream.topic)
+    return returned
 
 
 async def _report(

@@ -136,7 +136,7 @@ class Subscription:
         return [link.connected for uri, link in self.counters.links.items() if uri in self._listed]
 
     def publishers_updated(self, uris: Iterable[str]) -> None:
-        """Follow the master's whole list: start links to those that are new, give up who is neither there nor listed."""
+        """Follow the master's whole list: link to those that are new, drop those neither listed nor connected."""
         listed = dict.fromkeys(uris)
         self._listed = set(listed)
         for uri in self._links.keys() - listed:
