@@ -17,7 +17,9 @@ from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.topics import result_root
 from gateway.outgoing.translators import RETURNED
 from gateway.ros1.node import Node
+from gateway.ros1.sim_clock import SimClock
 from gateway.settings import GatewaySettings
+from gateway.sim_time import follow_sim_time
 from gateway.stream import StreamForward
 from gateway.translators import kind_of
 from schemas import codec, keys
@@ -60,7 +62,10 @@ async def run(settings: GatewaySettings) -> int:
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
         tasks += [group.create_task(returned.run(node, bus)) for returned in returns]
-        tasks.append(group.create_task(_report(bus, node, settings, boot_id, forwards=forwards, returns=returns)))
+        clock = SimClock()
+        tasks.append(group.create_task(follow_sim_time(node, clock)))
+        report = _report(bus, node, settings, boot_id, clock, forwards=forwards, returns=returns)
+        tasks.append(group.create_task(report))
         await node.shutdown_requested.wait()
         for task in tasks:
             task.cancel()
@@ -102,6 +107,7 @@ async def _report(
     node: Node,
     settings: GatewaySettings,
     boot_id: str,
+    sim_clock: SimClock,
     *,
     forwards: Sequence[Forward],
     returns: Sequence[Return[Any]],
@@ -116,6 +122,8 @@ async def _report(
             clock_id=clock,
             sent_ns=time.time_ns(),
             waiting_for=missing,
+            ros_time_ns=sim_clock.ros_time_ns,
+            clock_jumps=sim_clock.jumps,
             streams=[forward.status() for forward in forwards],
             returns=[returned.status() for returned in returns],
         )
