@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Final
 
-from bus import Bus, Publisher, QoS
+from bus import Bus, Publisher
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.latching import Latched, latching
 from gateway.ros1.node import Node
@@ -88,14 +88,15 @@ class Forward:
                 self.subscription = self.latched = None
 
     def _on_message(self, message: Message) -> None:
-        latched = self.latched if message.publisher.latching and not self.stream.kind.merges else None
-        if latched is None and self.stream.kind.qos is QoS.IMAGE and not self.publisher.wanted:
+        latching, merges = message.publisher.latching, self.stream.kind.merges
+        if not (self.publisher.wanted or latching or merges):
             self.stream.leave_out_unwanted()
             return
         translated = self.stream.take(message, time.time_ns())
         if translated is None:
             return
         payload = codec.encode(translated)
+        latched = self.latched if latching and not merges else None
         if latched is None or not latched.put(message.uri, payload):
             self.publisher.put(payload)
 

@@ -19,7 +19,7 @@ from gateway.ros1.slave import SlaveApi
 from gateway.ros1.subscriber import Message, Subscription
 from gateway.ros1.tasks import TaskScope, cancel_and_wait, to_the_end
 from gateway.ros1.tcpros_server import TcprosServer
-from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES, Offer
+from gateway.ros1.wire.tcpros import ANY, DEFAULT_MAX_MESSAGE_BYTES, Offer
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 
@@ -125,7 +125,7 @@ class Node:
         accepted: Collection[str] = (),
         on_gone: Callable[[str], None] | None = None,
     ) -> AsyncIterator[Subscription]:
-        """Receive a topic; type `*` takes the `accepted` types, or any where none are given.
+        """Receive a topic as the master is told, of that type, or of the `accepted` ones, or of any for `*` alone.
 
         `on_message` is called on the event loop for every whole message and must not block. What it raises is
         logged and counted; `on_gone` is told the slave URI of each publisher that has gone for good. A node has one
@@ -142,7 +142,7 @@ class Node:
         subscription = Subscription(
             callerid=self.name,
             topic=topic,
-            expected=message_type(type_name).topic_type,
+            expected=message_type(ANY if accepted else type_name).topic_type,
             on_message=on_message,
             client=self._client,
             scope=self._scope,

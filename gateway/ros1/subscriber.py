@@ -89,7 +89,8 @@ class Subscription:
 
     A link ends with its connection, not with the listing: a master that was restarted has forgotten publishers that are
     still there. `on_gone` is told the slave URI of a publisher that is neither listed nor connected any more.
-    accepted: the types that a subscription to any takes; every one, when there are none.
+    accepted: the types that a subscription to any takes; every one, when there are none. Publishers are then asked for
+    any, since one that refuses us tells its own log, again and again, and us less than its header does.
     """
 
     def __init__(
@@ -227,8 +228,9 @@ class Subscription:
 
         """
         if self._accepted and found not in self._accepted:
-            names = " or ".join(each.name for each in self._accepted)
-            raise TypeMismatchError(f"{self.topic} is {found.name} [{found.md5sum}], expected {names}")
+            namesakes = [f"[{each.md5sum}]" for each in self._accepted if each.name == found.name]
+            expected = " or ".join(namesakes or [each.name for each in self._accepted])
+            raise TypeMismatchError(f"{self.topic} is {found.name} [{found.md5sum}], expected {expected}")
         self.type = found
 
     def deliver(self, message: Message) -> None:

@@ -124,6 +124,18 @@ async def test_a_publisher_of_a_type_that_is_not_accepted_costs_its_own_link_who
     assert len([line for line in caplog.messages if "type mismatch" in line]) == 1
 
 
+async def test_another_version_of_a_type_is_told_by_its_md5sum(master: RosMaster) -> None:
+    async with (
+        fake_publisher(stream_of(STRING), hang=True) as bad,
+        node("/a", master) as a,
+        a.subscribe("/chat", STRING, print, accepted=[STRING]) as subscription,
+    ):
+        await register(master, bad)
+        await until(lambda: subscription.problems, "it is refused")
+        ours = message_type(STRING).md5sum
+        assert subscription.problems[0].endswith(f"/chat is {STRING} [{'g' * 32}], expected [{ours}]")
+
+
 async def test_what_does_not_fit_is_a_nearer_problem_than_what_is_not_there(master: RosMaster) -> None:
     async with (
         fake_publisher(stream_of("a/B")) as bad,
@@ -179,6 +191,30 @@ async def test_namesake_at_another_uri_is_found_though_no_update_tells_of_it() -
         await until(lambda: subscription.counters.failures, "the old URI has failed")
         uris[:] = [uri]
         await until(lambda: got, "the publisher is heard at its new URI")
+
+
+async def test_namesake_is_found_though_the_replaced_publisher_stays_connected() -> None:
+    got: list[Message] = []
+    uris: list[str] = []
+
+    def answer(method: str, _params: tuple[Any, ...]) -> Any:
+        if method == "getSystemState":
+            return [[["/chat", ["/talker"]]], [["/chat", ["/a"]]], []]
+        return list(uris) if method == "registerSubscriber" else 1
+
+    async with (
+        fake_publisher(stream(b"old"), hang=True) as old,
+        fake_publisher(stream(b"new"), hang=True) as new,
+        XmlRpcServer(FakeSlave(answer), host="127.0.0.1") as master,
+        Node("/a", master_uri=master.uri, poll_interval=0.02) as a,
+    ):
+        uris[:] = [old]
+        async with a.subscribe("/chat", STRING, got.append) as subscription:
+            await until(lambda: got, "the publisher is heard")
+            uris[:] = [new]
+            await until(lambda: len(got) == 2, "its namesake is heard")
+            assert subscription.counters.links[old].connected
+            assert subscription.counters.failures.total() == 0
 
 
 @pytest.mark.parametrize("answer", [[], 0, ["UDPROS", "127.0.0.1", 1], ["TCPROS", "", 1], ["TCPROS", "127.0.0.1", 0]])
