@@ -1,15 +1,18 @@
 """What real rospy publishers latched, for whoever subscribes on Zenoh, whenever that is."""
 
 from collections.abc import AsyncIterator
+from pathlib import Path
 
 import pytest
+from rosbags.rosbag1 import Writer
 
 from bus import Subscription
-from gateway.ros1.messages import deserialise
+from gateway.ros1.messages import deserialise, message_type
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.raw import RawMessage
 from schemas.transforms import Transforms
+from tests.gateway.sensing import tf, transform
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, RosProcess, require_ros
 from tests.integration.rospy_scripts import PICTURE, STATIC_FRAME, TALKER
@@ -84,3 +87,32 @@ async def test_an_untranslated_topic_says_that_it_is_latched(ros: RosEnvironment
         async with rig.subscribed(key) as late:
             kept = await receive(late, RawMessage)
     assert (kept.latched, deserialise(kept.type, kept.data).data) == (True, "talker 0")
+
+
+async def test_a_bag_played_by_roscpp_latches_what_several_nodes_had_latched(
+    ros: RosEnvironment, rig: FleetRig, tmp_path: Path
+) -> None:
+    bag = tmp_path / "static.bag"
+    with Writer(bag) as writer:
+        for place, child in enumerate(("lens", "beam")):
+            said = tf(transform(child))
+            kind = message_type(said.publisher.type.name)
+            connection = writer.add_connection(
+                "/tf_static",
+                "tf2_msgs/msg/TFMessage",
+                msgdef=kind.definition,
+                md5sum=kind.md5sum,
+                callerid=f"/{child}",
+                latching=1,
+            )
+            writer.write(connection, 1_700_000_000_000_000_000 + place, bytes(said.data))
+    key = str(sensor_key("r1", "tf_static"))
+    await rig.gateway("r1", ros.master_uri, CAMERAS, "--topics", "tf_static=/tf_static")
+    async with rig.subscribed(key) as early:
+        await ros.run("/usr/bin/rosbag", "play", "--keep-alive", "--quiet", str(bag))
+        await frames_until(early, {"lens", "beam"})
+        async with rig.subscribed(key) as late:
+            await frames_until(late, {"lens", "beam"})
+    await rig.gateway("r2", ros.master_uri, CAMERAS, "--topics", "tf_static=/tf_static", "--no-results")
+    async with rig.subscribed(str(sensor_key("r2", "tf_static"))) as of_another_gateway:
+        await frames_until(of_another_gateway, {"lens", "beam"})

@@ -1,5 +1,6 @@
 """A gateway as ROS's own tools see it, start it and feed it."""
 
+import asyncio
 import sys
 from collections.abc import AsyncIterator
 from itertools import pairwise
@@ -7,8 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from bus import QoS
+from schemas import codec
+from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
+from tests.gateway.outgoing.lists import class_list
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import SYSTEM_PYTHON, RosEnvironment, require_ros
 from tests.integration.rospy_scripts import GREY_CAMERA
@@ -17,6 +22,7 @@ from tests.services.detector.views import NEAR_VIEWS, near_view
 
 FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"
+RELAY = "/usr/lib/topic_tools/relay"
 ROOT = Path(__file__).parents[2]
 LAUNCH = """
 <launch>
@@ -53,6 +59,30 @@ async def test_rosnode_pings_and_describes_a_gateway(ros: RosEnvironment, rig: F
     assert "to: /camera (http://127.0.0.1:" in described
     assert "direction: inbound" in described
     assert "transport: TCPROS" in described
+
+
+async def test_a_roscpp_relay_feeds_a_gateway_and_takes_from_it(ros: RosEnvironment, rig: FleetRig) -> None:
+    require_ros(RELAY)
+    await ros.script(GREY_CAMERA, "camera", "/elsewhere", "10")
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    relay = await ros.run(RELAY, "/elsewhere", TOPIC)
+    await ros.run(RELAY, "/ultralytics/detection/classes", "/copied")
+    echo = await ros.rostopic("echo", "/copied")
+    encoding = codec.encoding(ClassList)
+    async with (
+        rig.subscribed(FRONT.stream(Stream.COLOR)) as frames,
+        rig.bus.publisher(FRONT.stream(Stream.CLASSES), QoS.RESULT, encoding=encoding) as classes,
+    ):
+        seq, shown = 0, asyncio.ensure_future(echo.until_output("['relayed']"))
+        while not shown.done():
+            assert (await receive(frames, ImageFrame)).data[0] == 10
+            classes.put(codec.encode(class_list(("relayed", 1), seq=seq)))
+            seq += 1
+        await shown
+        relay.kill()
+        await rig.stream_status("r1", "front", lambda status: status.publishers == 0)
+        await ros.run(RELAY, "/elsewhere", TOPIC)
+        await rig.stream_status("r1", "front", lambda status: status.publishers == 1)
 
 
 async def test_roslaunch_starts_a_gateway_in_its_namespace(ros: RosEnvironment, rig: FleetRig, tmp_path: Path) -> None:
