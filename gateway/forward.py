@@ -22,8 +22,8 @@ from schemas.status import StreamStatus
 LINGER_S: Final = 2.0
 """How long a topic stays subscribed when nobody wants it any more.
 
-Longer than a camera's way from one worker to the next, a Zenoh link that is cut and rebuilt, or the start of one
-`rostopic echo -n 1` after another takes; short enough that a robot soon stops reading what nobody looks at.
+Longer than one `rostopic echo -n 1` takes to follow another; short enough that a robot soon stops reading what nobody
+looks at.
 """
 
 
@@ -51,9 +51,7 @@ class Forward:
         return self.stream.status(
             wanted=self.demand.wanted,
             publishers=sum(link.connected for link in links),
-            replaced=self.publisher.counts.dropped
-            + self.replaced_before
-            + (self.latched.dropped if self.latched else 0),
+            replaced=self.publisher.counts.dropped + self.replaced_before + self._replaced_now(),
             broken_links=self.broken_before + self._broken_now(),
             problem="; ".join(self._problems())[:MAX_LABEL],
         )
@@ -61,6 +59,9 @@ class Forward:
     def _problems(self) -> list[str]:
         said = [self.latched.problem] if self.latched and self.latched.problem else []
         return said + (self.subscription.problems if self.subscription else [])
+
+    def _replaced_now(self) -> int:
+        return self.latched.dropped if self.latched else 0
 
     def _broken_now(self) -> Counter[str]:
         return Counter(self.subscription.counters.failures) if self.subscription else Counter()
@@ -84,7 +85,7 @@ class Forward:
                 await asyncio.Event().wait()
             finally:
                 self.broken_before += self._broken_now()
-                self.replaced_before += latched.dropped
+                self.replaced_before += self._replaced_now()
                 self.subscription = self.latched = None
 
     def _on_message(self, message: Message) -> None:

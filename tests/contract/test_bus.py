@@ -252,6 +252,16 @@ async def test_each_of_several_publishers_of_one_key_keeps_its_last(buses: tuple
             assert first.counts == SubscriptionCounts(received=5, dropped=0)
 
 
+async def test_what_is_put_at_once_reaches_those_who_want_no_history(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with there.publisher(KEY, QoS.IMAGE) as plain, here.subscribe(KEY, QUEUE(9), history=False) as subscription:
+        await until(lambda: plain.wanted)
+        for number in range(5):
+            async with there.publisher(KEY, QoS.LATCHED) as out:
+                out.put(bytes([number]))
+            assert (await next_of(subscription)).payload == bytes([number])
+
+
 async def test_there_is_no_history_of_images_nor_for_who_wants_none(buses: tuple[Bus, Bus]) -> None:
     here, there = buses
     async with there.publisher(KEY, QoS.RESULT) as out, there.publisher(IMAGE_KEY, QoS.IMAGE) as images:
