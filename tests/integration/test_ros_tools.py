@@ -61,6 +61,20 @@ async def test_rosnode_pings_and_describes_a_gateway(ros: RosEnvironment, rig: F
     assert "transport: TCPROS" in described
 
 
+async def test_robots_with_one_master_are_told_apart_by_their_namespaces(ros: RosEnvironment, rig: FleetRig) -> None:
+    for robot, grey in (("r1", 10), ("r2", 20)):
+        await ros.script(GREY_CAMERA, f"camera_{robot}", f"/{robot}/color/image_raw", str(grey))
+        await rig.gateway(robot, ros.master_uri, {"front": "color/image_raw"}, "--namespace", robot)
+    for robot, grey in (("r1", 10), ("r2", 20)):
+        async with rig.subscribed(CameraKey(robot, "front").stream(Stream.COLOR)) as frames:
+            assert (await receive(frames, ImageFrame)).data[0] == grey
+        said = await rig.return_status(robot, "front")
+        assert said.topic == f"/{robot}/ultralytics/detection/classes"
+        info = await (await ros.rostopic("info", said.topic)).finished()
+        assert info.count("* /") == 1
+        assert f"* /{robot}/fleetsight_gateway_{robot}_" in info
+
+
 async def test_a_roscpp_relay_feeds_a_gateway_and_takes_from_it(ros: RosEnvironment, rig: FleetRig) -> None:
     require_ros(RELAY)
     await ros.script(GREY_CAMERA, "camera", "/elsewhere", "10")
