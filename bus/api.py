@@ -12,6 +12,8 @@ class QoS(Enum):
 
     IMAGE = "image"
     """Best effort, low priority, dropped under congestion; one waits at most, the newest."""
+    LATCHED = "latched"
+    """Like IMAGE, but reliable, and the last one reaches late subscribers."""
     RESULT = "result"
     """Reliable, high priority; the last one reaches late subscribers and those whose link was cut."""
     STATUS = "status"
@@ -163,8 +165,8 @@ class Bus(Protocol):
     ) -> AbstractAsyncContextManager[Subscription]:
         """Subscribe to a key expression.
 
-        With `history` the last RESULT or STATUS of each publisher comes first, also after a link was cut. Images have
-        none: subscribe to them without, which costs the network less.
+        With `history` the last LATCHED, RESULT or STATUS of each publisher comes first, also after a link was cut.
+        Images have none: subscribe to them without, which costs the network less.
         """
 
     def announce(self, key: str, /) -> AbstractAsyncContextManager[None]:

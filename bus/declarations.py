@@ -18,6 +18,12 @@ IMAGES_WAITING: Final = 1
 RESULTS_WAITING: Final = 64
 RETIRE_GRACE_S: Final = 1.0
 STOP_GRACE_S: Final = 0.2
+PRIORITIES: Final = {
+    QoS.IMAGE: Priority.DATA_LOW,
+    QoS.LATCHED: Priority.DATA_LOW,
+    QoS.RESULT: Priority.INTERACTIVE_HIGH,
+    QoS.STATUS: Priority.DATA,
+}
 
 
 class Lanes:
@@ -29,7 +35,7 @@ class Lanes:
 
     def of(self, qos: QoS) -> Lane:
         """Return the lane of a quality of service."""
-        return self.images if qos is QoS.IMAGE else self.results
+        return self.images if qos in (QoS.IMAGE, QoS.LATCHED) else self.results
 
     def stop(self) -> None:
         """End the threads."""
@@ -42,7 +48,7 @@ class _Undeclarable(Protocol):
 
 
 class ZenohPublisher(MessageWriter):
-    """A publisher. Results have a second, plain one on the same key, since only that knows who matches."""
+    """A publisher. All but images have a second, plain one on the same key, since only that knows who matches."""
 
     def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, lanes: Lanes) -> None:
         self._lane = lanes.of(qos)
@@ -58,7 +64,7 @@ class ZenohPublisher(MessageWriter):
             self._key,
             encoding=self._encoding,
             congestion_control=CongestionControl.DROP,
-            priority=Priority.DATA_LOW,
+            priority=PRIORITIES[QoS.IMAGE],
             reliability=Reliability.BEST_EFFORT,
         )
         self._declared.callback(matching.undeclare)
@@ -75,7 +81,7 @@ class ZenohPublisher(MessageWriter):
             self._key,
             encoding=self._encoding,
             congestion_control=CongestionControl.DROP,
-            priority=Priority.INTERACTIVE_HIGH if self._qos is QoS.RESULT else Priority.DATA,
+            priority=PRIORITIES[self._qos],
             reliability=Reliability.RELIABLE,
             cache=ext.CacheConfig(1),
             # No heartbeat: undeclaring one can hold the interpreter lock for ten seconds (1.10).

@@ -33,14 +33,27 @@ class SharedDemand:
         await (self._on if wanted else self._off).wait()
 
 
-async def while_wanted(demand: SharedDemand, work: Callable[[], Awaitable[None]]) -> None:
-    """Run `work` whenever there is demand and cancel it when there is none any more, for ever."""
+async def while_wanted(demand: SharedDemand, work: Callable[[], Awaitable[None]], *, linger_s: float = 0.0) -> None:
+    """Run `work` whenever there is demand, for ever; cancel it when there was none for `linger_s` seconds on end.
+
+    For work that takes long to begin: it lives on through a demand that blinks.
+    """
     while True:
         await demand.until(wanted=True)
         async with asyncio.TaskGroup() as group:
             working = group.create_task(_run(work))
-            await demand.until(wanted=False)
+            await _none_for(demand, linger_s)
             working.cancel()
+
+
+async def _none_for(demand: SharedDemand, linger_s: float) -> None:
+    while True:
+        await demand.until(wanted=False)
+        try:
+            async with asyncio.timeout(linger_s):
+                await demand.until(wanted=True)
+        except TimeoutError:
+            return
 
 
 async def _run(work: Callable[[], Awaitable[None]]) -> None:

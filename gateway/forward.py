@@ -6,28 +6,44 @@ from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Final
 
 from bus import Bus, Publisher
 from bus.shared_demand import SharedDemand, while_wanted
+from gateway.latching import Latched, latching
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
+from gateway.ros1.wire.tcpros import ANY
 from gateway.stream import StreamForward
 from schemas import codec
+from schemas.header import MAX_LABEL
 from schemas.status import StreamStatus
+
+LINGER_S: Final = 2.0
+"""How long a topic stays subscribed when nobody wants it any more.
+
+Longer than one `rostopic echo -n 1` takes to follow another; short enough that a robot soon stops reading what nobody
+looks at.
+"""
 
 
 @dataclass(slots=True)
 class Forward:
     """A stream that is offered on the bus.
 
-    subscription: there while it is subscribed on ROS. broken_before: links that earlier subscriptions lost, by reason.
+    subscription and latched: there while it is subscribed on ROS. broken_before: links that earlier subscriptions lost,
+    by reason. replaced_before: of latched messages.
     """
 
+    bus: Bus
     stream: StreamForward
     demand: SharedDemand
     publisher: Publisher
+    linger_s: float
     subscription: Subscription | None = None
+    latched: Latched | None = None
     broken_before: Counter[str] = field(default_factory=Counter)
+    replaced_before: int = 0
 
     def status(self) -> StreamStatus:
         """Account for the stream's messages so far."""
@@ -35,40 +51,67 @@ class Forward:
         return self.stream.status(
             wanted=self.demand.wanted,
             publishers=sum(link.connected for link in links),
-            replaced=self.publisher.counts.dropped,
+            replaced=self.publisher.counts.dropped + self.replaced_before + self._replaced_now(),
             broken_links=self.broken_before + self._broken_now(),
+            problem="; ".join(self._problems())[:MAX_LABEL],
         )
+
+    def _problems(self) -> list[str]:
+        said = [self.latched.problem] if self.latched and self.latched.problem else []
+        return said + (self.subscription.problems if self.subscription else [])
+
+    def _replaced_now(self) -> int:
+        return self.latched.dropped if self.latched else 0
 
     def _broken_now(self) -> Counter[str]:
         return Counter(self.subscription.counters.failures) if self.subscription else Counter()
 
     async def run(self, node: Node) -> None:
         """Subscribe on ROS whenever the stream is wanted, for ever."""
-        await while_wanted(self.demand, lambda: self._subscribe(node))
+        await while_wanted(self.demand, lambda: self._subscribe(node), linger_s=self.linger_s)
 
     async def _subscribe(self, node: Node) -> None:
         self.stream.begin()
-        async with node.subscribe(self.stream.topic, self.stream.kind.ros_type, self._on_message) as subscription:
-            self.subscription = subscription
+        kind = self.stream.kind
+        accepted = [name for name in kind.translators if name != ANY]
+        async with (
+            latching(self.bus, str(self.stream.key), kind.encoding) as latched,
+            node.subscribe(
+                self.stream.topic, kind.ros_type, self._on_message, accepted=accepted, on_gone=latched.forget
+            ) as subscription,
+        ):
+            self.subscription, self.latched = subscription, latched
             try:
                 await asyncio.Event().wait()
             finally:
                 self.broken_before += self._broken_now()
-                self.subscription = None
+                self.replaced_before += self._replaced_now()
+                self.subscription = self.latched = None
 
     def _on_message(self, message: Message) -> None:
+        latching, merges = message.publisher.latching, self.stream.kind.merges
+        if not (self.publisher.wanted or latching or merges):
+            self.stream.leave_out_unwanted()
+            return
         translated = self.stream.take(message, time.time_ns())
-        if translated is not None:
-            self.publisher.put(codec.encode(translated))
+        if translated is None:
+            return
+        payload = codec.encode(translated)
+        latched = self.latched if latching and not merges else None
+        if latched is None or not latched.put(message.uri, payload):
+            self.publisher.put(payload)
 
 
 @asynccontextmanager
-async def offering(bus: Bus, stream: StreamForward) -> AsyncIterator[Forward]:
-    """Offer a stream on the bus for as long as the context lasts."""
+async def offering(bus: Bus, stream: StreamForward, *, linger_s: float = LINGER_S) -> AsyncIterator[Forward]:
+    """Offer a stream on the bus for as long as the context lasts.
+
+    linger_s: how long its topic stays subscribed when nobody wants it any more.
+    """
     demand = SharedDemand()
     key, kind = str(stream.key), stream.kind
     async with (
         bus.publisher(key, kind.qos, encoding=kind.encoding, on_demand=demand.of(key)) as publisher,
         bus.announce(stream.key.alive),
     ):
-        yield Forward(stream, demand, publisher)
+        yield Forward(bus, stream, demand, publisher, linger_s)

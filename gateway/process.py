@@ -17,7 +17,9 @@ from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.topics import result_root
 from gateway.ros1.node import Node
+from gateway.ros1.sim_clock import SimClock
 from gateway.settings import GatewaySettings
+from gateway.sim_time import follow_sim_time
 from gateway.stream import StreamForward
 from gateway.translators import kind_of
 from schemas import codec, keys
@@ -60,7 +62,10 @@ async def run(settings: GatewaySettings) -> int:
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
         tasks += [group.create_task(returned.run(node, bus)) for returned in returns]
-        tasks.append(group.create_task(_report(bus, node, settings, boot_id, forwards=forwards, returns=returns)))
+        clock = SimClock()
+        tasks.append(group.create_task(follow_sim_time(node, clock)))
+        report = _report(bus, node, settings, boot_id, clock, forwards=forwards, returns=returns)
+        tasks.append(group.create_task(report))
         await node.shutdown_requested.wait()
         for task in tasks:
             task.cancel()
@@ -69,7 +74,7 @@ async def run(settings: GatewaySettings) -> int:
 
 @asynccontextmanager
 async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
-    name = node_name(settings.robot, boot_id)
+    name = settings.names(node_name(settings.robot, boot_id)).node
     async with AsyncExitStack() as stack:
         try:
             node = await stack.enter_async_context(Node(name, master_uri=settings.ros_master, host=settings.ros_host))
@@ -80,19 +85,20 @@ async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
 
 def node_name(robot: str, boot_id: str) -> str:
     """Return a ROS node name that is the robot's and this process's alone: a master ends the older of two namesakes."""
-    return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
+    return f"fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
 
 
 def _returned(settings: GatewaySettings) -> list[StreamReturn[Any]]:
-    actions = actions_return(settings.robot, settings.actions)
+    resolve = settings.names().resolve
+    actions = actions_return(settings.robot, settings.actions, resolve)
     if not settings.results:
         return [actions]
     cameras = [
         returned
         for place, camera in enumerate(settings.cameras)
-        for returned in camera_returns(CameraKey(settings.robot, camera), result_root(camera, first=not place))
+        for returned in camera_returns(CameraKey(settings.robot, camera), result_root(camera, first=not place), resolve)
     ]
-    return [*cameras, alerts_return(settings.robot), actions]
+    return [*cameras, alerts_return(settings.robot, resolve), actions]
 
 
 async def _report(
@@ -100,6 +106,7 @@ async def _report(
     node: Node,
     settings: GatewaySettings,
     boot_id: str,
+    sim_clock: SimClock,
     *,
     forwards: Sequence[Forward],
     returns: Sequence[Return[Any]],
@@ -114,6 +121,8 @@ async def _report(
             clock_id=clock,
             sent_ns=time.time_ns(),
             waiting_for=missing,
+            ros_time_ns=sim_clock.ros_time_ns,
+            clock_jumps=sim_clock.jumps,
             streams=[forward.status() for forward in forwards],
             returns=[returned.status() for returned in returns],
         )

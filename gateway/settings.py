@@ -11,11 +11,12 @@ from pydantic import AfterValidator, Field, model_validator
 from bus.settings import BusSettings
 from gateway.outgoing.topics import is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
+from gateway.ros1.names import Names, validate_global
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key
 
 MAX_TOPIC: Final = 256
-TOPIC: Final = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
+TOPIC: Final = re.compile(r"/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
 
 def master_uri() -> str:
@@ -26,6 +27,27 @@ def master_uri() -> str:
 def host_name() -> str:
     """Return ROS_HOSTNAME or ROS_IP, or this machine's name: what other ROS nodes are told to connect to."""
     return os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP") or socket.gethostname()
+
+
+def ros_namespace() -> str:
+    """Return ROS_NAMESPACE, or the root."""
+    return os.environ.get("ROS_NAMESPACE") or "/"
+
+
+def _namespace(namespace: str) -> str:
+    chunks = namespace.strip("/")
+    return validate_global(f"/{chunks}") if chunks else "/"
+
+
+def _node_name(name: str) -> str:
+    if "/" in name:
+        raise ValueError("a node's name is one word; --namespace says where it is")
+    return validate_global(f"/{name}")[1:] if name else name
+
+
+def _remaps(remaps: dict[str, str]) -> dict[str, str]:
+    Names("/gateway", remaps)
+    return remaps
 
 
 def _cameras(cameras: dict[str, str]) -> dict[str, str]:
@@ -102,6 +124,19 @@ class GatewaySettings(BusSettings):
             "/ultralytics/..., another's to /ultralytics/NAME/..."
         ),
     ] = {"camera": "/camera/color/image_raw"}
+    namespace: Annotated[str, AfterValidator(_namespace)] = Field(
+        default_factory=ros_namespace,
+        validate_default=True,
+        description="ROS namespace of the node and of relative names, its results' too; ROS_NAMESPACE unless given",
+    )
+    node_name: Annotated[str, AfterValidator(_node_name)] = Field(
+        default="", description="the ROS node's name; one that no other process has unless given"
+    )
+    remap: Annotated[
+        dict[str, str],
+        AfterValidator(_remaps),
+        Field(description="names of topics to replace as from=to; from:=to, as for any ROS node, does it too"),
+    ] = {}
     results: bool = Field(
         default=True, description="publish the cameras' results and the alerts on the robot's own ROS graph"
     )
@@ -121,16 +156,22 @@ class GatewaySettings(BusSettings):
 
     @model_validator(mode="after")
     def _no_topic_twice(self) -> Self:
-        named = [*self.cameras.values(), *self.topics.values()]
+        resolve = self.names().resolve
+        named = [resolve(topic) for topic in (*self.cameras.values(), *self.topics.values())]
         if twice := sorted({topic for topic in named if named.count(topic) > 1}):
             raise ValueError(f"--cameras and --topics name {twice[0]} twice: a topic becomes one stream")
         if both := [camera for camera in self.cameras if f"{camera}/{Stream.COLOR}" in self.topics]:
             raise ValueError(f"--cameras and --topics both give {both[0]}/{Stream.COLOR}")
-        if both := sorted(set(named) & set(self.actions.values())):
+        if both := sorted(set(named) & {resolve(topic) for topic in self.actions.values()}):
             raise ValueError(f"{both[0]} is a sensor's topic, so no action can go there")
         return self
 
     def streams(self) -> dict[SensorKey, str]:
         """Return the topic of every stream."""
         named = {f"{camera}/{Stream.COLOR}": topic for camera, topic in self.cameras.items()} | self.topics
-        return {sensor_key(self.robot, name): topic for name, topic in named.items()}
+        resolve = self.names().resolve
+        return {sensor_key(self.robot, name): resolve(topic) for name, topic in named.items()}
+
+    def names(self, node: str = "gateway") -> Names:
+        """Return what the ROS names in here mean to a node of the name, which `node_name` overrules."""
+        return Names(f"{self.namespace.rstrip('/')}/{self.node_name or node}", self.remap)

@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 
 MALFORMED: Final = "malformed"
 MISMATCH: Final = "of a type that the stream cannot carry"
+UNWANTED: Final = "no longer wanted"
 
 
 class StreamForward:
@@ -63,6 +64,11 @@ class StreamForward:
         self._translated += 1
         return translated
 
+    def leave_out_unwanted(self) -> None:
+        """Count a message that came when nobody wanted the stream any more."""
+        self._received += 1
+        self._dropped[UNWANTED] += 1
+
     def _translate(self, message: Message, header: Header) -> codec.Message:
         kind = message.publisher.type
         translate = self._translates.get(kind) or self._translates.get(ANY_TYPE.topic_type)
@@ -87,7 +93,9 @@ class StreamForward:
             received_ns=now_ns,
         )
 
-    def status(self, *, wanted: bool, publishers: int, replaced: int, broken_links: Mapping[str, int]) -> StreamStatus:
+    def status(
+        self, *, wanted: bool, publishers: int, replaced: int, broken_links: Mapping[str, int], problem: str = ""
+    ) -> StreamStatus:
         """Account for every message; `replaced` is how many payloads a newer one replaced before the link."""
         dropped = self._dropped + Counter({REPLACED_BEFORE_LINK: replaced})
         return StreamStatus(
@@ -100,4 +108,5 @@ class StreamForward:
             forwarded=self._translated - replaced,
             dropped=dict(dropped),
             broken_links=dict(broken_links),
+            problem=problem,
         )

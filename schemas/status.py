@@ -22,7 +22,8 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     """One ROS topic on its way to one Zenoh key. Counts are frames since the gateway started.
 
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
-    connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason.
+    connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
+    what keeps publishers from being heard now, or empty.
     """
 
     camera: MaybeName
@@ -34,6 +35,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     forwarded: Count
     dropped: Drops = {}
     broken_links: Drops = {}
+    problem: Label = ""
 
 
 class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,6 +62,8 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     clock_id: names the machine's system clock; times of two messages compare only when theirs are equal.
     sent_ns: that clock when this was sent. waiting_for: what it cannot go on without, in words, or empty.
+    ros_time_ns: what the robot's /clock says, 0 before it says anything; None where ROS time is the system clock's.
+    clock_jumps: how often /clock went back: then what is kept by stamp is of another round.
     """
 
     robot: Name
@@ -67,6 +71,8 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     clock_id: Annotated[str, msgspec.Meta(max_length=64)]
     sent_ns: Nanoseconds
     waiting_for: Label = ""
+    ros_time_ns: Nanoseconds | None = None
+    clock_jumps: Count = 0
     streams: Annotated[list[StreamStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
     returns: Annotated[list[ReturnStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
 

@@ -1,6 +1,6 @@
 """What a gateway returns to ROS, and where it goes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from gateway.outgoing.clouds import object_clouds
@@ -41,22 +41,27 @@ CAMERA_RETURNS: Final[Mapping[Stream, tuple[str, Translator[Any]]]] = {
 """By stream: the topic below the camera's result namespace, and how."""
 
 
-def camera_returns(camera: CameraKey, root: str) -> list[StreamReturn[Any]]:
+Resolve = Callable[[str], str]
+"""Returns the global ROS name that a name means to the gateway's node."""
+
+
+def camera_returns(camera: CameraKey, root: str, resolve: Resolve) -> list[StreamReturn[Any]]:
     """Return every stream that a gateway returns for a camera; `root` is the camera's result namespace on ROS."""
     return [
-        StreamReturn(StreamKey(camera, stream), translator, NewerFrames(camera), {"": f"{root}/{topic}"})
+        StreamReturn(StreamKey(camera, stream), translator, NewerFrames(camera), {"": resolve(f"{root}/{topic}")})
         for stream, (topic, translator) in CAMERA_RETURNS.items()
     ]
 
 
-def alerts_return(robot: str) -> StreamReturn[Alert]:
+def alerts_return(robot: str, resolve: Resolve) -> StreamReturn[Alert]:
     """Return the stream of a robot's alerts; one comes again whenever it changes."""
     key = RobotStreamKey(robot, ALERTS)
     novelty = UnseenMessages[Alert](key, lambda said: (said.id, said.changed_ns))
-    return StreamReturn(key, ALERT, novelty, {"": ALERTS_TOPIC})
+    return StreamReturn(key, ALERT, novelty, {"": resolve(ALERTS_TOPIC)})
 
 
-def actions_return(robot: str, allowed: Mapping[str, str]) -> StreamReturn[Action]:
+def actions_return(robot: str, allowed: Mapping[str, str], resolve: Resolve) -> StreamReturn[Action]:
     """Return the stream of a robot's actions; `allowed` has the topic of each that it takes."""
     key = RobotStreamKey(robot, ACTIONS)
-    return StreamReturn(key, ACTION, UnseenMessages[Action](key, lambda asked: asked.id), allowed)
+    topics = {action: resolve(topic) for action, topic in allowed.items()}
+    return StreamReturn(key, ACTION, UnseenMessages[Action](key, lambda asked: asked.id), topics)

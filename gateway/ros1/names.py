@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import InvalidNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 _NAME = re.compile(r"(?:[~/]\w|[A-Za-z])\w*(?:/\w+)*", re.ASCII)
 _SLASHES = re.compile("/+")
@@ -65,3 +70,33 @@ def resolve(name: str, node: str) -> str:
     if name.startswith("~"):
         return f"{node}/{name[1:]}"
     return name if name.startswith("/") else namespace_of(node) + name
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """What names mean to a node whose names may be remapped; a remapping is of whole names, as in roscpp and rospy.
+
+    node: its global name. remaps: from name to name, each as it is written in that node.
+
+    Raises:
+        InvalidNameError: a name is not legal.
+
+    """
+
+    node: str
+    remaps: Mapping[str, str] = field(default_factory=dict)
+    _resolved: dict[str, str] = field(init=False, default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        for name, other in self.remaps.items():
+            self._resolved[resolve(name, self.node)] = resolve(other, self.node)
+
+    def resolve(self, name: str) -> str:
+        """Return the global name that `name` stands for after remapping.
+
+        Raises:
+            InvalidNameError: the name is not legal.
+
+        """
+        meant = resolve(name, self.node)
+        return self._resolved.get(meant, meant)

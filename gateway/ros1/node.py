@@ -19,7 +19,7 @@ from gateway.ros1.slave import SlaveApi
 from gateway.ros1.subscriber import Message, Subscription
 from gateway.ros1.tasks import TaskScope, cancel_and_wait, to_the_end
 from gateway.ros1.tcpros_server import TcprosServer
-from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES, Offer
+from gateway.ros1.wire.tcpros import ANY, DEFAULT_MAX_MESSAGE_BYTES, Offer
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 
@@ -122,11 +122,14 @@ class Node:
         on_message: Callable[[Message], None],
         *,
         max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+        accepted: Collection[str] = (),
+        on_gone: Callable[[str], None] | None = None,
     ) -> AsyncIterator[Subscription]:
-        """Receive a topic; type `*` takes the first publisher's type.
+        """Receive a topic as the master is told, of that type, or of the `accepted` ones, or of any for `*` alone.
 
         `on_message` is called on the event loop for every whole message and must not block. What it raises is
-        logged and counted. A node has one subscription of a topic at a time.
+        logged and counted; `on_gone` is told the slave URI of each publisher that has gone for good. A node has one
+        subscription of a topic at a time.
 
         Raises:
             InvalidNameError, UnknownTypeError: the topic or the type.
@@ -139,13 +142,15 @@ class Node:
         subscription = Subscription(
             callerid=self.name,
             topic=topic,
-            expected=message_type(type_name).topic_type,
+            expected=message_type(ANY if accepted else type_name).topic_type,
             on_message=on_message,
             client=self._client,
             scope=self._scope,
             rng=self._rng,
             timeout=self._timeout,
             max_message_bytes=max_message_bytes,
+            accepted=[message_type(name).topic_type for name in accepted],
+            on_gone=on_gone,
         )
         registration = Registration(Role.SUBSCRIBER, topic, type_name)
         self._subscriptions[topic] = subscription
@@ -232,11 +237,8 @@ class Node:
         return self._subscriptions[topic].update_count if topic in self._subscriptions else 0
 
     def links(self) -> Mapping[str, Collection[bool]]:
-        """Return by topic for each known publisher whether it is connected."""
-        return {
-            topic: [link.connected for link in subscription.counters.links.values()]
-            for topic, subscription in self._subscriptions.items()
-        }
+        """Return by topic for each listed publisher whether it is connected."""
+        return {topic: subscription.listed() for topic, subscription in self._subscriptions.items()}
 
     def shutdown(self, reason: str) -> None:
         """Give up all registrations and leave it to the owner of the node to end it."""

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 
 _log = logging.getLogger(__name__)
+RENEWED_EVERY = 10
+"""Looks at the master. A link to a publisher that was replaced may still be up, and then looks as it should."""
 
 
 class Registrar:
@@ -41,6 +43,7 @@ class Registrar:
         self._registrations = Registrations(node)
         self._caller_api = ""
         self._wake = asyncio.Event()
+        self._looks = 0
         self.master_answers: bool | None = None
         self._refused: set[Registration] = set()
 
@@ -86,7 +89,8 @@ class Registrar:
         try:
             if compare:
                 state = await self._master.get_system_state()
-                self._registrations.compare(state, self._lists.links())
+                self._looks += 1
+                self._registrations.compare(state, self._lists.links(), renew=self._looks % RENEWED_EVERY == 0)
             answered = await self._apply() or compare
         except Ros1Error as error:
             if self.master_answers is not False:

@@ -71,16 +71,17 @@ class Registrations:
         self.held.discard(registration)
         self._confirmed.discard(registration)
 
-    def compare(self, state: SystemState, links: Mapping[str, Collection[bool]]) -> None:
+    def compare(self, state: SystemState, links: Mapping[str, Collection[bool]], *, renew: bool = False) -> None:
         """Forget what the master does not confirm, and subscriptions that may have missed who publishes.
 
         `links` says by topic for each known publisher whether it is connected. One that is not may be gone, with a
-        namesake at another URI listed in its place: the answer to registering again holds the URIs.
+        namesake at another URI listed in its place: the answer to registering again holds the URIs. `renew` asks for it
+        anyway: a publisher may be connected on and yet have been replaced.
         """
         self._confirmed = {
             registration
             for registration in self._confirmed
-            if self._listed(registration, state) and not _stale(registration, state, links)
+            if self._listed(registration, state) and not _stale(registration, state, links, renew=renew)
         }
 
     def _listed(self, registration: Registration, state: SystemState) -> bool:
@@ -88,8 +89,10 @@ class Registrations:
         return self._node in by_topic.get(registration.topic, ())
 
 
-def _stale(registration: Registration, state: SystemState, links: Mapping[str, Collection[bool]]) -> bool:
+def _stale(
+    registration: Registration, state: SystemState, links: Mapping[str, Collection[bool]], *, renew: bool
+) -> bool:
     if registration.role is Role.PUBLISHER:
         return False
     connected = links.get(registration.topic, ())
-    return not all(connected) or len(connected) != len(state.publishers.get(registration.topic, ()))
+    return renew or not all(connected) or len(connected) != len(state.publishers.get(registration.topic, ()))

@@ -20,7 +20,6 @@ from gateway.ros1.errors import (
 )
 from gateway.ros1.link import run_link
 from gateway.ros1.wire.tcpros import (
-    ANY,
     DEFAULT_MAX_MESSAGE_BYTES,
     MessageReceived,
     PublisherAccepted,
@@ -30,7 +29,7 @@ from gateway.ros1.wire.tcpros import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Collection, Iterable
     from random import Random
 
     from gateway.ros1.tasks import TaskScope
@@ -65,17 +64,18 @@ class Message:
 
 @dataclass(slots=True)
 class LinkCounters:
-    """What one publisher's link saw."""
+    """What one publisher's link saw; `problem` says in words why it is not connected, once that was tried."""
 
     messages: int = 0
     bytes: int = 0
     connected: bool = False
+    problem: str = ""
     failures: Counter[LinkFailure] = field(default_factory=Counter)
 
 
 @dataclass(slots=True)
 class SubscriptionCounters:
-    """What a subscription saw; `links` holds the publishers that the master lists now, by slave URI."""
+    """What a subscription saw; `links` holds the publishers that are listed or connected now, by slave URI."""
 
     messages: int = 0
     bytes: int = 0
@@ -85,7 +85,13 @@ class SubscriptionCounters:
 
 
 class Subscription:
-    """Keeps a link to every listed publisher; `on_message` sees every whole message, on the event loop."""
+    """Keeps a link to every listed publisher; `on_message` sees every whole message, on the event loop.
+
+    A link ends with its connection, not with the listing: a master that was restarted has forgotten publishers that are
+    still there. `on_gone` is told the slave URI of a publisher that is neither listed nor connected any more.
+    accepted: the types that a subscription to any takes; every one, when there are none. Publishers are then asked for
+    any, since one that refuses us tells its own log, again and again, and us less than its header does.
+    """
 
     def __init__(
         self,
@@ -99,10 +105,15 @@ class Subscription:
         rng: Random,
         timeout: float,
         max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+        accepted: Collection[TopicType] = (),
+        on_gone: Callable[[str], None] | None = None,
     ) -> None:
         self.topic = topic
         self.counters = SubscriptionCounters()
         self.type = expected
+        self._expected = expected
+        self._accepted = accepted
+        self._on_gone = on_gone
         self._max_message_bytes = max_message_bytes
         self._callerid = callerid
         self._on_message = on_message
@@ -111,14 +122,27 @@ class Subscription:
         self._rng = rng
         self._timeout = timeout
         self.update_count = 0
+        self._listed: set[str] = set()
         self._links: dict[str, asyncio.Task[None]] = {}
 
+    @property
+    def problems(self) -> list[str]:
+        """Why publishers are not heard now, in words; those that are there and do not fit come first."""
+        failing = [(uri, link) for uri, link in self.counters.links.items() if link.problem]
+        failing.sort(key=lambda item: item[1].problem.startswith(LinkFailure.UNREACHABLE))
+        return [f"{uri}: {link.problem}" for uri, link in failing]
+
+    def listed(self) -> list[bool]:
+        """Return for each listed publisher whether it is connected."""
+        return [link.connected for uri, link in self.counters.links.items() if uri in self._listed]
+
     def publishers_updated(self, uris: Iterable[str]) -> None:
-        """Follow the master's whole list: drop the links that are not in it, start those that are new."""
+        """Follow the master's whole list: link to those that are new, drop those neither listed nor connected."""
         listed = dict.fromkeys(uris)
+        self._listed = set(listed)
         for uri in self._links.keys() - listed:
-            self._links.pop(uri).cancel()
-            del self.counters.links[uri]
+            if not self.counters.links[uri].connected:
+                self._forget(uri).cancel()
         for uri in [uri for uri in listed if uri not in self._links]:
             if len(self._links) >= MAX_PUBLISHERS:
                 _log.warning("%s: more than %d publishers, the rest is ignored", self.topic, MAX_PUBLISHERS)
@@ -128,9 +152,17 @@ class Subscription:
 
     def close(self) -> set[asyncio.Task[None]]:
         """Drop every link; return the tasks that are ending."""
-        tasks = set(self._links.values())
-        self.publishers_updated(())
+        self._on_gone = None
+        tasks = {self._forget(uri) for uri in list(self._links)}
+        for task in tasks:
+            task.cancel()
         return tasks
+
+    def _forget(self, uri: str) -> asyncio.Task[None]:
+        del self.counters.links[uri]
+        if self._on_gone is not None:
+            self._on_gone(uri)
+        return self._links.pop(uri)
 
     def bus_stats(self) -> list[Any]:
         """Return `[topic, [[id, bytes, messages, drop estimate, connected]...]]`."""
@@ -152,8 +184,12 @@ class Subscription:
             before = counters.messages
             failure, reason = await self._run_link(uri, counters)
             counters.connected = False
+            if uri not in self._listed:
+                self._forget(uri)
+                return
             if counters.messages > before:
                 backoff.reset()
+            counters.problem = f"{failure}: {reason}"
             counters.failures[failure] += 1
             self.counters.failures[failure] += 1
             level = logging.WARNING if counters.failures[failure] == 1 else logging.DEBUG
@@ -167,7 +203,7 @@ class Subscription:
             connection = SubscriberConnection(
                 callerid=self._callerid,
                 topic=self.topic,
-                expected=self.type,
+                expected=self._expected,
                 max_message_bytes=self._max_message_bytes,
             )
             sink = _Sink(self, uri, counters)
@@ -184,15 +220,17 @@ class Subscription:
             case _:
                 raise UnreachableError(f"{uri} offers {str(answer)[:80]!r} instead of TCPROS")
 
-    def settle(self, found: TopicType) -> None:
-        """Take a publisher's type; the first one settles what a subscription to any type expects.
+    def accept(self, found: TopicType) -> None:
+        """Take a publisher's type.
 
         Raises:
-            TypeMismatchError: another publisher settled another type.
+            TypeMismatchError: it is none of the accepted ones.
 
         """
-        if ANY not in (self.type.name, self.type.md5sum) and self.type != found:
-            raise TypeMismatchError(f"{self.topic} was {self.type.name}, this publisher has {found.name}")
+        if self._accepted and found not in self._accepted:
+            namesakes = [f"[{each.md5sum}]" for each in self._accepted if each.name == found.name]
+            expected = " or ".join(namesakes or [each.name for each in self._accepted])
+            raise TypeMismatchError(f"{self.topic} is {found.name} [{found.md5sum}], expected {expected}")
         self.type = found
 
     def deliver(self, message: Message) -> None:
@@ -219,9 +257,10 @@ class _Sink:
     def __call__(self, event: SubscriberEvent) -> None:
         match event:
             case PublisherAccepted():
-                self._subscription.settle(event.type)
+                self._subscription.accept(event.type)
                 self._publisher = event
                 self._counters.connected = True
+                self._counters.problem = ""
             case MessageReceived(data) if self._publisher is not None:
                 self._counters.messages += 1
                 self._counters.bytes += len(data)

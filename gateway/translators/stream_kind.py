@@ -26,13 +26,14 @@ Raises MessageError or SchemaError for bytes that are not such a message.
 class StreamKind:
     """One schema, and by ROS type (`*` for any) what begins translating a subscription's messages to it.
 
-    max_bytes: a longer ROS message is not looked at.
+    max_bytes: a longer ROS message is not looked at. merges: each message holds what all publishers said before.
     """
 
     schema: type[codec.Message]
     qos: QoS
     translators: Mapping[str, Callable[[], Translate]]
     max_bytes: int = 64 * MIB
+    merges: bool = False
 
     @property
     def encoding(self) -> str:

@@ -46,7 +46,7 @@ def overview() -> str:
 def _start(command: Command, arguments: Sequence[str]) -> int:
     prog = f"{PROG} {command.name}"
     try:
-        loaded = load(command.load_settings(), arguments, prog=prog)
+        loaded = load(command.load_settings(), command.options_of(arguments), prog=prog)
         logs.configure(loaded.log_level)
         return _run(command, loaded.settings)
     except ModuleNotFoundError as error:

@@ -1,6 +1,6 @@
 """The subcommands: what each one is for, its settings and what it runs, imported only when it is asked for."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Final
@@ -15,7 +15,8 @@ class Command:
     """A subcommand. Names are "module:name".
 
     run: a coroutine function that takes the settings. refusals: the errors it raises for settings that turn out to be
-    wrong once used. extra: what must be installed beyond the base.
+    wrong once used. extra: what must be installed beyond the base. arguments: a function that turns arguments of other
+    kinds into options.
     """
 
     name: str
@@ -24,10 +25,16 @@ class Command:
     run: str
     refusals: tuple[str, ...] = ("bus:BusError",)
     extra: str | None = None
+    arguments: str | None = None
 
     def load_settings(self) -> type[BaseModel]:
         """Import the settings model."""
         found: type[BaseModel] = _load(self.settings)
+        return found
+
+    def options_of(self, arguments: Sequence[str]) -> Sequence[str]:
+        """Return the options that the arguments are."""
+        found: Sequence[str] = arguments if self.arguments is None else _load(self.arguments)(arguments)
         return found
 
     def load_run(self) -> Run:
@@ -52,6 +59,7 @@ COMMANDS: Final = (
         "gateway.settings:GatewaySettings",
         "gateway.process:run",
         refusals=("bus:BusError", "gateway.process:HostError"),
+        arguments="gateway.arguments:options_of",
     ),
     Command(
         "detector",

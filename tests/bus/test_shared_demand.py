@@ -79,3 +79,51 @@ async def test_work_that_fails_ends_it_all() -> None:
     with pytest.raises(ExceptionGroup) as caught:
         await while_wanted(demand, work)
     assert isinstance(caught.value.exceptions[0], RuntimeError)
+
+
+class Counting:
+    """Work that counts how often it was begun and ended."""
+
+    def __init__(self) -> None:
+        self.begun = 0
+        self.ended = asyncio.Event()
+
+    async def __call__(self) -> None:
+        self.begun += 1
+        try:
+            await asyncio.Event().wait()
+        finally:
+            self.ended.set()
+
+
+async def test_work_that_lingers_lives_on_through_a_demand_that_blinks() -> None:
+    demand, work = SharedDemand(), Counting()
+    running = asyncio.create_task(while_wanted(demand, work, linger_s=1000))
+    tell = demand.of("only")
+    for wanted in (True, False, True, False, True, False):
+        tell(wanted)
+        await settle()
+        assert demand.wanted is wanted
+    assert work.begun == 1
+    assert not work.ended.is_set()
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    assert work.ended.is_set()
+
+
+async def test_work_that_lingers_ends_when_nobody_came_back_and_begins_at_once_when_somebody_does() -> None:
+    demand, work = SharedDemand(), Counting()
+    running = asyncio.create_task(while_wanted(demand, work, linger_s=0.01))
+    tell = demand.of("only")
+    for begun in (1, 2):
+        work.ended.clear()
+        tell(True)  # noqa: FBT003
+        await settle()
+        assert work.begun == begun
+        tell(False)  # noqa: FBT003
+        async with asyncio.timeout(10):
+            await work.ended.wait()
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running

@@ -204,7 +204,7 @@ async def test_results_of_one_publisher_keep_their_order(buses: tuple[Bus, Bus])
         assert [(await next_of(subscription)).payload[0] for _ in range(60)] == list(range(60))
 
 
-@pytest.mark.parametrize("qos", [QoS.RESULT, QoS.STATUS])
+@pytest.mark.parametrize("qos", [QoS.LATCHED, QoS.RESULT, QoS.STATUS])
 async def test_a_late_subscriber_gets_the_last_of_each_key_once(buses: tuple[Bus, Bus], qos: QoS) -> None:
     here, there = buses
     keys = [f"fleet/r{number}/front/classes" for number in range(5)]
@@ -222,6 +222,44 @@ async def test_a_late_subscriber_gets_the_last_of_each_key_once(buses: tuple[Bus
                 publisher.put(b"live")
             assert {(await next_of(subscription)).payload for _ in keys} == {b"live"}
             assert subscription.counts == SubscriptionCounts(received=10, dropped=0)
+
+
+@pytest.mark.parametrize("qos", [QoS.LATCHED, QoS.RESULT])
+async def test_each_of_several_publishers_of_one_key_keeps_its_last(buses: tuple[Bus, Bus], qos: QoS) -> None:
+    here, there = buses
+    maps = {bytes([name]) * ONE_FRAME for name in b"ab"}
+    async with AsyncExitStack() as stack:
+        plain = await stack.enter_async_context(there.publisher(KEY, QoS.IMAGE))
+        for last in maps:
+            publisher = await stack.enter_async_context(there.publisher(KEY, qos))
+            publisher.put(last)
+        await all_sent(there)
+        async with here.subscribe(KEY, QUEUE(9)) as first:
+            assert {(await next_of(first)).payload for _ in maps} == maps
+            await until(lambda: plain.wanted)
+            async with here.subscribe(KEY, QUEUE(9)) as second, there.subscribe("fleet/**", QUEUE(9)) as third:
+                for late in (second, third):
+                    assert {(await next_of(late)).payload for _ in maps} == maps
+            async with there.publisher(KEY, qos) as late_publisher:
+                late_publisher.put(b"c")
+                assert (await next_of(first)).payload == b"c"
+            plain.put(b"live")
+            assert (await next_of(first)).payload == b"live"
+            async with here.subscribe(KEY, QUEUE(9)) as last_one:
+                assert {(await next_of(last_one)).payload for _ in maps} == maps
+                plain.put(b"end")
+                assert (await next_of(last_one)).payload == b"end"
+            assert first.counts == SubscriptionCounts(received=5, dropped=0)
+
+
+async def test_what_is_put_at_once_reaches_those_who_want_no_history(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with there.publisher(KEY, QoS.IMAGE) as plain, here.subscribe(KEY, QUEUE(9), history=False) as subscription:
+        await until(lambda: plain.wanted)
+        for number in range(5):
+            async with there.publisher(KEY, QoS.LATCHED) as out:
+                out.put(bytes([number]))
+            assert (await next_of(subscription)).payload == bytes([number])
 
 
 async def test_there_is_no_history_of_images_nor_for_who_wants_none(buses: tuple[Bus, Bus]) -> None:

@@ -17,6 +17,7 @@ from schemas import codec
 from schemas.codec import Message
 from schemas.keys import CameraKey
 from tests.gateway.outgoing.lists import class_list
+from tests.gateway.outgoing.namespaces import IN_ROOT
 from tests.gateway.outgoing.overlays import overlay
 from tests.gateway.outgoing.taking import status, take
 from tests.schemas import frames
@@ -37,10 +38,10 @@ counts = st.lists(st.tuples(st.text(max_size=300), st.integers(-1, 3) | st.integ
 
 
 def stream_of(name: str) -> StreamReturn[Any]:
-    made = [*camera_returns(CameraKey("r1", "front"), "/ultralytics"), alerts_return("r1")]
+    made = [*camera_returns(CameraKey("r1", "front"), "/ultralytics", IN_ROOT), alerts_return("r1", IN_ROOT)]
     return next(
         stream
-        for stream in [*made, actions_return("r1", {"pick_up": "/planner/pick_up"})]
+        for stream in [*made, actions_return("r1", {"pick_up": "/planner/pick_up"}, IN_ROOT)]
         if str(stream.key).endswith(f"/{name}")
     )
 

@@ -2,10 +2,12 @@
 
 import asyncio
 
+import pytest
+
 from bus import QUEUE
 from bus.fake import FakeNetwork
 from gateway.forward import offering
-from gateway.ros1.image import TYPE_NAME
+from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.stream import StreamForward
@@ -18,7 +20,8 @@ FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"
 
 
-async def test_a_wanted_stream() -> None:
+@pytest.mark.parametrize("latch", [False, True])
+async def test_a_wanted_stream(*, latch: bool) -> None:
     network = FakeNetwork()
     async with (
         RosMaster() as master,
@@ -36,13 +39,14 @@ async def test_a_wanted_stream() -> None:
             stream = StreamForward(key, TOPIC, kind_of(key), "boot")
             async with (
                 Node("/gateway", master_uri=master.uri) as node,
-                node.advertise(TOPIC, TYPE_NAME),
+                node.advertise(TOPIC, TYPE_NAME, latch=latch) as publication,
                 offering(ours, stream) as forward,
                 asyncio.TaskGroup() as group,
             ):
                 running = group.create_task(forward.run(node))
-                while not forward.status().publishers:  # noqa: ASYNC110 - each turn of the loop is a suspension
-                    await asyncio.sleep(0)
+                publication.publish(encode_image(Image(0, 0, 0, "", 1, 1, "mono8", False, 1, memoryview(b"x"))))  # noqa: FBT003
+                while not (forward.status().publishers and forward.status().forwarded >= latch):  # noqa: ASYNC110
+                    await asyncio.sleep(0)  # each turn of the loop is a suspension
                 running.cancel()
 
         async def nothing_is_left(n: int) -> None:
@@ -50,6 +54,8 @@ async def test_a_wanted_stream() -> None:
             assert (state.publishers, state.subscribers) == ({}, {}), n
             await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
             await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
+            async with theirs.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as late:
+                assert late.counts.received == 0, n
 
         assert await cancel_everywhere(life, nothing_is_left) > 20
         async with ours.announce(FRONT.alive(Stream.COLOR)):

@@ -5,6 +5,7 @@ import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack
 
+import numpy as np
 import pytest
 
 from bus import QUEUE, Bus, Subscription
@@ -13,18 +14,20 @@ from gateway.forward import Forward, offering
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
-from gateway.stream import MALFORMED, StreamForward
+from gateway.stream import MALFORMED, UNWANTED, StreamForward
 from gateway.translators import kind_of
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.transforms import Transforms
-from tests.gateway.sensing import tf, transform
+from tests.gateway.sensing import compressed, tf, transform
+from tests.schemas.pictures import file_of
 
 FRONT = CameraKey("r1", "front")
 COLOR = StreamKey(FRONT, Stream.COLOR)
 TOPIC = "/front/color/image_raw"
 STATIC = RobotStreamKey("r1", "tf_static")
+LINGER_S = 0.05
 TOPICS: dict[SensorKey, str] = {COLOR: TOPIC, STATIC: "/tf_static"}
 
 
@@ -78,7 +81,9 @@ async def rig() -> AsyncIterator[Rig]:
         node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
         lidar = await stack.enter_async_context(Node("/lidar", master_uri=master.uri))
         streams = [StreamForward(key, topic, kind_of(key), "boot") for key, topic in TOPICS.items()]
-        color, static = [await stack.enter_async_context(offering(ours, stream)) for stream in streams]
+        color, static = [
+            await stack.enter_async_context(offering(ours, stream, linger_s=LINGER_S)) for stream in streams
+        ]
         running = [asyncio.create_task(forward.run(node)) for forward in (color, static)]
         yield Rig(theirs, camera, lidar, color, static)
         for task in running:
@@ -177,3 +182,85 @@ async def test_static_transforms_of_two_latched_publishers_are_whole_for_whoever
         await until(lambda: lens.subscriber_count == beam.subscriber_count == 0)
     status = rig.static.status()
     assert (status.camera, status.stream, status.received, status.forwarded) == ("", "tf_static", 2, 2)
+
+
+async def test_latched_pictures_of_two_publishers_reach_every_late_subscriber(rig: Rig) -> None:
+    async with (
+        rig.camera.advertise(TOPIC, TYPE_NAME, latch=True) as floor,
+        rig.lidar.advertise(TOPIC, TYPE_NAME, latch=True) as ceiling,
+    ):
+        floor.publish(message(1))
+        ceiling.publish(message(2))
+        async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as first:
+            assert {(await receive(first)).header.stamp_ns for _ in range(2)} == {1_000_000_001, 1_000_000_002}
+            async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as late:
+                assert {(await receive(late)).header.stamp_ns for _ in range(2)} == {1_000_000_001, 1_000_000_002}
+            floor.publish(message(3))
+            assert (await receive(first)).header.stamp_ns == 1_000_000_003
+            async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as later:
+                assert {(await receive(later)).header.stamp_ns for _ in range(2)} == {1_000_000_002, 1_000_000_003}
+    status = rig.forward.status()
+    assert (status.received, status.forwarded, status.dropped) == (3, 3, {})
+
+
+async def test_what_a_publisher_latched_is_kept_no_longer_when_it_has_gone(rig: Rig) -> None:
+    async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as first:
+        async with rig.camera.advertise(TOPIC, TYPE_NAME, latch=True) as floor:
+            floor.publish(message(1))
+            await receive(first)
+        await until(lambda: rig.forward.subscription and not rig.forward.subscription.counters.links)
+        await asyncio.sleep(0.05)
+        async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as late:
+            assert late.counts.received == 0
+
+
+async def test_a_demand_that_blinks_does_not_end_the_subscription_and_meanwhile_nothing_is_sent(rig: Rig) -> None:
+    rig.forward.linger_s = 1000
+    async with rig.camera.advertise(TOPIC, TYPE_NAME) as publication:
+        async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as frames:
+            await until(lambda: publication.subscriber_count == 1)
+            publication.publish(message(0))
+            await receive(frames)
+            begun = rig.forward.subscription
+        for seq in (1, 2):
+            await until(lambda: not rig.forward.publisher.wanted)
+            publication.publish(message(seq))
+            await until(lambda seq=seq: rig.forward.status().dropped == {UNWANTED: seq})  # type: ignore[misc]
+            async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as frames:
+                await until(lambda: rig.forward.publisher.wanted)
+                publication.publish(message(9))
+                assert (await receive(frames)).header.seq == seq
+            assert rig.forward.subscription is begun
+        assert publication.subscriber_count == 1
+    assert rig.forward.publisher.counts.put == 3
+
+
+async def test_a_topic_that_changes_its_type_goes_on(rig: Rig) -> None:
+    jpeg = file_of(np.zeros((4, 6, 3), np.uint8), ".jpg")
+    async with rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as frames:
+        async with rig.camera.advertise(TOPIC, TYPE_NAME) as publication:
+            await until(lambda: publication.subscriber_count == 1)
+            publication.publish(message(0))
+            assert (await receive(frames)).format == "raw"
+        picture = compressed("jpeg", jpeg)
+        async with rig.lidar.advertise(TOPIC, picture.publisher.type.name) as publication:
+            await until(lambda: publication.subscriber_count == 1)
+            publication.publish(bytes(picture.data))
+            assert (await receive(frames)).format == "jpeg"
+
+
+async def test_a_publisher_that_the_stream_cannot_carry_costs_only_its_own_link_and_is_told_of(rig: Rig) -> None:
+    async with (
+        rig.lidar.advertise(TOPIC, "std_msgs/String"),
+        rig.bus.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as frames,
+    ):
+        await until(lambda: rig.forward.status().broken_links)
+        problem = rig.forward.status().problem
+        assert problem.startswith(f"{rig.lidar.uri}: type mismatch: {TOPIC} is std_msgs/String [")
+        assert problem.endswith("expected sensor_msgs/Image or sensor_msgs/CompressedImage")
+        async with rig.camera.advertise(TOPIC, TYPE_NAME) as publication:
+            await until(lambda: publication.subscriber_count == 1)
+            publication.publish(message(0))
+            assert (await receive(frames)).header.stamp_ns == 1_000_000_000
+    await until(lambda: not rig.forward.subscription)
+    assert rig.forward.status().problem == ""

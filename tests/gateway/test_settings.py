@@ -35,7 +35,13 @@ def test_ros_own_variables_are_the_defaults(
         ("cameras", {}, "name at least one camera"),
         ("cameras", {"status": "/image"}, "camera name 'status' is reserved"),
         ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
-        ("cameras", {"front": "image"}, "camera front: 'image' is not a ROS topic"),
+        ("cameras", {"front": "7/image"}, "camera front: '7/image' is not a ROS topic"),
+        ("cameras", {"front": "~image"}, "camera front: '~image' is not a ROS topic"),
+        ("namespace", "a b", "not a ROS name: '/a b'"),
+        ("node_name", "/a/b", "a node's name is one word"),
+        ("node_name", "a b", "not a ROS name: '/a b'"),
+        ("remap", {"/a": "b c"}, "not a ROS name: 'b c'"),
+        ("remap", {"": "/b"}, "not a ROS name: ''"),
         ("cameras", {"front": "/image//raw"}, "is not a ROS topic"),
         ("cameras", {"front": "/" + "a" * 256}, "is not a ROS topic"),
         ("ros_master", "http://robot:99999", "looks like http://robot:11311"),
@@ -43,7 +49,7 @@ def test_ros_own_variables_are_the_defaults(
         ("cameras", {"front": "/ultralytics/detection/image"}, "camera front: /ultralytics/detection/image is where"),
         ("cameras", {"front": "/ultralytics"}, "gateways publish results"),
         ("cameras", {"a": "/a", "b.c": "/b", "b-c": "/c"}, "b.c and b-c would both return results under"),
-        ("topics", {"front/depth": "depth"}, "stream front/depth: 'depth' is not a ROS topic"),
+        ("topics", {"front/depth": "-depth"}, "stream front/depth: '-depth' is not a ROS topic"),
         ("topics", {"front": "/depth"}, "not a stream that sensors send: 'front'; one looks like front/depth or tf"),
         ("topics", {"front/smell": "/depth"}, "not a stream that sensors send: 'front/smell'"),
         ("topics", {"front/classes": "/classes"}, "not a stream that sensors send: 'front/classes'"),
@@ -102,3 +108,21 @@ def test_no_action_is_allowed_unless_it_is_named() -> None:
 def test_an_action_does_not_go_where_a_sensor_sends() -> None:
     with pytest.raises(ValidationError, match="/mode is a sensor's topic, so no action can go there"):
         settings(topics={"text/mode": "/mode"}, actions={"set_mode": "/mode"})
+
+
+@pytest.mark.parametrize("namespace", ["r1", "/r1", "/r1/"])
+def test_relative_names_are_in_the_namespace(namespace: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_NAMESPACE", namespace)
+    given = settings(cameras={"front": "color", "rear": "/rear"})
+    assert sorted(given.streams().values()) == ["/r1/color", "/rear"]
+    assert given.names("gateway_x").node == "/r1/gateway_x"
+    assert settings(namespace="/").names("gateway_x").node == "/gateway_x"
+    assert settings(node_name="gw").names("gateway_x").node == "/r1/gw"
+
+
+def test_topics_are_remapped_and_have_one_stream_each_afterwards() -> None:
+    remap = {"/camera/color/image_raw": "front/image", "tf": "/shared/tf"}
+    given = settings(namespace="r1", remap=remap, topics={"tf": "tf", "tf_static": "/tf_static"})
+    assert set(given.streams().values()) == {"/r1/front/image", "/shared/tf", "/tf_static"}
+    with pytest.raises(ValidationError, match="--cameras and --topics name /tf_static twice"):
+        settings(remap={"/camera/color/image_raw": "/tf_static"}, topics={"tf_static": "/tf_static"})

@@ -25,12 +25,12 @@ class FleetRig:
 
     def __init__(self, bus: Bus, endpoint: str, stack: AsyncExitStack) -> None:
         self.bus = bus
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self._stack = stack
 
     async def start(self, command: str, *options: str) -> Child:
         """Start `fleetsight COMMAND OPTIONS` until the rig is taken down."""
-        arguments = [command, "--connect", self._endpoint, *options]
+        arguments = [command, "--connect", self.endpoint, *options]
         return await self._stack.enter_async_context(child(command, arguments, log.info))
 
     async def gateway(self, robot: str, master: str, cameras: Mapping[str, str], *options: str) -> Child:
@@ -70,6 +70,16 @@ class FleetRig:
                 for account in accounts(status):
                     if until(account):
                         return account
+        raise AssertionError("the bus was closed")
+
+    async def gateway_status(
+        self, robot: str, until: Callable[[GatewayStatus], bool] = lambda _: True
+    ) -> GatewayStatus:
+        """Wait until the gateway's account of itself is such; return it."""
+        async with self._statuses(robot) as statuses:
+            async for status in statuses:
+                if until(status):
+                    return status
         raise AssertionError("the bus was closed")
 
     @asynccontextmanager

@@ -31,7 +31,10 @@ START_TIMEOUT_S = 20.0
 
 
 def require_ros(*packages: str) -> None:
-    """Skip the test where Debian's ROS and further packages are not installed; fail it in CI, where they have to be."""
+    """Skip the test where Debian's ROS is not installed; fail it in CI, where it has to be.
+
+    packages: further ones, by the name of their Python module or by the path of a program.
+    """
     modules = [str(_PACKAGES / package) for package in (*_PYTHON_PACKAGES, *packages)]
     missing = [path for path in (*_PROGRAMS, *modules) if not Path(path).exists()]
     if missing and os.environ.get("CI"):

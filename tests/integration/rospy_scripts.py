@@ -75,3 +75,51 @@ rospy.Subscriber(sys.argv[1], Image, show)
 print("listener up", flush=True)
 rospy.spin()
 """
+
+STATIC_FRAME = """
+import sys, rospy
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
+rospy.init_node(sys.argv[1])
+publisher = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+only = TransformStamped(child_frame_id=sys.argv[1])
+only.header.frame_id, only.transform.rotation.w = "base_link", 1.0
+publisher.publish(TFMessage([only]))
+print("latched", flush=True)
+rospy.spin()
+"""
+
+PICTURE = """
+import sys, rospy
+from sensor_msgs.msg import Image
+name, topic, grey = sys.argv[1], sys.argv[2], int(sys.argv[3])
+rospy.init_node(name)
+publisher = rospy.Publisher(topic, Image, queue_size=1, latch=True)
+publisher.publish(Image(height=1000, width=1000, encoding="mono8", step=1000, data=bytes([grey]) * 1000000))
+print("latched", flush=True)
+rospy.spin()
+"""
+
+GREY_CAMERA = """
+import sys, rospy
+from sensor_msgs.msg import CompressedImage, Image
+name, topic, grey, *kind = sys.argv[1:]
+rospy.init_node(name)
+data = bytes([int(grey)]) * 48
+if kind:
+    import base64
+    data = base64.b64decode(kind[0])
+    message = CompressedImage(format="jpeg", data=data)
+else:
+    message = Image(height=6, width=8, encoding="mono8", step=8, data=data)
+publisher = rospy.Publisher(topic, type(message), queue_size=2)
+print("camera up", flush=True)
+ticks = rospy.Rate(20)
+while not rospy.is_shutdown():
+    message.header.stamp = rospy.Time.now()
+    publisher.publish(message)
+    try:
+        ticks.sleep()
+    except rospy.ROSInterruptException:
+        break
+"""

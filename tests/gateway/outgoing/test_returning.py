@@ -27,6 +27,7 @@ from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from tests.gateway.outgoing.lists import class_list
+from tests.gateway.outgoing.namespaces import IN_ROOT
 from tests.gateway.outgoing.overlays import overlay
 from tests.gateway.ros1.cancelling import cancel_everywhere, open_sockets
 from tests.gateway.ros1.waiting import until
@@ -39,7 +40,7 @@ PICK_UP, STOP = "/planner/pick_up", "/planner/stop"
 
 
 def returned_of(stream: Stream) -> StreamReturn[Any]:
-    return next(made for made in camera_returns(FRONT, "/ultralytics") if made.key.stream == stream)
+    return next(made for made in camera_returns(FRONT, "/ultralytics", IN_ROOT) if made.key.stream == stream)
 
 
 @dataclass
@@ -209,7 +210,7 @@ async def test_overlays_are_decoded_and_a_damaged_one_costs_itself_only(rig: Rig
 
 
 async def test_alerts_are_wanted_while_heard_and_latched_for_who_comes_late(rig: Rig) -> None:
-    stream = alerts_return("r1")
+    stream = alerts_return("r1", IN_ROOT)
     async with rig.returning(stream) as returned, rig.publishing(str(stream.key), type(alert())) as monitor:
         monitor.put(codec.encode(alert(text="before anybody listened")))
         assert not monitor.wanted
@@ -228,7 +229,7 @@ async def test_alerts_are_wanted_while_heard_and_latched_for_who_comes_late(rig:
 
 
 async def test_actions_go_to_their_own_topics_and_others_are_refused(rig: Rig) -> None:
-    stream = actions_return("r1", {"pick_up": PICK_UP, "stop": STOP})
+    stream = actions_return("r1", {"pick_up": PICK_UP, "stop": STOP}, IN_ROOT)
     async with rig.returning(stream) as returned, rig.publishing(str(stream.key), type(action())) as monitor:
         await until(lambda: monitor.wanted, "the gateway listens without being asked")
         for sent, dropped in (
@@ -249,7 +250,7 @@ async def test_actions_go_to_their_own_topics_and_others_are_refused(rig: Rig) -
 
 
 async def test_an_action_of_before_is_not_done_now(rig: Rig) -> None:
-    stream = actions_return("r1", {"pick_up": PICK_UP})
+    stream = actions_return("r1", {"pick_up": PICK_UP}, IN_ROOT)
     async with rig.publishing(str(stream.key), type(action())) as monitor:
         monitor.put(codec.encode(action(payload="long ago")))
         async with rig.returning(stream) as returned, rig.listening(PICK_UP):

@@ -12,6 +12,7 @@ from schemas.detections import ClassList
 from schemas.keys import CameraKey
 from schemas.status import ReturnStatus
 from tests.gateway.outgoing.lists import class_list
+from tests.gateway.outgoing.namespaces import IN_ROOT
 from tests.gateway.outgoing.overlays import overlay
 from tests.gateway.outgoing.taking import status, take
 from tests.schemas.results import action, alert, cloud, clouds, distances, known
@@ -28,7 +29,7 @@ RESULTS: dict[str, Callable[..., codec.Message]] = {
 
 
 def streams() -> dict[str, StreamReturn[Any]]:
-    made = camera_returns(CameraKey("r1", "front"), "/ultralytics")
+    made = camera_returns(CameraKey("r1", "front"), "/ultralytics", IN_ROOT)
     return {stream.key.stream: stream for stream in made}
 
 
@@ -50,7 +51,7 @@ def test_every_result_has_its_key_and_the_guides_topic() -> None:
         "fleet/r1/front/overlay/segmentation": "/ultralytics/segmentation/image",
         "fleet/r1/front/objects": "/ultralytics/segmentation/points",
     }
-    alerts = alerts_return("r1")
+    alerts = alerts_return("r1", IN_ROOT)
     assert (str(alerts.key), alerts.topics[""]) == ("fleet/r1/alerts", "/ultralytics/alerts")
 
 
@@ -117,7 +118,7 @@ def test_every_result_is_accounted_for(stream: StreamReturn[ClassList]) -> None:
 
 
 def test_an_alert_is_returned_again_when_it_has_changed() -> None:
-    stream = alerts_return("r1")
+    stream = alerts_return("r1", IN_ROOT)
     sent = [alert(changed_ns=1), alert(changed_ns=1), alert(changed_ns=2), alert(id_="b"), alert(robot="r2")]
     assert [text(stream, each) is not None for each in sent] == [True, False, True, True, False]
     assert (status(stream).camera, status(stream).stream) == ("", "alerts")
@@ -125,7 +126,7 @@ def test_an_alert_is_returned_again_when_it_has_changed() -> None:
 
 
 def test_an_allowed_action_goes_to_its_topic_once(caplog: pytest.LogCaptureFixture) -> None:
-    stream = actions_return("r1", {"pick_up": "/planner/pick_up", "stop": "/planner/stop"})
+    stream = actions_return("r1", {"pick_up": "/planner/pick_up", "stop": "/planner/stop"}, IN_ROOT)
     sent = [action(id_="1"), action(id_="1"), action(id_="2", name="stop"), action(id_="3", robot="r2")]
     with caplog.at_level(logging.WARNING):
         assert [text(stream, each) for each in sent] == ["box", None, "box", None]
@@ -138,13 +139,13 @@ def test_an_allowed_action_goes_to_its_topic_once(caplog: pytest.LogCaptureFixtu
 
 
 def test_without_settings_every_action_is_refused() -> None:
-    stream = actions_return("r1", {})
+    stream = actions_return("r1", {}, IN_ROOT)
     assert text(stream, action()) is None
     assert (status(stream).topic, status(stream).published, status(stream).dropped) == ("", 0, {REFUSED: 1})
 
 
 def test_an_action_that_nobody_heard_may_be_sent_again(caplog: pytest.LogCaptureFixture) -> None:
-    stream = actions_return("r1", {"pick_up": "/planner/pick_up"})
+    stream = actions_return("r1", {"pick_up": "/planner/pick_up"}, IN_ROOT)
     payload = codec.encode(action())
     result = stream.receive(payload, codec.encoding(type(action())), 0)
     assert result is not None
@@ -156,5 +157,5 @@ def test_an_action_that_nobody_heard_may_be_sent_again(caplog: pytest.LogCapture
 
 
 def test_a_status_names_as_many_topics_as_it_can_carry() -> None:
-    stream = actions_return("r1", {f"a{n}": f"/planner/{n:0100}" for n in range(9)})
+    stream = actions_return("r1", {f"a{n}": f"/planner/{n:0100}" for n in range(9)}, IN_ROOT)
     assert len(status(stream).topic) == 256

@@ -3,7 +3,15 @@ from __future__ import annotations
 import pytest
 
 from gateway.ros1.errors import InvalidNameError
-from gateway.ros1.names import MAX_NAME_CHARACTERS, namespace_of, resolve, validate, validate_global, validate_type
+from gateway.ros1.names import (
+    MAX_NAME_CHARACTERS,
+    Names,
+    namespace_of,
+    resolve,
+    validate,
+    validate_global,
+    validate_type,
+)
 
 
 @pytest.mark.parametrize("name", ["/a", "a", "~a", "/a/b_1", "/1/2d", "A/b", "/_hidden", "~1"])
@@ -62,3 +70,28 @@ def test_unresolvable(name: str, node: str) -> None:
 def test_namespace() -> None:
     assert namespace_of("/a") == "/"
     assert namespace_of("/a/b/c") == "/a/b/"
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("/scan", "/base_scan"),
+        ("image", "/r1/front/image"),
+        ("/r1/image", "/r1/front/image"),
+        ("/image", "/image"),
+        ("/scan/more", "/scan/more"),
+        ("/a", "/b"),
+        ("/b", "/a"),
+        ("~debug", "/r1/elsewhere"),
+        ("other", "/r1/other"),
+    ],
+)
+def test_names_are_remapped_once_and_whole(name: str, meant: str) -> None:
+    remaps = {"/scan": "/base_scan", "image": "front//image/", "/a": "/b", "/b": "/a", "~debug": "elsewhere"}
+    assert Names("/r1/gateway", remaps).resolve(name) == meant
+
+
+@pytest.mark.parametrize("remaps", [{"a b": "/c"}, {"/c": ""}])
+def test_remapping_of_what_is_no_name(remaps: dict[str, str]) -> None:
+    with pytest.raises(InvalidNameError):
+        Names("/gateway", remaps)

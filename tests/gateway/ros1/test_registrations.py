@@ -109,6 +109,13 @@ def test_update_about_publishers_that_may_be_lost_registers_the_subscription_aga
     assert book.plan() == Changes((), (COLOR,))
 
 
+def test_now_and_then_a_subscription_is_registered_again_though_all_looks_well() -> None:
+    book = registered(CHAT, COLOR)
+    told = state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)})
+    book.compare(told, {"/color": [True]}, renew=True)
+    assert book.plan() == Changes((), (COLOR,))
+
+
 def test_only_the_own_role_counts() -> None:
     book = registered(CHAT)
     book.compare(state({"/chat": ("/other",)}, {"/chat": ("/ours",)}), {})

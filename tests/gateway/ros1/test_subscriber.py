@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AsyncExitStack
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -81,21 +82,94 @@ async def test_publisher_that_never_sends_its_header_is_given_up(master: RosMast
         await until(lambda: subscription.counters.failures[LinkFailure.UNREACHABLE], "it is given up")
 
 
-async def test_publisher_of_another_type_than_the_first_is_refused(master: RosMaster) -> None:
+def stream_of(name: str, *messages: bytes) -> bytes:
+    """What a publisher of any other type sends."""
+    header = encode_header({"type": name, "md5sum": name[-1] * 32, "callerid": "/other"})
+    return header + b"".join(message_prefix(len(message)) + message for message in messages)
+
+
+async def test_a_subscription_to_any_type_hears_publishers_of_different_types(master: RosMaster) -> None:
     got: list[Message] = []
-    other = encode_header({"type": "a/B", "md5sum": "0" * 32, "callerid": "/other"})
     async with (
-        fake_publisher(stream(b"first"), hang=True) as good,
-        fake_publisher(other, hang=True) as bad,
+        fake_publisher(stream(b"text"), hang=True) as text,
+        fake_publisher(stream_of("a/B", b"other"), hang=True) as other,
         node("/a", master) as a,
         a.subscribe("/chat", "*", got.append) as subscription,
     ):
-        await register(master, good)
+        await register(master, text)
         await until(lambda: got, "the first publisher is heard")
         assert subscription.type == message_type(STRING).topic_type
+        await register(master, other)
+        await until(lambda: len(got) == 2, "the second publisher is heard")
+    assert [message.publisher.type.name for message in got] == [STRING, "a/B"]
+
+
+async def test_a_publisher_of_a_type_that_is_not_accepted_costs_its_own_link_whoever_came_first(
+    master: RosMaster, caplog: pytest.LogCaptureFixture
+) -> None:
+    got: list[Message] = []
+    async with (
+        fake_publisher(stream_of("a/B", b"wrong"), hang=True) as bad,
+        fake_publisher(stream(b"right"), hang=True) as good,
+        node("/a", master) as a,
+        a.subscribe("/chat", "*", got.append, accepted=[STRING]) as subscription,
+    ):
         await register(master, bad)
-        await until(lambda: subscription.counters.failures[LinkFailure.MISMATCH], "the second is refused")
-        assert subscription.counters.links[good].connected
+        await until(lambda: subscription.counters.failures[LinkFailure.MISMATCH] >= 2, "it is refused again")
+        assert subscription.problems == [f"{bad}: type mismatch: /chat is a/B [{'B' * 32}], expected std_msgs/String"]
+        await register(master, good)
+        await until(lambda: got, "the other is heard")
+        assert subscription.counters.links[good].problem == ""
+    assert bytes(got[0].data) == b"right"
+    assert len([line for line in caplog.messages if "type mismatch" in line]) == 1
+
+
+async def test_another_version_of_a_type_is_told_by_its_md5sum(master: RosMaster) -> None:
+    async with (
+        fake_publisher(stream_of(STRING), hang=True) as bad,
+        node("/a", master) as a,
+        a.subscribe("/chat", STRING, print, accepted=[STRING]) as subscription,
+    ):
+        await register(master, bad)
+        await until(lambda: subscription.problems, "it is refused")
+        ours = message_type(STRING).md5sum
+        assert subscription.problems[0].endswith(f"/chat is {STRING} [{'g' * 32}], expected [{ours}]")
+
+
+async def test_what_does_not_fit_is_a_nearer_problem_than_what_is_not_there(master: RosMaster) -> None:
+    async with (
+        fake_publisher(stream_of("a/B")) as bad,
+        node("/a", master) as a,
+        a.subscribe("/chat", STRING, print) as subscription,
+    ):
+        await register(master, DEAD_URI)
+        await register(master, bad)
+        await until(lambda: len(subscription.problems) == 2, "both have failed")
+        assert [problem.startswith(uri) for problem, uri in zip(subscription.problems, (bad, DEAD_URI), strict=True)]
+
+
+async def test_a_connected_publisher_that_a_new_master_does_not_know_is_heard_until_it_goes() -> None:
+    got: list[Message] = []
+    gone: list[str] = []
+    async with AsyncExitStack() as stack:
+        async with RosMaster() as first:
+            port = int(first.uri.rstrip("/").rpartition(":")[2])
+            a = await stack.enter_async_context(Node("/a", master_uri=first.uri, poll_interval=0.05))
+            subscription = await stack.enter_async_context(
+                a.subscribe("/chat", STRING, got.append, on_gone=gone.append)
+            )
+            stubborn = await stack.enter_async_context(Node("/b", master_uri=first.uri, poll_interval=1000))
+            await stack.enter_async_context(stubborn.subscribe("/other", STRING, print))
+            leaving = AsyncExitStack()
+            publication = await leaving.enter_async_context(stubborn.advertise("/chat", STRING))
+            await until(lambda: publication.subscriber_count, "they are connected")
+        await stack.enter_async_context(RosMaster(port=port))
+        await until(lambda: subscription.listed() == [], "the new master has answered that it knows no publisher")
+        publication.publish(b"still here")
+        await until(lambda: got, "it is still heard")
+        await leaving.aclose()
+        await until(lambda: gone == [stubborn.uri], "it has gone for good")
+        assert subscription.counters.links == {}
 
 
 async def test_namesake_at_another_uri_is_found_though_no_update_tells_of_it() -> None:
@@ -117,6 +191,30 @@ async def test_namesake_at_another_uri_is_found_though_no_update_tells_of_it() -
         await until(lambda: subscription.counters.failures, "the old URI has failed")
         uris[:] = [uri]
         await until(lambda: got, "the publisher is heard at its new URI")
+
+
+async def test_namesake_is_found_though_the_replaced_publisher_stays_connected() -> None:
+    got: list[Message] = []
+    uris: list[str] = []
+
+    def answer(method: str, _params: tuple[Any, ...]) -> Any:
+        if method == "getSystemState":
+            return [[["/chat", ["/talker"]]], [["/chat", ["/a"]]], []]
+        return list(uris) if method == "registerSubscriber" else 1
+
+    async with (
+        fake_publisher(stream(b"old"), hang=True) as old,
+        fake_publisher(stream(b"new"), hang=True) as new,
+        XmlRpcServer(FakeSlave(answer), host="127.0.0.1") as master,
+        Node("/a", master_uri=master.uri, poll_interval=0.02) as a,
+    ):
+        uris[:] = [old]
+        async with a.subscribe("/chat", STRING, got.append) as subscription:
+            await until(lambda: got, "the publisher is heard")
+            uris[:] = [new]
+            await until(lambda: len(got) == 2, "its namesake is heard")
+            assert subscription.counters.links[old].connected
+            assert subscription.counters.failures.total() == 0
 
 
 @pytest.mark.parametrize("answer", [[], 0, ["UDPROS", "127.0.0.1", 1], ["TCPROS", "", 1], ["TCPROS", "127.0.0.1", 0]])

@@ -1,0 +1,97 @@
+"""What latching ROS publishers sent last, kept on the bus for late subscribers: each has a bus publisher of its own."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Final
+
+from bus import Bus, Publisher, QoS
+from gateway.ros1.tasks import TaskScope
+
+log = logging.getLogger(__name__)
+
+MAX_PUBLISHERS: Final = 64
+MAX_BYTES: Final = 64 << 20
+
+
+@dataclass(slots=True)
+class _Kept:
+    """One ROS publisher's place. waiting: its last message until there is a bus publisher."""
+
+    size: int = 0
+    waiting: bytes | None = None
+    publisher: Publisher | None = None
+    closed: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+class Latched:
+    """The last message of each latching publisher of a stream: at most MAX_PUBLISHERS, of MAX_BYTES together.
+
+    problem: in words, once a message could not be kept, or empty.
+    """
+
+    def __init__(self, bus: Bus, key: str, encoding: str, scope: TaskScope) -> None:
+        self.problem = ""
+        self._bus = bus
+        self._key = key
+        self._encoding = encoding
+        self._scope = scope
+        self._kept: dict[str, _Kept] = {}
+        self._dropped = 0
+
+    @property
+    def dropped(self) -> int:
+        """How many messages a newer one replaced before the link took them."""
+        return self._dropped + sum(kept.publisher.counts.dropped for kept in self._kept.values() if kept.publisher)
+
+    def put(self, publisher: str, payload: bytes) -> bool:
+        """Send a message and keep it in place of its publisher's last one; False where there is no room for it."""
+        if not self._has_room(publisher, len(payload)):
+            self.forget(publisher)
+            self._say_full()
+            return False
+        kept = self._kept.get(publisher)
+        if kept is None:
+            kept = self._kept[publisher] = _Kept()
+            self._scope.start(self._keep(kept), f"latched {self._key}")
+        kept.size = len(payload)
+        if kept.publisher is not None:
+            kept.publisher.put(payload)
+        else:
+            self._dropped += kept.waiting is not None
+            kept.waiting = payload
+        return True
+
+    def forget(self, publisher: str) -> None:
+        """Keep nothing more of a publisher."""
+        if kept := self._kept.pop(publisher, None):
+            kept.closed.set()
+
+    def _has_room(self, publisher: str, size: int) -> bool:
+        others = [kept.size for name, kept in self._kept.items() if name != publisher]
+        return len(others) < MAX_PUBLISHERS and sum(others) + size <= MAX_BYTES
+
+    def _say_full(self) -> None:
+        if not self.problem:
+            self.problem = (
+                f"not every latched message is kept for late subscribers: at most {MAX_PUBLISHERS} publishers' are, "
+                f"of {MAX_BYTES >> 20} MiB together"
+            )
+            log.warning("%s: %s", self._key, self.problem)
+
+    async def _keep(self, kept: _Kept) -> None:
+        async with self._bus.publisher(self._key, QoS.LATCHED, encoding=self._encoding) as publisher:
+            if kept.waiting is not None:
+                publisher.put(kept.waiting)
+            kept.publisher, kept.waiting = publisher, None
+            await kept.closed.wait()
+        self._dropped += publisher.counts.dropped
+
+
+@asynccontextmanager
+async def latching(bus: Bus, key: str, encoding: str) -> AsyncIterator[Latched]:
+    """Keep a stream's latched messages on the bus for as long as the context lasts."""
+    async with TaskScope() as scope:
+        yield Latched(bus, key, encoding, scope)

@@ -1,0 +1,50 @@
+"""ROS's own time where `/use_sim_time` is set: what `/clock` said last. Pure."""
+
+from __future__ import annotations
+
+import struct
+
+from gateway.ros1.errors import MessageError
+
+PARAMETER = "/use_sim_time"
+TOPIC = "/clock"
+TYPE_NAME = "rosgraph_msgs/Clock"
+_CLOCK = struct.Struct("<II")
+
+
+class SimClock:
+    """A clock that others move, backward too.
+
+    used: whether ROS time is this clock's and not the system's. now_ns: 0 until it was told. jumps: how often it went
+    back, as it does when a bag that is played begins again: what was said of times before is of another round.
+    """
+
+    def __init__(self) -> None:
+        self.used = False
+        self.now_ns = 0
+        self.jumps = 0
+
+    @property
+    def ros_time_ns(self) -> int | None:
+        """ROS's own time, or None where that is the system's."""
+        return self.now_ns if self.used else None
+
+    def tell(self, now_ns: int) -> bool:
+        """Move the clock; return whether it jumped back."""
+        jumped = now_ns < self.now_ns
+        self.jumps += jumped
+        self.now_ns = now_ns
+        return jumped
+
+
+def decode_clock(data: bytes | bytearray | memoryview) -> int:
+    """Return the nanoseconds that a rosgraph_msgs/Clock says.
+
+    Raises:
+        MessageError: the bytes are not such a message.
+
+    """
+    if len(data) != _CLOCK.size:
+        raise MessageError(f"{len(data)} bytes are not a {TYPE_NAME}")
+    seconds, nanoseconds = _CLOCK.unpack(data)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
