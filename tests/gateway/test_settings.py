@@ -59,7 +59,7 @@ def test_ros_own_variables_are_the_defaults(
         ("topics", {"a b/depth": "/depth"}, "camera name 'a b'"),
         ("topics", {"alerts": "/alerts"}, "not a stream that sensors send: 'alerts'"),
         ("actions", {"pick up": "/planner/pick_up"}, "'pick up' is no name of an action, which looks like pick_up"),
-        ("actions", {"pick_up": "pick_up"}, "action pick_up: 'pick_up' is not a ROS topic"),
+        ("actions", {"pick_up": "pick up"}, "action pick_up: 'pick up' is not a ROS topic"),
         ("actions", {"pick_up": "/ultralytics/alerts"}, "action pick_up: /ultralytics/alerts is where gateways"),
         ("actions", {"pick_up": "/planner", "stop": "/planner"}, "two actions with one topic"),
     ],
