@@ -1,0 +1,1 @@
+"""What becomes of frames between translation and the link: fewer, smaller, compressed, and no more than fit the uplink."""
