@@ -3,16 +3,17 @@
 import asyncio
 import time
 from collections import Counter
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractContextManager, asynccontextmanager
 from dataclasses import dataclass, field
 
 from bus import Bus, Publisher
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
+from gateway.shaping.outlet import Outlet, unshaped
 from gateway.stream import StreamForward
-from schemas import codec
+from schemas.keys import SensorKey
 from schemas.status import StreamStatus
 
 
@@ -26,6 +27,7 @@ class Forward:
     stream: StreamForward
     demand: SharedDemand
     publisher: Publisher
+    outlet: Outlet
     subscription: Subscription | None = None
     broken_before: Counter[str] = field(default_factory=Counter)
 
@@ -37,6 +39,8 @@ class Forward:
             publishers=sum(link.connected for link in links),
             replaced=self.publisher.counts.dropped,
             broken_links=self.broken_before + self._broken_now(),
+            outlet=self.outlet.counts,
+            now_ns=time.time_ns(),
         )
 
     def _broken_now(self) -> Counter[str]:
@@ -59,11 +63,15 @@ class Forward:
     def _on_message(self, message: Message) -> None:
         translated = self.stream.take(message, time.time_ns())
         if translated is not None:
-            self.publisher.put(codec.encode(translated))
+            self.outlet.put(translated)
 
 
 @asynccontextmanager
-async def offering(bus: Bus, stream: StreamForward) -> AsyncIterator[Forward]:
+async def offering(
+    bus: Bus,
+    stream: StreamForward,
+    outlet_of: Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]] = unshaped,
+) -> AsyncIterator[Forward]:
     """Offer a stream on the bus for as long as the context lasts."""
     demand = SharedDemand()
     key, kind = str(stream.key), stream.kind
@@ -71,4 +79,5 @@ async def offering(bus: Bus, stream: StreamForward) -> AsyncIterator[Forward]:
         bus.publisher(key, kind.qos, encoding=kind.encoding, on_demand=demand.of(key)) as publisher,
         bus.announce(stream.key.alive),
     ):
-        yield Forward(stream, demand, publisher)
+        with outlet_of(stream.key, publisher) as outlet:
+            yield Forward(stream, demand, publisher, outlet)

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 from bus.settings import BusSettings
 from gateway.outgoing.topics import is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
+from gateway.shaping.settings import ShapingSettings
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key
 
@@ -67,7 +68,7 @@ def _check_result_roots(cameras: Iterable[str]) -> None:
         taken[root] = camera
 
 
-class GatewaySettings(BusSettings):
+class GatewaySettings(ShapingSettings, BusSettings):
     """Forward a robot's ROS 1 sensors onto Zenoh, and its cameras' results back, while somebody wants them.
 
     Runs on the robot, needs no ROS install.

@@ -37,8 +37,8 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
     connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason.
-    received_hz, forwarded_hz: over the last seconds. bytes: payload forwarded. compression: of the last frame forwarded,
-    like `jpeg:80`; empty where nothing is ever compressed.
+    received_hz, forwarded_hz: over the last seconds. bytes: payload forwarded. compression: of the last frame, like
+    `jpeg:80`; empty for what is no frame.
     """
 
     camera: MaybeName

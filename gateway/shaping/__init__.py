@@ -1,1 +1,1 @@
-"""What becomes of frames between translation and the link: fewer, smaller, compressed, and no more than fit the uplink."""
+"""Between translation and the link: fewer frames, smaller, compressed, and no more than fit the uplink."""

@@ -123,7 +123,7 @@ class Instants:
         return instant.picked[max_hz]
 
     def _follow_clock(self, state: _Stream, stamp_ns: int) -> None:
-        """Begin a new run when a stream's clock goes back; streams whose clock has not gone back yet stay in the old."""
+        """Begin a new run when a stream's clock goes back; streams whose clock has not yet stay in the old one."""
         if stamp_ns < state.last_ns - JUMP_NS:
             if state.run is self._newest:
                 self._newest = _Run()
