@@ -116,7 +116,7 @@ def _projected(matrix: list[float], columns: int, factor: int, move_x: float, mo
     """Scale and move the first two rows of a projection; one that is all zeros says that nothing is known."""
     if not any(matrix):
         return matrix
-    made = np.array(matrix).reshape(3, columns)
+    made = np.array(matrix, np.float64).reshape(3, columns)
     made[:2] /= factor
     made[:2] += np.outer((move_x, move_y), made[2])
     return [float(value) for value in made.ravel()]
