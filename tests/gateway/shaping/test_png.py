@@ -11,16 +11,16 @@ RGB_TO_BGR = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}
 
 
 @given(
-    st.integers(1, 20),
-    st.integers(1, 20),
+    st.tuples(st.integers(1, 20), st.integers(1, 20)),
     st.sampled_from([1, 3, 4]),
     st.sampled_from([np.uint8, np.uint16]),
     st.sampled_from(["noise", "steps", "still"]),
     st.integers(0, 99),
 )
 def test_another_program_reads_the_same_pixels(
-    height: int, width: int, channels: int, kind: type, look: str, seed: int
+    size: tuple[int, int], channels: int, kind: type, look: str, seed: int
 ) -> None:
+    height, width = size
     pixels = np.random.default_rng(seed).integers(0, np.iinfo(kind).max, (height, width, channels), kind, endpoint=True)
     if look == "steps":
         pixels = np.cumsum(pixels // 64, axis=seed % 2).astype(kind)
