@@ -155,9 +155,9 @@ def test_messages_without_a_stamp_are_thinned_by_their_arrival() -> None:
 
 
 def test_what_the_outlet_lost_was_not_forwarded(forward: StreamForward) -> None:
-    for now_s in range(4):
+    def status_at(now_s: int) -> StreamStatus:
         forward.take(message(), 0)
-        status = forward.status(
+        return forward.status(
             wanted=True,
             publishers=1,
             replaced=1,
@@ -165,6 +165,8 @@ def test_what_the_outlet_lost_was_not_forwarded(forward: StreamForward) -> None:
             outlet=OutletCounts({OVER_BUDGET: 1, MALFORMED: 0}, 77, "jpeg:80"),
             now_ns=now_s * 1_000_000_000,
         )
+
+    *_, status = [status_at(now_s) for now_s in range(4)]
     assert (status.received, status.forwarded, status.bytes, status.compression) == (4, 2, 77, "jpeg:80")
     assert status.dropped == {OVER_BUDGET: 1, REPLACED_BEFORE_LINK: 1}
     assert (status.received_hz, status.forwarded_hz) == (1, 1)

@@ -7,23 +7,17 @@ from contextlib import AsyncExitStack
 import msgspec
 import pytest
 
-from bus import QUEUE, Presence, Subscription
 from bus.fake import FakeNetwork
-from gateway.shaping.consumers import Consumers
-from gateway.shaping.outlet import Outlet, unshaped
-from gateway.shaping.settings import ShapingSettings
-from gateway.shaping.shaping import Shaping
-from gateway.translators import kind_of
 from schemas import codec
 from schemas.camera_info import CameraInfo
-from schemas.codec import M
 from schemas.image import ImageFrame
-from schemas.keys import SensorKey, StreamKey, Wanted, sensor_key
+from schemas.keys import sensor_key
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
 from schemas.status import OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
 from tests.gateway.ros1.waiting import until
 from tests.gateway.shaping.frames import cloud, frame, picture
+from tests.gateway.shaping.rig import Rig, numbered, receive
 from tests.gateway.shaping.test_scaling import info
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
@@ -33,51 +27,10 @@ COLOR, DEPTH, INFO, POINTS, BATTERY = (
 )
 
 
-class Rig:
-    """The streams of a robot on a fake bus."""
-
-    def __init__(self, network: FakeNetwork, stack: AsyncExitStack) -> None:
-        self._network = network
-        self._stack = stack
-        self.consumers = Consumers("r1", "here", near=True)
-
-    async def shaping(self, **settings: object) -> Shaping:
-        """Run the shaping of a gateway with such settings."""
-        made = Shaping(ShapingSettings.model_validate(settings), self.consumers)
-        bus = await self._stack.enter_async_context(self._network.open_bus())
-        running = asyncio.create_task(made.run(bus))
-        self._stack.push_async_callback(asyncio.wait, [running])
-        self._stack.callback(running.cancel)
-        return made
-
-    async def outlet(self, key: SensorKey, shaping: Shaping | None = None) -> tuple[Outlet, Subscription]:
-        """Open a stream's way, and see what arrives."""
-        bus = await self._stack.enter_async_context(self._network.open_bus())
-        kind = kind_of(key)
-        publisher = await self._stack.enter_async_context(bus.publisher(str(key), kind.qos, encoding=kind.encoding))
-        arrived = await self._stack.enter_async_context(bus.subscribe(str(key), QUEUE(999)))
-        open_way = unshaped if shaping is None else shaping.outlet
-        return self._stack.enter_context(open_way(key, publisher)), arrived
-
-    def listens(self, key: SensorKey, clock: str, *, alive: bool = True) -> None:
-        assert isinstance(key, StreamKey)
-        self.consumers.note(Presence(str(Wanted(key, clock, "w1")), alive))
-
-
 @pytest.fixture
 async def rig() -> AsyncIterator[Rig]:
     async with AsyncExitStack() as stack:
         yield Rig(FakeNetwork(), stack)
-
-
-async def receive(arrived: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(10):
-        sample = await anext(arrived)
-    return codec.decode(schema, sample.payload, sample.encoding)
-
-
-def numbered(seq: int, size: int = 4) -> ImageFrame:
-    return msgspec.structs.replace(frame("rgb8", picture(size, size)), header=header(seq=seq))
 
 
 async def test_without_shaping_everything_goes_as_it_is(rig: Rig) -> None:
@@ -131,32 +84,6 @@ async def test_depth_and_points_are_compressed_without_loss(rig: Rig) -> None:
     assert (await receive(points_arrived, PointCloud)).format == "zstd"
 
 
-async def test_what_is_scaled_has_a_scaled_calibration(rig: Rig) -> None:
-    shaping = await rig.shaping(scale="*/color=1/2", compression="raw")
-    color, frames = await rig.outlet(COLOR, shaping)
-    depth, depths = await rig.outlet(DEPTH, shaping)
-    calibration, infos = await rig.outlet(INFO, shaping)
-    depth_calibration, depth_infos = await rig.outlet(sensor_key("r1", "front/depth_info"), shaping)
-    color.put(numbered(0, size=480))
-    depth.put(frame("16UC1", picture()[..., 0].astype("u2")))
-    calibration.put(info())
-    depth_calibration.put(info())
-    assert (await receive(frames, ImageFrame)).width == 240
-    assert (await receive(depths, ImageFrame)).width == 64
-    assert (await receive(infos, CameraInfo)).width == 320
-    assert await receive(depth_infos, CameraInfo) == info()
-
-
-async def test_depth_is_scaled_with_its_own_calibration(rig: Rig) -> None:
-    shaping = await rig.shaping(scale="1/2")
-    calibration, infos = await rig.outlet(sensor_key("r1", "front/depth_info"), shaping)
-    points, clouds = await rig.outlet(POINTS, shaping)
-    calibration.put(info())
-    points.put(cloud())
-    assert (await receive(infos, CameraInfo)).k[2] == 160
-    assert (await receive(clouds, PointCloud)).width == cloud().width
-
-
 async def test_a_frame_that_cannot_be_scaled_is_counted(rig: Rig) -> None:
     outlet, arrived = await rig.outlet(COLOR, await rig.shaping(scale="1/2"))
     outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
@@ -207,17 +134,3 @@ async def test_an_outlet_that_is_closed_sends_nothing_more(rig: Rig) -> None:
         outlet.close()
         await asyncio.sleep(0.3)
         assert outlet.counts.bytes == sent
-
-
-async def test_a_cameras_streams_share_their_instants_and_only_what_may_be_left_out_has_a_rate(rig: Rig) -> None:
-    shaping = await rig.shaping(max_hz="10")
-    assert shaping.thinning(INFO) is None
-    assert shaping.thinning(sensor_key("r1", "tf")) is None
-    color, depth, battery = (shaping.thinning(key) for key in (COLOR, DEPTH, BATTERY))
-    assert color is not None
-    assert depth is not None
-    assert battery is not None
-    assert (color.max_hz, depth.max_hz, battery.max_hz) == (10, 10, None)
-    second = 1_000_000_000
-    assert [color.passes(n * second // 30, 0) for n in (1, 2, 4)] == [True, False, True]
-    assert [depth.passes(n * second // 30, 0) for n in (2, 4)] == [False, True]

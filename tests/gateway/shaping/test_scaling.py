@@ -23,7 +23,7 @@ def means(pixels: NDArray[Any], factor: int) -> NDArray[np.float64]:
     """Return the mean of each whole block, block by block."""
     height, width = pixels.shape[0] // factor, pixels.shape[1] // factor
     blocks = pixels[: height * factor, : width * factor].astype(float)
-    return blocks.reshape(height, factor, width, factor, -1).mean(axis=(1, 3))
+    return np.asarray(blocks.reshape(height, factor, width, factor, -1).mean(axis=(1, 3)))
 
 
 @pytest.mark.parametrize("padding", [0, 3])
@@ -59,7 +59,7 @@ def test_sixteen_bit_grey_is_averaged_in_its_own_byte_order(*, is_bigendian: boo
 def test_depth_is_that_of_the_middle_of_each_block(
     encoding: str, kind: type, factor: int, middles: list[int], *, is_bigendian: bool
 ) -> None:
-    pixels = np.arange(49, dtype=kind).reshape(7, 7)
+    pixels: NDArray[Any] = np.arange(49, dtype=kind).reshape(7, 7)
     made = scale_image(frame(encoding, pixels, is_bigendian=is_bigendian), factor)
     assert np.array_equal(pixels_of(made)[..., 0], pixels[np.ix_(middles, middles)])
 

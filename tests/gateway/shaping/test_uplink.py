@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.shaping.uplink import BACKLOG_S, Uplink
@@ -31,22 +31,42 @@ class Streams:
         return len(self.sent[stream]) * self.sizes[stream]
 
 
-@given(
-    st.lists(st.tuples(st.integers(1, 3 * FULL), st.integers(10, 100)), min_size=1, max_size=5),
-)
-def test_the_backlog_is_bounded_the_link_is_busy_and_nobody_starves(streams: list[tuple[int, int]]) -> None:
+def streams_of(largest: int) -> st.SearchStrategy[list[tuple[int, int]]]:
+    """Return sizes in bytes and periods in milliseconds."""
+    return st.lists(st.tuples(st.integers(1, largest), st.integers(10, 100)), min_size=1, max_size=5)
+
+
+SECONDS = 4
+
+
+def ran(streams: list[tuple[int, int]]) -> Streams:
     named = {f"s{n}": stream for n, stream in enumerate(streams)}
     run = Streams({name: size for name, (size, _) in named.items()}, {name: ms for name, (_, ms) in named.items()})
-    run.run(10)
-    asked = sum(size * 1000 / period for size, period in streams) * 10
-    given_bytes = sum(map(run.bytes_of, named))
-    largest = max(size for size, _ in streams)
-    assert given_bytes <= RATE * 10 + max(FULL, largest) + 1
-    assert given_bytes >= min(asked, RATE * 10) * 0.85 - 2 * largest
-    share = RATE * 10 / len(streams)
-    for name, (size, period) in named.items():
-        assert run.bytes_of(name) >= min(size * 10_000 / period, share) * 0.8 - 3 * largest - size
-        assert run.sent[name] == sorted(set(run.sent[name]))
+    run.run(SECONDS)
+    return run
+
+
+@settings(max_examples=30, deadline=None)
+@given(streams_of(FULL // 2))
+def test_the_budget_is_used_and_shared(streams: list[tuple[int, int]]) -> None:
+    run = ran(streams)
+    asked = {f"s{n}": size * 1000 / period * SECONDS for n, (size, period) in enumerate(streams)}
+    budget = RATE * SECONDS
+    given_bytes = sum(map(run.bytes_of, asked))
+    assert min(sum(asked.values()), budget) * 0.9 - FULL <= given_bytes <= budget + FULL
+    for name, wish in asked.items():
+        assert run.bytes_of(name) >= min(wish, budget / len(streams)) * 0.8 - FULL
+
+
+@settings(max_examples=30, deadline=None)
+@given(streams_of(3 * FULL))
+def test_nobody_starves_however_large_the_frames_of_others_are(streams: list[tuple[int, int]]) -> None:
+    run = ran(streams)
+    round_s = len(streams) * max(size for size, _ in streams) / RATE + BACKLOG_S
+    for n, (_, period) in enumerate(streams):
+        sent = run.sent[f"s{n}"]
+        assert len(sent) >= SECONDS / (round_s + period / 1000) - 2
+        assert sent == sorted(set(sent))
 
 
 def test_small_frames_pass_while_a_large_stream_asks_for_more_than_there_is() -> None:
