@@ -26,6 +26,7 @@ class Consumers:
         self._clock_id = clock_id
         self._near = near
         self._known: dict[StreamKey, set[Wanted]] = {}
+        self._count = 0
 
     def all_here(self, key: StreamKey) -> bool:
         """Return whether everybody who says to subscribe to the stream is on this machine, and somebody does."""
@@ -40,10 +41,12 @@ class Consumers:
             log.warning("%s: consumer left out: %s", presence.key[:200], error)
             return
         known = self._known.setdefault(wanted.key, set())
+        before = len(known)
         if not presence.alive:
             known.discard(wanted)
-        elif sum(map(len, self._known.values())) < MAX_CONSUMERS:
+        elif self._count < MAX_CONSUMERS:
             known.add(wanted)
+        self._count += len(known) - before
         if not known:
             del self._known[wanted.key]
 

@@ -21,6 +21,8 @@ TOGETHER: Final = ""
 """Whose turn it is when a camera's streams take theirs together."""
 
 REMEMBERED: Final = 256
+CROWDED: Final = 16
+"""How many instants of the same SAME_NS are remembered."""
 
 
 @dataclass(slots=True)
@@ -60,7 +62,9 @@ class _Run:
         if near:
             return min(near, key=lambda found: abs(found.stamp_ns - stamp_ns))
         made = _Instant(stamp_ns)
-        self._instants.setdefault(bucket, []).append(made)
+        found = self._instants.setdefault(bucket, [])
+        found.append(made)
+        del found[:-CROWDED]
         _forget_oldest(self._instants)
         return made
 
@@ -69,14 +73,16 @@ class _Run:
 
         A frame may come a little before its turn, and one that comes late does not put off the next turn, so that a
         camera as fast as the rate loses none to jitter. As both together are less than a turn, no time of n turns has
-        more than n + 1 frames.
+        more than n + 1 frames. A turn that is far off was given by a stream with another clock: it does not count.
         """
         period = round(SECOND_NS / rate)
         due = self._due.setdefault((owner, rate), self._due.get((TOGETHER, rate), stamp_ns))
+        _forget_oldest(self._due)
+        if abs(stamp_ns - due) > period + JUMP_NS:
+            due = stamp_ns
         if stamp_ns < due - min(EARLY_NS, period // 4):
             return False
         self._due[owner, rate] = max(due, stamp_ns - period * 7 // 10) + period
-        _forget_oldest(self._due)
         return True
 
 
@@ -112,9 +118,10 @@ class Instants:
         """
         state = self._streams.setdefault(stream, _Stream(self._newest, max_hz))
         state.rate = max_hz
-        if stamp_ns > 0:
+        says_nothing = stamp_ns in {0, state.last_ns}
+        if not says_nothing:
             self._follow_clock(state, stamp_ns)
-        if stamp_ns <= 0 or state.run.has(stream, stamp_ns):
+        if says_nothing or state.run.has(stream, stamp_ns):
             stamp_ns = received_ns
         instant = state.run.instant(stream, stamp_ns)
         self._note_company(stream, state, instant)

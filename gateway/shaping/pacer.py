@@ -3,10 +3,11 @@
 import asyncio
 import time
 from collections.abc import Callable, Hashable
+from typing import Final
 
 from gateway.shaping.uplink import Uplink
 
-MBIT: int = 1_000_000
+MBIT: Final = 1_000_000
 
 
 class Pacer:

@@ -114,6 +114,18 @@ def test_a_lidar_of_its_own_clock_leaves_colour_and_depth_together() -> None:
     assert all(45 <= len(found) <= 51 for found in sent.values())
 
 
+@pytest.mark.parametrize("hours", [-1, 1])
+def test_a_sensor_with_a_clock_that_is_hours_off_stops_nobody(hours: int) -> None:
+    instants = Instants()
+    off = hours * 3_600_000 * MS
+    sent: dict[str, int] = {"color": 0, "depth": 0, "points": 0}
+    for n, stamp in enumerate(stamps(30)):
+        for stream, at in (("points", stamp + off), ("color", stamp), ("depth", stamp)):
+            sent[stream] += (stream != "points" or n % 3 == 0) and instants.pick(stream, at, at, 5)
+    assert sent["color"] == sent["depth"]
+    assert all(48 <= count <= 60 for count in sent.values())
+
+
 def test_a_slower_stream_sends_only_what_the_faster_one_sends() -> None:
     instants = Instants()
     frames = sorted([(stamp, "color") for stamp in stamps(30)] + [(stamp, "depth") for stamp in stamps(30)[::2]])
@@ -172,5 +184,8 @@ def test_what_is_remembered_is_bounded() -> None:
     instants = Instants()
     for n in range(2000):
         instants.pick("color", BEGIN + n * 100 * MS, 0, 10 + n / 1000)
+    for n in range(2000):
+        instants.pick("depth", BEGIN + n, 0, 10)
     run = instants._newest
     assert max(len(run._instants), len(run._due)) <= 256
+    assert max(map(len, run._instants.values())) <= 16
