@@ -117,6 +117,7 @@ def command(variant: str, master: str, settings: BusSettings) -> list[str]:
         case "fleetsight":
             memory = "--shared-memory" if settings.shared_memory else "--no-shared-memory"
             options = ["--robot", "r1", "--ros-master", master, "--ros-host", "127.0.0.1", "--mode", "peer", memory]
+            options += ["--compression", "raw"]
             return [sys.executable, "-m", "services.toolbox", "gateway", *options, "--connect", settings.connect[0]]
         case "rospy_naive":
             return [ROS_PYTHON, str(PEERS / "rospy_gateway.py"), config, KEY]

@@ -14,8 +14,9 @@ from gateway.latching import Latched, latching
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
 from gateway.ros1.wire.tcpros import ANY
+from gateway.shaping.counts import OutletCounts
+from gateway.shaping.outlet import Outlet, OutletOf, unshaped
 from gateway.stream import StreamForward
-from schemas import codec
 from schemas.header import MAX_LABEL
 from schemas.status import StreamStatus
 
@@ -39,11 +40,14 @@ class Forward:
     stream: StreamForward
     demand: SharedDemand
     publisher: Publisher
+    outlet: Outlet
+    outlet_of: OutletOf
     linger_s: float
     subscription: Subscription | None = None
     latched: Latched | None = None
     broken_before: Counter[str] = field(default_factory=Counter)
     replaced_before: int = 0
+    shaped_before: OutletCounts = field(default_factory=OutletCounts)
 
     def status(self) -> StreamStatus:
         """Account for the stream's messages so far."""
@@ -53,6 +57,8 @@ class Forward:
             publishers=sum(link.connected for link in links),
             replaced=self.publisher.counts.dropped + self.replaced_before + self._replaced_now(),
             broken_links=self.broken_before + self._broken_now(),
+            outlet=self.outlet.counts + self.shaped_before + self._shaped_now(),
+            now_ns=time.time_ns(),
             problem="; ".join(self._problems())[:MAX_LABEL],
         )
 
@@ -62,6 +68,9 @@ class Forward:
 
     def _replaced_now(self) -> int:
         return self.latched.dropped if self.latched else 0
+
+    def _shaped_now(self) -> OutletCounts:
+        return self.latched.counts if self.latched else OutletCounts()
 
     def _broken_now(self) -> Counter[str]:
         return Counter(self.subscription.counters.failures) if self.subscription else Counter()
@@ -75,7 +84,7 @@ class Forward:
         kind = self.stream.kind
         accepted = [name for name in kind.translators if name != ANY]
         async with (
-            latching(self.bus, str(self.stream.key), kind.encoding) as latched,
+            latching(self.bus, self.stream.key, kind.encoding, self.outlet_of) as latched,
             node.subscribe(
                 self.stream.topic, kind.ros_type, self._on_message, accepted=accepted, on_gone=latched.forget
             ) as subscription,
@@ -86,6 +95,7 @@ class Forward:
             finally:
                 self.broken_before += self._broken_now()
                 self.replaced_before += self._replaced_now()
+                self.shaped_before += self._shaped_now()
                 self.subscription = self.latched = None
 
     def _on_message(self, message: Message) -> None:
@@ -96,17 +106,19 @@ class Forward:
         translated = self.stream.take(message, time.time_ns())
         if translated is None:
             return
-        payload = codec.encode(translated)
         latched = self.latched if latching and not merges else None
-        if latched is None or not latched.put(message.uri, payload):
-            self.publisher.put(payload)
+        if latched is None or not latched.put(message.uri, translated, len(message.data)):
+            self.outlet.put(translated)
 
 
 @asynccontextmanager
-async def offering(bus: Bus, stream: StreamForward, *, linger_s: float = LINGER_S) -> AsyncIterator[Forward]:
+async def offering(
+    bus: Bus, stream: StreamForward, outlet_of: OutletOf = unshaped, *, linger_s: float = LINGER_S
+) -> AsyncIterator[Forward]:
     """Offer a stream on the bus for as long as the context lasts.
 
-    linger_s: how long its topic stays subscribed when nobody wants it any more.
+    outlet_of: what a publisher's messages go through. linger_s: how long the topic stays subscribed when nobody wants
+        it any more.
     """
     demand = SharedDemand()
     key, kind = str(stream.key), stream.kind
@@ -114,4 +126,5 @@ async def offering(bus: Bus, stream: StreamForward, *, linger_s: float = LINGER_
         bus.publisher(key, kind.qos, encoding=kind.encoding, on_demand=demand.of(key)) as publisher,
         bus.announce(stream.key.alive),
     ):
-        yield Forward(bus, stream, demand, publisher, linger_s)
+        with outlet_of(stream.key, publisher) as outlet:
+            yield Forward(bus, stream, demand, publisher, outlet, outlet_of, linger_s)

@@ -9,6 +9,10 @@ from typing import Final
 
 from bus import Bus, Publisher, QoS
 from gateway.ros1.tasks import TaskScope
+from gateway.shaping.counts import OutletCounts
+from gateway.shaping.outlet import Outlet, OutletOf
+from schemas import codec
+from schemas.keys import SensorKey
 
 log = logging.getLogger(__name__)
 
@@ -18,11 +22,12 @@ MAX_BYTES: Final = 64 << 20
 
 @dataclass(slots=True)
 class _Kept:
-    """One ROS publisher's place. waiting: its last message until there is a bus publisher."""
+    """One ROS publisher's place. waiting: its last message until there is a bus publisher, and an outlet to it."""
 
     size: int = 0
-    waiting: bytes | None = None
+    waiting: codec.Message | None = None
     publisher: Publisher | None = None
+    outlet: Outlet | None = None
     closed: asyncio.Event = field(default_factory=asyncio.Event)
 
 
@@ -32,23 +37,33 @@ class Latched:
     problem: in words, once a message could not be kept, or empty.
     """
 
-    def __init__(self, bus: Bus, key: str, encoding: str, scope: TaskScope) -> None:
+    def __init__(self, bus: Bus, key: SensorKey, encoding: str, outlet_of: OutletOf, scope: TaskScope) -> None:
         self.problem = ""
         self._bus = bus
         self._key = key
         self._encoding = encoding
+        self._outlet_of = outlet_of
         self._scope = scope
         self._kept: dict[str, _Kept] = {}
         self._dropped = 0
+        self._shaped = OutletCounts()
 
     @property
     def dropped(self) -> int:
         """How many messages a newer one replaced before the link took them."""
         return self._dropped + sum(kept.publisher.counts.dropped for kept in self._kept.values() if kept.publisher)
 
-    def put(self, publisher: str, payload: bytes) -> bool:
-        """Send a message and keep it in place of its publisher's last one; False where there is no room for it."""
-        if not self._has_room(publisher, len(payload)):
+    @property
+    def counts(self) -> OutletCounts:
+        """What became of the messages on their way through the outlets."""
+        return sum((kept.outlet.counts for kept in self._kept.values() if kept.outlet), self._shaped)
+
+    def put(self, publisher: str, message: codec.Message, size: int) -> bool:
+        """Send a message and keep it in place of its publisher's last one; False where there is no room for it.
+
+        size: of the ROS message, in bytes.
+        """
+        if not self._has_room(publisher, size):
             self.forget(publisher)
             self._say_full()
             return False
@@ -56,12 +71,12 @@ class Latched:
         if kept is None:
             kept = self._kept[publisher] = _Kept()
             self._scope.start(self._keep(kept), f"latched {self._key}")
-        kept.size = len(payload)
-        if kept.publisher is not None:
-            kept.publisher.put(payload)
+        kept.size = size
+        if kept.outlet is not None:
+            kept.outlet.put(message)
         else:
             self._dropped += kept.waiting is not None
-            kept.waiting = payload
+            kept.waiting = message
         return True
 
     def forget(self, publisher: str) -> None:
@@ -82,16 +97,18 @@ class Latched:
             log.warning("%s: %s", self._key, self.problem)
 
     async def _keep(self, kept: _Kept) -> None:
-        async with self._bus.publisher(self._key, QoS.LATCHED, encoding=self._encoding) as publisher:
-            if kept.waiting is not None:
-                publisher.put(kept.waiting)
-            kept.publisher, kept.waiting = publisher, None
-            await kept.closed.wait()
+        async with self._bus.publisher(str(self._key), QoS.LATCHED, encoding=self._encoding) as publisher:
+            with self._outlet_of(self._key, publisher) as outlet:
+                if kept.waiting is not None:
+                    outlet.put(kept.waiting)
+                kept.publisher, kept.outlet, kept.waiting = publisher, outlet, None
+                await kept.closed.wait()
+            self._shaped += outlet.counts
         self._dropped += publisher.counts.dropped
 
 
 @asynccontextmanager
-async def latching(bus: Bus, key: str, encoding: str) -> AsyncIterator[Latched]:
+async def latching(bus: Bus, key: SensorKey, encoding: str, outlet_of: OutletOf) -> AsyncIterator[Latched]:
     """Keep a stream's latched messages on the bus for as long as the context lasts."""
     async with TaskScope() as scope:
-        yield Latched(bus, key, encoding, scope)
+        yield Latched(bus, key, encoding, outlet_of, scope)

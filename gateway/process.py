@@ -19,6 +19,8 @@ from gateway.outgoing.topics import result_root
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
 from gateway.settings import GatewaySettings
+from gateway.shaping.consumers import Consumers, stays_near
+from gateway.shaping.shaping import Shaping
 from gateway.sim_time import follow_sim_time
 from gateway.stream import StreamForward
 from gateway.translators import kind_of
@@ -47,6 +49,7 @@ async def run(settings: GatewaySettings) -> int:
         BusError: nothing can listen where the bus settings say.
     """
     boot_id = uuid.uuid4().hex
+    shaping = Shaping(settings, Consumers(settings.robot, clock_id(), near=stays_near(settings)))
     log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
     for key, topic in settings.streams().items():
         log.info("%s: %s", key, topic)
@@ -56,8 +59,11 @@ async def run(settings: GatewaySettings) -> int:
         AsyncExitStack() as stack,
         asyncio.TaskGroup() as group,
     ):
-        streams = [StreamForward(key, topic, kind_of(key), boot_id) for key, topic in settings.streams().items()]
-        forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
+        streams = [
+            StreamForward(key, topic, kind_of(key), boot_id, shaping.thinning(key))
+            for key, topic in settings.streams().items()
+        ]
+        forwards = [await stack.enter_async_context(offering(bus, stream, shaping.outlet)) for stream in streams]
         returns = [Return(stream) for stream in _returned(settings)]
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
@@ -66,6 +72,7 @@ async def run(settings: GatewaySettings) -> int:
         tasks.append(group.create_task(follow_sim_time(node, clock)))
         report = _report(bus, node, settings, boot_id, clock, forwards=forwards, returns=returns)
         tasks.append(group.create_task(report))
+        tasks.append(group.create_task(shaping.run(bus)))
         await node.shutdown_requested.wait()
         for task in tasks:
             task.cancel()

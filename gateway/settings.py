@@ -12,6 +12,7 @@ from bus.settings import BusSettings
 from gateway.outgoing.topics import is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from gateway.ros1.names import Names, validate_global
+from gateway.shaping.settings import ShapingSettings
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key
 
@@ -99,7 +100,7 @@ def _check_result_roots(cameras: Iterable[str]) -> None:
         taken[root] = camera
 
 
-class GatewaySettings(BusSettings):
+class GatewaySettings(ShapingSettings, BusSettings):
     """Forward a robot's ROS 1 sensors onto Zenoh, and its cameras' results back, while somebody wants them.
 
     Runs on the robot, needs no ROS install.

@@ -1,20 +1,26 @@
-"""One ROS topic on its way to one Zenoh key: numbering, translation and the account of every message. Pure."""
+"""One ROS topic on its way to one Zenoh key: translation, thinning, numbering, and account of every message. Pure."""
 
 import logging
 from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
+from gateway.meter import Meter
 from gateway.ros1.errors import MessageError, TypeMismatchError
 from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
+from gateway.shaping.counts import OutletCounts
+from gateway.shaping.instants import Thinning
 from gateway.translators import StreamKind, Translate
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
+from schemas.image import ImageFrame
 from schemas.keys import SensorKey, StreamKey
-from schemas.status import REPLACED_BEFORE_LINK, StreamStatus
+from schemas.points import PointCloud
+from schemas.raw import RawMessage
+from schemas.status import REPLACED_BEFORE_LINK, THINNED, StreamStatus
 
 log = logging.getLogger(__name__)
 
@@ -27,12 +33,16 @@ class StreamForward:
     """Turns a topic's messages into the fleet's own.
 
     boot_id: this gateway process. Numbers count on while nobody listens and the topic is not subscribed.
+    thinning: leaves out frames beyond the stream's rate, before they are numbered.
     """
 
-    def __init__(self, key: SensorKey, topic: str, kind: StreamKind, boot_id: str) -> None:
+    def __init__(
+        self, key: SensorKey, topic: str, kind: StreamKind, boot_id: str, thinning: Thinning | None = None
+    ) -> None:
         self.key = key
         self.topic = topic
         self.kind = kind
+        self.thinning = thinning
         self._robot, self._camera = (
             (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
         )
@@ -41,6 +51,7 @@ class StreamForward:
         self._received = 0
         self._translated = 0
         self._dropped: Counter[str] = Counter()
+        self._received_rate, self._forwarded_rate = Meter(), Meter()
         self.begin()
 
     def begin(self) -> None:
@@ -48,7 +59,7 @@ class StreamForward:
         self._translates = {message_type(name).topic_type: begin() for name, begin in self.kind.translators.items()}
 
     def take(self, message: Message, now_ns: int) -> codec.Message | None:
-        """Return what a ROS message says, or None when it cannot be read, which is counted.
+        """Return what a ROS message says, or None when it cannot be read or is one too many, which is counted.
 
         now_ns: when the whole message was here, nanoseconds since the epoch.
         """
@@ -61,6 +72,9 @@ class StreamForward:
         except (MessageError, SchemaError) as error:
             self._leave_out(MALFORMED, message, error)
             return None
+        if not message.publisher.latching and self._is_one_too_many(translated, now_ns):
+            self._dropped[THINNED] += 1
+            return None
         self._translated += 1
         return translated
 
@@ -68,6 +82,11 @@ class StreamForward:
         """Count a message that came when nobody wanted the stream any more."""
         self._received += 1
         self._dropped[UNWANTED] += 1
+
+    def _is_one_too_many(self, message: codec.Message, now_ns: int) -> bool:
+        if self.thinning is None or not isinstance(message, ImageFrame | PointCloud | RawMessage):
+            return False
+        return not self.thinning.passes(message.header.stamp_ns, now_ns)
 
     def _translate(self, message: Message, header: Header) -> codec.Message:
         kind = message.publisher.type
@@ -94,10 +113,24 @@ class StreamForward:
         )
 
     def status(
-        self, *, wanted: bool, publishers: int, replaced: int, broken_links: Mapping[str, int], problem: str = ""
+        self,
+        *,
+        wanted: bool,
+        publishers: int,
+        replaced: int,
+        broken_links: Mapping[str, int],
+        outlet: OutletCounts | None = None,
+        now_ns: int = 0,
+        problem: str = "",
     ) -> StreamStatus:
-        """Account for every message; `replaced` is how many payloads a newer one replaced before the link."""
-        dropped = self._dropped + Counter({REPLACED_BEFORE_LINK: replaced})
+        """Account for every message.
+
+        replaced: how many payloads a newer one replaced before the link. outlet: what became of them before that.
+        now_ns: as `take` has it.
+        """
+        shaped = outlet or OutletCounts()
+        lost = Counter(shaped.dropped) + Counter({REPLACED_BEFORE_LINK: replaced})
+        forwarded = self._translated - lost.total()
         return StreamStatus(
             camera=self._camera,
             stream=self.key.stream,
@@ -105,8 +138,12 @@ class StreamForward:
             wanted=wanted,
             publishers=publishers,
             received=self._received,
-            forwarded=self._translated - replaced,
-            dropped=dict(dropped),
+            forwarded=forwarded,
+            dropped=dict(self._dropped + lost),
             broken_links=dict(broken_links),
             problem=problem,
+            received_hz=self._received_rate.hz(self._received, now_ns),
+            forwarded_hz=self._forwarded_rate.hz(forwarded, now_ns),
+            bytes=shaped.bytes,
+            compression=shaped.compression,
         )

@@ -1,4 +1,4 @@
-"""Compressed pictures: what a file's own header says of its pixels, before anything is decoded."""
+"""Compressed data: what its own header says of its content, before anything is decoded."""
 
 import struct
 from dataclasses import dataclass
@@ -8,6 +8,10 @@ from schemas.errors import SchemaError
 
 JPEG: Final = "jpeg"
 PNG: Final = "png"
+ZSTD: Final = "zstd"
+
+MAX_DECODED_BYTES: Final = 128 * 1024 * 1024
+"""What compressed data may hold at most."""
 
 _JPEG_START: Final = b"\xff\xd8"
 _PNG_START: Final = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR"
@@ -18,6 +22,11 @@ _FILL: Final = 0xFF
 _FRAME: Final = struct.Struct(">BHHB")
 _FRAME_MARKERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_ENCODINGS: Final = {1: "mono8", 3: "rgb8"}
+_ZSTD_START: Final = b"\x28\xb5\x2f\xfd"
+_SINGLE_SEGMENT: Final = 0x20
+_DICTIONARY: Final = 0x03
+_CONTENT_SIZES: Final = ("<B", "<H", "<I", "<Q")
+_TWO_BYTES_ADD: Final = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,3 +77,33 @@ def _jpeg(data: memoryview) -> Picture:
                 raise SchemaError(f"a JPEG file with {channels} channels")
             return Picture(JPEG, height, width, _JPEG_ENCODINGS[channels])
         at += 2 + length
+
+
+def check_zstd(data: memoryview, size: int) -> None:
+    """Check that a Zstandard frame (RFC 8878) says of itself to hold exactly `size` bytes, and no absurd number.
+
+    Raises:
+        SchemaError: it does not, or needs a dictionary.
+    """
+    if size > MAX_DECODED_BYTES:
+        raise SchemaError(f"{size} bytes to be decoded, at most {MAX_DECODED_BYTES} are")
+    try:
+        held = _content_size(data)
+    except (struct.error, IndexError) as error:
+        raise SchemaError(f"zstd data cut off at {data.nbytes} bytes") from error
+    if held != size:
+        raise SchemaError(f"zstd data holds {'an unknown number of' if held is None else held} bytes instead of {size}")
+
+
+def _content_size(data: memoryview) -> int | None:
+    at = len(_ZSTD_START)
+    if bytes(data[:at]) != _ZSTD_START:
+        raise SchemaError(f"not zstd data: it begins with {bytes(data[:8])!r}")
+    described = data[at]
+    single, width = bool(described & _SINGLE_SEGMENT), described >> 6
+    if described & _DICTIONARY:
+        raise SchemaError("zstd data that needs a dictionary")
+    if not width and not single:
+        return None
+    (size,) = struct.unpack_from(_CONTENT_SIZES[width], data, at + (1 if single else 2))
+    return int(size) + (_TWO_BYTES_ADD if width == 1 else 0)

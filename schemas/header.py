@@ -23,7 +23,8 @@ class Header(msgspec.Struct, frozen=True, kw_only=True):
     stamp_ns: the sensor's own stamp, nanoseconds of the robot's ROS clock; 0 where its message has none.
     received_ns: when the gateway had the whole frame, nanoseconds since the epoch on the robot's system clock.
     boot_id: one gateway process; a restarted gateway has another.
-    seq: counts the frames of this stream that the gateway process could read, from 0, without holes.
+    seq: counts the frames of this stream that the gateway process could read and meant to send, from 0, without holes:
+        what `max_hz` leaves out has no number, so a gap is always a loss.
     """
 
     robot: Name

@@ -4,7 +4,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from schemas.compression import picture_of
+from schemas.compression import MAX_DECODED_BYTES, ZSTD, check_zstd, picture_of
 from schemas.errors import SchemaError
 from schemas.header import Header
 
@@ -38,7 +38,6 @@ HELD_AS: Final = {
 
 MAX_SIDE: Final = 16_384
 MAX_STEP: Final = MAX_SIDE * 16
-MAX_DECODED_BYTES: Final = 128 * 1024 * 1024
 
 RAW: Final = "raw"
 
@@ -50,8 +49,9 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     data: height * step bytes; decoded without a copy, so it is a view into the received payload.
     is_bigendian: byte order of pixels whose channels have more than 8 bits.
-    format: `raw`, or `jpeg` or `png`: then data is such a file, decoded its pixels are of `encoding` (a grey file may
-        be a mosaic or depth), and a row of them takes `step` bytes.
+    format: `raw`; `zstd`: data is one Zstandard frame of what raw data would be; or `jpeg` or `png`: data is such a
+        file, decoded its pixels are of `encoding` (a grey file may be a mosaic or depth), and a row of them takes
+        `step` bytes.
     inverse_depth: (a, b) where a png's 16-bit values v stand for 32FC1: a / (v - b) metres, and NaN for 0.
     """
 
@@ -71,12 +71,15 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             SchemaError: encoding or format are unknown, or step or data do not fit the dimensions.
         """
-        if self.format != RAW:
+        if self.format not in {RAW, ZSTD}:
             check_picture(self)
             return
         if self.inverse_depth is not None:
-            raise SchemaError("inverse depth in a raw image")
-        check_layout(self.height, self.width, self.encoding, self.step, self.data.nbytes)
+            raise SchemaError(f"inverse depth in a {self.format} image")
+        size = self.data.nbytes if self.format == RAW else self.step * self.height
+        check_layout(self.height, self.width, self.encoding, self.step, size)
+        if self.format == ZSTD:
+            check_zstd(self.data, size)
 
 
 def check_layout(height: int, width: int, encoding: str, step: int, size: int) -> None:

@@ -13,6 +13,7 @@ from schemas.errors import SchemaError
 
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
 ALIVE: Final = "alive"
+WANTED: Final = "wanted"
 
 RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status", "text", "tf", "tf_static"})
 """Chunks that mean something robot-wide, so no camera may be called so."""
@@ -148,6 +149,45 @@ class StreamKey:
     def alive(self) -> str:
         """The key of the presence token that says this stream can be had."""
         return self.camera.alive(self.stream)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A consumer's word that it subscribes to a camera's stream, and by which clock (so on which machine) it runs.
+
+    Raises:
+        SchemaError: a name that cannot be a chunk of a key.
+    """
+
+    key: StreamKey
+    clock_id: str
+    consumer: str
+
+    def __post_init__(self) -> None:
+        check_name("clock", self.clock_id)
+        check_name("consumer", self.consumer)
+
+    def __str__(self) -> str:
+        return f"{self.key}/{WANTED}/{self.clock_id}/{self.consumer}"
+
+
+def every_wanted(robot: str) -> str:
+    """Return the key expression of the presence tokens of those who subscribe to a robot's streams."""
+    check_name("robot", robot)
+    return f"fleet/{robot}/*/*/{WANTED}/*/*"
+
+
+def parse_wanted(key: str) -> Wanted:
+    """Parse a presence token of somebody who subscribes.
+
+    Raises:
+        SchemaError: the key is none.
+    """
+    stream, _, consumer = key.partition(f"/{WANTED}/")
+    match consumer.split("/"):
+        case [clock_id, name]:
+            return Wanted(parse_stream(stream), clock_id, name)
+    raise SchemaError(f"not the key of somebody who subscribes: {key[:200]!r}")
 
 
 @dataclass(frozen=True, slots=True)

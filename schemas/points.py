@@ -5,10 +5,12 @@ from typing import Annotated, Final
 
 import msgspec
 
+from schemas.compression import ZSTD, check_zstd
 from schemas.errors import SchemaError
 from schemas.header import Header
 
 MAX_FIELDS: Final = 64
+RAW: Final = "raw"
 MAX_FIELD_NAME: Final = 64
 
 VALUE_BYTES: Final = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}
@@ -34,6 +36,7 @@ class PointCloud(msgspec.Struct, frozen=True, kw_only=True):
 
     Points are point_step bytes apart, rows row_step. is_dense: no point has a NaN.
     data: height * row_step bytes; decoded without a copy, so it is a view into the received payload.
+    format: `raw`, or `zstd`: then data is one Zstandard frame of those bytes.
     """
 
     header: Header
@@ -45,14 +48,20 @@ class PointCloud(msgspec.Struct, frozen=True, kw_only=True):
     row_step: Uint32
     data: memoryview
     is_dense: bool
+    format: Annotated[str, msgspec.Meta(max_length=32)] = RAW
 
     def __post_init__(self) -> None:
         """Hold the layout together.
 
         Raises:
-            SchemaError: fields, steps or data do not fit each other.
+            SchemaError: the format is unknown, or fields, steps or data do not fit each other.
         """
-        check_points(self.height, self.width, self.point_step, self.row_step, self.data.nbytes)
+        if self.format not in {RAW, ZSTD}:
+            raise SchemaError(f"unknown format: {self.format!r}")
+        size = self.data.nbytes if self.format == RAW else self.row_step * self.height
+        check_points(self.height, self.width, self.point_step, self.row_step, size)
+        if self.format == ZSTD:
+            check_zstd(self.data, size)
         check_fields(self.fields, self.point_step)
 
 

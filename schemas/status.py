@@ -9,11 +9,25 @@ from schemas.header import Count, Label, MaybeName, Name, Nanoseconds
 Drops = Annotated[dict[Label, Count], msgspec.Meta(max_length=64)]
 """Counts since the process started, by reason."""
 
+Rate = Annotated[float, msgspec.Meta(ge=0)]
+
 MISSING: Final = "missing on arrival"
 """Reason: a gap in a stream's numbers, as its receiver sees it: replaced before the link, or lost on it."""
 
 REPLACED_BEFORE_LINK: Final = "replaced by a newer frame before the link"
 """Reason: the gateway had a newer frame before the link took this one. Its number is missing at every receiver."""
+
+THINNED: Final = "thinned to max_hz"
+"""Reason: the gateway's settings ask for fewer frames. They take no numbers, so no receiver sees a gap."""
+
+REPLACED_BEFORE_SHAPING: Final = "replaced by a newer frame before it was compressed"
+"""Reason: the gateway had a newer frame before it came to scale or compress this one. Its number is missing."""
+
+UNSHAPED: Final = "cannot be scaled or compressed as set"
+"""Reason: the settings ask for what this frame's format does not allow. Its number is missing."""
+
+OVER_BUDGET: Final = "over the uplink budget"
+"""Reason: the gateway had a newer frame before the uplink's budget allowed this one. Its number is missing."""
 
 MAX_STREAMS: Final = 1_000
 
@@ -24,6 +38,8 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
     connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
     what keeps publishers from being heard now, or empty.
+    received_hz, forwarded_hz: over the last seconds. bytes: payload forwarded. compression: of the last frame, like
+    `jpeg:80`; empty for what is no frame.
     """
 
     camera: MaybeName
@@ -36,6 +52,10 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     dropped: Drops = {}
     broken_links: Drops = {}
     problem: Label = ""
+    received_hz: Rate = 0.0
+    forwarded_hz: Rate = 0.0
+    bytes: Count = 0
+    compression: Label = ""
 
 
 class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,12 +6,13 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from bus import LATEST, Bus, Publisher, QoS, Sample
+from bus.clock import clock_id
 from bus.shared_demand import SharedDemand, while_wanted
 from schemas import codec
 from schemas.detections import ClassList, Detections, class_list
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from services.detector.account import DEPTH, REPLACED, UNWANTED, Account
 from services.detector.board import Board, Waiting
 from services.detector.pixels import shows_colours
@@ -58,13 +59,20 @@ async def serving(bus: Bus, key: CameraKey, account: Account) -> AsyncIterator[C
         yield Camera(key, account, demand, detections, classes)
 
 
-async def feed(bus: Bus, camera: Camera, board: Board) -> None:
-    """Put the camera's newest frame on the board whenever its results are wanted, for ever."""
+async def feed(bus: Bus, camera: Camera, board: Board, consumer: str) -> None:
+    """Put the camera's newest frame on the board whenever its results are wanted, for ever.
+
+    consumer: the name under which the gateway is told where its frames go.
+    """
+    token = str(Wanted(StreamKey(camera.key, Stream.COLOR), clock_id(), consumer))
 
     async def receive() -> None:
         camera.account.begin()
         try:
-            async with bus.subscribe(camera.key.stream(Stream.COLOR), LATEST, history=False) as frames:
+            async with (
+                bus.announce(token),
+                bus.subscribe(camera.key.stream(Stream.COLOR), LATEST, history=False) as frames,
+            ):
                 async for sample in frames:
                     accept(camera, board, sample)
         finally:

@@ -1,12 +1,20 @@
 """ROS image encodings to the arrays that models expect."""
 
+import sys
 from typing import Any, Final
 
 import cv2
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.compression import ZSTD
 from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 _TO_BGR: Final = {
     "rgb8": cv2.COLOR_RGB2BGR,
@@ -27,7 +35,7 @@ _COLOURS: Final = frozenset({"rgb8", "rgba8"})
 
 
 class PictureError(ValueError):
-    """A compressed picture whose file is damaged."""
+    """A compressed picture whose data is damaged."""
 
 
 def shows_colours(frame: ImageFrame) -> bool:
@@ -43,6 +51,8 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
     Raises:
         PictureError: a compressed picture that cannot be decoded.
     """
+    if frame.format == ZSTD:
+        frame = _decompressed(frame)
     pixels = _raw(frame) if frame.format == RAW else _decoded(frame)
     if pixels.dtype == np.uint16:
         pixels = cv2.convertScaleAbs(pixels, alpha=255 / 65535)
@@ -50,6 +60,19 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
     if code is None:
         return np.ascontiguousarray(pixels)
     return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+
+
+def _decompressed(frame: ImageFrame) -> ImageFrame:
+    """Return a frame of raw data; no more of it is decompressed than the frame has room for."""
+    size = frame.step * frame.height
+    decoder = zstd.ZstdDecompressor()
+    try:
+        data = decoder.decompress(frame.data, size + 1)
+    except zstd.ZstdError as error:
+        raise PictureError(f"a zstd that cannot be decoded: {error}") from error
+    if len(data) != size or not decoder.eof or decoder.unused_data:
+        raise PictureError("a zstd that cannot be decoded")
+    return msgspec.structs.replace(frame, format=RAW, data=memoryview(data))
 
 
 def _pixels(frame: ImageFrame) -> NDArray[np.uint8]:

@@ -71,7 +71,7 @@ class Worker:
         async with self._turns[key], serving(self._bus, key, account) as camera:
             self._cameras[key] = camera
             try:
-                await feed(self._bus, camera, self._board)
+                await feed(self._bus, camera, self._board, self._name)
             finally:
                 del self._cameras[key]
 

@@ -6,9 +6,22 @@ import pytest
 from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
 from gateway.latching import MAX_BYTES, MAX_PUBLISHERS, Latched, latching
+from gateway.shaping.outlet import unshaped
+from schemas import codec
+from schemas.header import Header
+from schemas.keys import RobotStreamKey
+from schemas.raw import Text
 from tests.gateway.ros1.waiting import until
 
-KEY = "fleet/r1/ros/map"
+STREAM = RobotStreamKey("r1", "text/mode")
+KEY = str(STREAM)
+ENCODING = codec.encoding(Text)
+HALF = MAX_BYTES // 2
+
+
+def text(said: str) -> Text:
+    header = Header(robot="r1", boot_id="boot", seq=0, stamp_ns=0, frame_id="", received_ns=0)
+    return Text(header=header, text=said)
 
 
 @pytest.fixture
@@ -17,10 +30,16 @@ async def bus() -> AsyncIterator[Bus]:
         yield opened
 
 
-async def kept(bus: Bus, count: int) -> set[bytes]:
+@pytest.fixture
+async def latched(bus: Bus) -> AsyncIterator[Latched]:
+    async with latching(bus, STREAM, ENCODING, unshaped) as latched:
+        yield latched
+
+
+async def kept(bus: Bus, count: int) -> set[str]:
     """Return what a late subscriber gets."""
     async with bus.subscribe(KEY, QUEUE(MAX_PUBLISHERS + 1)) as late, asyncio.timeout(10):
-        return {(await anext(late)).payload for _ in range(count)}
+        return {codec.decode(Text, (await anext(late)).payload, ENCODING).text for _ in range(count)}
 
 
 async def opened(latched: Latched) -> None:
@@ -28,48 +47,49 @@ async def opened(latched: Latched) -> None:
 
 
 async def test_each_publishers_last_message_is_kept_until_it_is_forgotten(bus: Bus) -> None:
-    async with latching(bus, KEY, "a/b") as latched:
-        for publisher, payload in (("a", b"a0"), ("b", b"b0"), ("a", b"a1")):
-            assert latched.put(publisher, payload)
+    async with latching(bus, STREAM, ENCODING, unshaped) as latched:
+        for publisher, said in (("a", "a0"), ("b", "b0"), ("a", "a1")):
+            assert latched.put(publisher, text(said), 1)
         await opened(latched)
         assert latched.dropped == 1
-        assert await kept(bus, 2) == {b"a1", b"b0"}
-        assert latched.put("b", b"b1")
-        assert await kept(bus, 2) == {b"a1", b"b1"}
+        assert await kept(bus, 2) == {"a1", "b0"}
+        assert latched.put("b", text("b1"), 1)
+        assert await kept(bus, 2) == {"a1", "b1"}
+        assert latched.counts.bytes == 3 * len(codec.encode(text("a1")))
         latched.forget("a")
         latched.forget("never there")
         await asyncio.sleep(0.01)
-        async with bus.subscribe(KEY, QUEUE(9)) as late:
-            assert (await anext(late)).payload == b"b1"
-            assert late.counts.received == 1
+        assert latched.counts.bytes == 3 * len(codec.encode(text("a1")))
+        assert await kept(bus, 1) == {"b1"}
     async with bus.subscribe(KEY, QUEUE(9)) as late:
         assert late.counts.received == 0
 
 
-async def test_a_publisher_more_than_there_is_room_for_is_told_so(bus: Bus, caplog: pytest.LogCaptureFixture) -> None:
-    async with latching(bus, KEY, "a/b") as latched:
-        payloads = {b"%d" % number for number in range(MAX_PUBLISHERS)}
-        assert all(latched.put(payload.decode(), payload) for payload in payloads)
-        assert latched.problem == ""
-        assert not latched.put("one more", b"x")
-        assert not latched.put("and one more", b"x")
-        assert "at most 64 publishers" in latched.problem
-        await opened(latched)
-        assert await kept(bus, MAX_PUBLISHERS) == payloads
-        latched.forget("0")
-        assert latched.put("one more", b"x")
+async def test_a_publisher_more_than_there_is_room_for_is_told_so(
+    bus: Bus, latched: Latched, caplog: pytest.LogCaptureFixture
+) -> None:
+    names = {str(number) for number in range(MAX_PUBLISHERS)}
+    assert all(latched.put(name, text(name), 1) for name in names)
+    assert latched.problem == ""
+    assert not latched.put("one more", text("x"), 1)
+    assert not latched.put("and one more", text("x"), 1)
+    assert "at most 64 publishers" in latched.problem
+    await opened(latched)
+    assert await kept(bus, MAX_PUBLISHERS) == names
+    latched.forget("0")
+    assert latched.put("one more", text("x"), 1)
     assert len(caplog.messages) == 1
 
 
-async def test_what_is_kept_is_bounded_together_and_an_old_message_never_outlives_a_newer_one(bus: Bus) -> None:
-    half = bytes(MAX_BYTES // 2)
-    async with latching(bus, KEY, "a/b") as latched:
-        assert latched.put("a", half)
-        assert latched.put("b", half)
-        assert latched.put("a", half)
-        assert not latched.put("a", half + b"x")
-        await opened(latched)
-        assert await kept(bus, 1) == {half}
-        assert latched.put("a", b"small")
-        await opened(latched)
-        assert await kept(bus, 2) == {half, b"small"}
+async def test_what_is_kept_is_bounded_together_and_an_old_message_never_outlives_a_newer_one(
+    bus: Bus, latched: Latched
+) -> None:
+    assert latched.put("a", text("half"), HALF)
+    assert latched.put("b", text("other half"), HALF)
+    assert latched.put("a", text("half again"), HALF)
+    assert not latched.put("a", text("too much"), HALF + 1)
+    await opened(latched)
+    assert await kept(bus, 1) == {"other half"}
+    assert latched.put("a", text("small"), 1)
+    await opened(latched)
+    assert await kept(bus, 2) == {"other half", "small"}

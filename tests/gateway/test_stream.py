@@ -7,26 +7,33 @@ from bus import QoS
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
+from gateway.shaping.counts import OutletCounts
+from gateway.shaping.instants import Instants, Thinning
 from gateway.stream import MALFORMED, MISMATCH, StreamForward
 from gateway.translators import StreamKind, kind_of
 from gateway.translators.image import image
 from gateway.translators.stream_kind import each
 from schemas import codec
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, StreamKey
-from schemas.status import REPLACED_BEFORE_LINK, StreamStatus
-from tests.gateway.sensing import received
+from schemas.keys import CameraKey, Stream, StreamKey, sensor_key
+from schemas.status import OVER_BUDGET, REPLACED_BEFORE_LINK, THINNED, StreamStatus
+from tests.gateway.sensing import received, text
 
 COLOR = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 
 
 def message(
-    *, height: int = 2, encoding: str = "rgb8", data: bytes = bytes(range(12)), frame_id: str = "lens"
+    *,
+    height: int = 2,
+    encoding: str = "rgb8",
+    data: bytes = bytes(range(12)),
+    frame_id: str = "lens",
+    stamp_s: int = 1_700_000_000,
 ) -> Message:
     sent = encode_image(
         Image(
             seq=7,
-            stamp_s=1_700_000_000,
+            stamp_s=stamp_s,
             stamp_ns=5,
             frame_id=frame_id,
             height=height,
@@ -129,3 +136,37 @@ def test_a_message_longer_than_its_kind_allows_is_not_looked_at(caplog: pytest.L
         kind = StreamKind(ImageFrame, QoS.IMAGE, {TYPE_NAME: each(image)}, max_bytes=limit)
         assert (StreamForward(COLOR, "/image", kind, "boot").take(message(), 0) is not None) == whole
     assert f"{TYPE_NAME} of {longest} bytes, at most {longest - 1} are read" in caplog.text
+
+
+def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
+    forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", Thinning(Instants(), "color", 0.5))
+    taken = [forward.take(message(stamp_s=1_700_000_000 + n), 0) for n in range(5)]
+    assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
+    assert [made is None for made in taken] == [False, True, False, True, False]
+    status = forward.status(wanted=True, publishers=1, replaced=0, broken_links={})
+    assert (status.received, status.forwarded, status.dropped) == (5, 3, {THINNED: 2})
+
+
+def test_messages_without_a_stamp_are_thinned_by_their_arrival() -> None:
+    key = sensor_key("r1", "ros/mode")
+    forward = StreamForward(key, "/mode", kind_of(key), "boot", Thinning(Instants(), "ros/mode", 10))
+    taken = [forward.take(text("ready"), 1_700_000_000_000_000_000 + n * 50_000_000) for n in range(6)]
+    assert [made is not None for made in taken] == [True, False] * 3
+
+
+def test_what_the_outlet_lost_was_not_forwarded(forward: StreamForward) -> None:
+    def status_at(now_s: int) -> StreamStatus:
+        forward.take(message(), 0)
+        return forward.status(
+            wanted=True,
+            publishers=1,
+            replaced=1,
+            broken_links={},
+            outlet=OutletCounts({OVER_BUDGET: 1, MALFORMED: 0}, 77, "jpeg:80"),
+            now_ns=now_s * 1_000_000_000,
+        )
+
+    *_, status = [status_at(now_s) for now_s in range(4)]
+    assert (status.received, status.forwarded, status.bytes, status.compression) == (4, 2, 77, "jpeg:80")
+    assert status.dropped == {OVER_BUDGET: 1, REPLACED_BEFORE_LINK: 1}
+    assert (status.received_hz, status.forwarded_hz) == (1, 1)

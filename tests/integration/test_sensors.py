@@ -141,7 +141,7 @@ async def arrives(rig: FleetRig, sensor: Sensor[M]) -> None:
 async def test_every_sensor_message_arrives_as_it_was_sent(ros: RosEnvironment, rig: FleetRig) -> None:
     require_ros("stereo_msgs", "tf2_msgs")
     topics = [option for sensor in SENSORS for option in ("--topics", f"{sensor.name}={sensor.topic}")]
-    await rig.gateway("r1", ros.master_uri, {"other": "/other/color/image_raw"}, *topics)
+    await rig.gateway("r1", ros.master_uri, {"other": "/other/color/image_raw"}, *topics, "--compression", "raw")
     sensors = await ros.script(SCRIPT, JPEG.hex(), PNG.hex())
     await sensors.until_output("sensors up")
     for sensor in SENSORS:

@@ -1,6 +1,7 @@
 import msgspec
 import numpy as np
 import pytest
+from backports import zstd
 
 from schemas import codec
 from schemas.camera_info import CameraInfo, Region
@@ -60,6 +61,8 @@ MESSAGES: list[Message] = [
         roi=Region(width=3, do_rectify=True),
     ),
     POINTS,
+    compressed(zstd.compress(bytes(96)), "32FC1", 24, kind="zstd"),
+    msgspec.structs.replace(POINTS, data=memoryview(zstd.compress(bytes(POINTS.data))), format="zstd"),
     Text(header=msgspec.structs.replace(header(), camera=""), text="ready"),
     RAW,
     Transforms(

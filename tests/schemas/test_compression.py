@@ -2,10 +2,11 @@ import struct
 
 import numpy as np
 import pytest
+from backports import zstd
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.compression import Picture, picture_of
+from schemas.compression import MAX_DECODED_BYTES, Picture, check_zstd, picture_of
 from schemas.errors import SchemaError
 from tests.schemas.pictures import file_of
 
@@ -71,3 +72,46 @@ def test_whatever_begins_like_a_file(rest: bytes, start: bytes) -> None:
 def test_what_is_refused_is_named(data: bytes, reason: str) -> None:
     with pytest.raises(SchemaError, match=reason):
         picture_of(memoryview(data))
+
+
+@pytest.mark.parametrize("size", [0, 1, 255, 256, 257, 65_535, 65_536, 65_791, 65_792, 1_000_000])
+@pytest.mark.parametrize("level", [1, 19])
+def test_zstd_data_says_how_much_it_holds(size: int, level: int) -> None:
+    for content in (bytes(size), np.random.default_rng(0).bytes(size)):
+        data = memoryview(zstd.compress(content, level))
+        check_zstd(data, size)
+        for other in (size - 1, size + 1):
+            with pytest.raises(SchemaError, match=f"zstd data holds {size} bytes instead of {other}"):
+                check_zstd(data, other)
+
+
+def test_sizes_of_eight_bytes_are_read() -> None:
+    head = b"\x28\xb5\x2f\xfd" + bytes([0xE0]) + struct.pack("<Q", 2**40)
+    with pytest.raises(SchemaError, match=f"zstd data holds {2**40} bytes instead of 5"):
+        check_zstd(memoryview(head), 5)
+
+
+@pytest.mark.parametrize(
+    ("data", "size", "reason"),
+    [
+        (b"", 1, "not zstd data: it begins with b''"),
+        (FILES["png", "mono8"], 1, "not zstd data"),
+        (b"\x28\xb5\x2f\xfd", 1, "zstd data cut off at 4 bytes"),
+        (zstd.compress(bytes(70_000))[:7], 70_000, "zstd data cut off at 7 bytes"),
+        (b"\x28\xb5\x2f\xfd\x00\x58", 1, "zstd data holds an unknown number of bytes instead of 1"),
+        (b"\x28\xb5\x2f\xfd\x21\x05\x01", 1, "zstd data that needs a dictionary"),
+        (zstd.compress(b""), MAX_DECODED_BYTES + 1, f"{MAX_DECODED_BYTES + 1} bytes to be decoded, at most"),
+    ],
+)
+def test_other_data_is_refused(data: bytes, size: int, reason: str) -> None:
+    with pytest.raises(SchemaError, match=reason):
+        check_zstd(memoryview(data), size)
+
+
+@given(st.binary(max_size=30).map(lambda end: b"\x28\xb5\x2f\xfd" + end))
+def test_arbitrary_zstd_headers(data: bytes) -> None:
+    try:
+        check_zstd(memoryview(data), 5)
+    except SchemaError:
+        return
+    assert zstd.get_frame_info(data + bytes(20)).decompressed_size == 5

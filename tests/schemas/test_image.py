@@ -2,6 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from backports import zstd
 
 from schemas.errors import SchemaError
 from schemas.image import BYTES_PER_PIXEL, MAX_SIDE, MAX_STEP, check_layout
@@ -114,3 +115,17 @@ def test_a_compressed_frame_is_held_to_its_file(
 def test_a_raw_frame_has_no_inverse_depth() -> None:
     with pytest.raises(SchemaError, match="inverse depth in a raw image"):
         compressed(bytes(96), "32FC1", 24, kind="raw", inverse_depth=(1.0, 2.0))
+
+
+@pytest.mark.parametrize(("encoding", "step"), [("32FC1", 24), ("16UC1", 12), ("rgb8", 20)])
+def test_zstd_data_holds_what_raw_data_would(encoding: str, step: int) -> None:
+    assert compressed(zstd.compress(bytes(step * 4)), encoding, step, kind="zstd").step == step
+    with pytest.raises(SchemaError, match=f"zstd data holds {step * 4 + 1} bytes instead of {step * 4}"):
+        compressed(zstd.compress(bytes(step * 4 + 1)), encoding, step, kind="zstd")
+    with pytest.raises(SchemaError, match="inverse depth in a zstd image"):
+        compressed(zstd.compress(bytes(96)), "32FC1", 24, kind="zstd", inverse_depth=(1.0, 2.0))
+
+
+def test_a_zstd_frame_too_large_to_be_decoded() -> None:
+    with pytest.raises(SchemaError, match="bytes to be decoded, at most"):
+        compressed(zstd.compress(b""), "mono8", MAX_SIDE, kind="zstd", height=MAX_SIDE, width=MAX_SIDE)

@@ -2,9 +2,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bus.keys import matches
 from schemas import keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey
+from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
@@ -24,9 +25,28 @@ def test_robot_and_worker_keys_parse_back(name: str) -> None:
     assert keys.parse_worker(keys.worker_alive("detector", name)) == ("detector", name)
 
 
+@given(names, names.filter(lambda name: name not in keys.RESERVED), st.sampled_from(Stream), names, names)
+def test_a_consumers_token_says_what_it_wants_and_where(
+    robot: str, camera: str, stream: Stream, clock_id: str, consumer: str
+) -> None:
+    token = Wanted(StreamKey(CameraKey(robot, camera), stream), clock_id, consumer)
+    assert str(token) == f"fleet/{robot}/{camera}/{stream}/wanted/{clock_id}/{consumer}"
+    assert keys.parse_wanted(str(token)) == token
+    assert matches(str(token), keys.every_wanted(robot))
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["fleet/r1/front/color/wanted/a", "fleet/r1/front/color/wanted/a/b/c", "fleet/r1/wanted/a/b", "wanted/a/b", "a"],
+)
+def test_other_keys_are_no_consumers_tokens(key: str) -> None:
+    with pytest.raises(SchemaError):
+        keys.parse_wanted(key)
+
+
 @given(st.text(max_size=80))
 def test_whatever_the_key_parsing_raises_schema_errors_only(key: str) -> None:
-    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker):
+    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker, keys.parse_wanted):
         try:
             parse(key)
         except SchemaError:

@@ -1,7 +1,9 @@
 import pytest
+from backports import zstd
 
 from schemas.errors import SchemaError
-from schemas.points import VALUE_BYTES, PointField, check_fields, check_points
+from schemas.points import VALUE_BYTES, PointCloud, PointField, check_fields, check_points
+from tests.schemas.frames import header
 
 
 @pytest.mark.parametrize(("height", "width"), [(0, 0), (1, 0), (0, 5), (1, 1), (480, 640)])
@@ -37,3 +39,29 @@ def test_a_field_lies_within_its_point(datatype: int, size: int) -> None:
     check_fields([PointField("a", 4, datatype, 3)], 4 + 3 * size)
     with pytest.raises(SchemaError, match=f"field 'a' ends at byte {4 + 3 * size} of a point of {3 + 3 * size}"):
         check_fields([PointField("b", 0, 1), PointField("a", 4, datatype, 3)], 3 + 3 * size)
+
+
+def points(data: bytes, kind: str) -> PointCloud:
+    return PointCloud(
+        header=header(),
+        height=2,
+        width=3,
+        fields=[PointField("x", 0, 7)],
+        is_bigendian=False,
+        point_step=4,
+        row_step=12,
+        data=memoryview(data),
+        is_dense=True,
+        format=kind,
+    )
+
+
+def test_points_may_be_zstd_data_of_the_right_size() -> None:
+    assert points(zstd.compress(bytes(24)), "zstd").format == "zstd"
+    with pytest.raises(SchemaError, match="zstd data holds 25 bytes instead of 24"):
+        points(zstd.compress(bytes(25)), "zstd")
+
+
+def test_points_are_in_no_other_format() -> None:
+    with pytest.raises(SchemaError, match="unknown format: 'draco'"):
+        points(bytes(24), "draco")

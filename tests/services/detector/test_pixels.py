@@ -1,8 +1,10 @@
 """Every encoding of one scene gives the same picture."""
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
+from backports import zstd
 from numpy.typing import NDArray
 
 from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
@@ -172,3 +174,35 @@ def test_a_damaged_file_is_said_to_be_one(size: int) -> None:
     data = file_of(scene(), ".png")[:size]
     with pytest.raises(PictureError, match="a png that cannot be decoded"):
         to_bgr(compressed(data, "rgb8", 192, height=48, width=64))
+
+
+def zipped(of: ImageFrame, data: bytes | None = None) -> ImageFrame:
+    """Return the frame as zstd data: its own, or what is given for it."""
+    return msgspec.structs.replace(of, format="zstd", data=memoryview(zstd.compress(of.data) if data is None else data))
+
+
+@pytest.mark.parametrize("padding", [0, 5])
+@pytest.mark.parametrize("is_bigendian", [False, True])
+def test_zstd_data_is_the_picture(padding: int, *, is_bigendian: bool) -> None:
+    pixels = widened(mosaic(scene(), "rggb"), ">" if is_bigendian else "<")
+    for raw in (
+        frame("bayer_rggb16", pixels, padding, is_bigendian=is_bigendian),
+        frame("bgr8", BGR, padding),
+        frame("yuv422", uyvy(scene()), padding),
+    ):
+        assert np.array_equal(to_bgr(zipped(raw)), to_bgr(raw))
+
+
+def test_damaged_zstd_data_is_said_to_be_that_and_never_grows_beyond_the_frame() -> None:
+    whole = frame("bgr8", BGR)
+    good = zstd.compress(whole.data)
+    for bad in (good[:-1], good + zstd.compress(bytes(9)), good + b"x", forged(whole.data.nbytes)):
+        with pytest.raises(PictureError, match="a zstd that cannot be decoded"):
+            to_bgr(zipped(whole, bad))
+
+
+def forged(size: int) -> bytes:
+    """Return zstd data that says to hold `size` bytes, at most 255, and holds a million."""
+    bomb = zstd.compress(bytes(1_000_000), options={zstd.CompressionParameter.content_size_flag: 0})
+    magic, window_and_blocks = bomb[:4], bomb[5:]
+    return magic + bytes([0x20, size]) + window_and_blocks[1:]

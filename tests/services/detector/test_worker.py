@@ -6,14 +6,16 @@ from contextlib import asynccontextmanager
 import msgspec
 import numpy as np
 import pytest
+from backports import zstd
 
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
+from bus.clock import clock_id
 from bus.fake import FakeNetwork
 from schemas import codec, keys
 from schemas.codec import M
 from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from schemas.status import CameraLoad, WorkerStatus
 from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED, UNWANTED
 from services.detector.worker import Worker
@@ -271,3 +273,29 @@ async def test_the_worker_is_present_and_says_goodbye(rig: Rig) -> None:
     async with rig.bus.watch("workers/*/*/*/*/alive") as watch:
         presence = await anext(watch)
         assert (keys.parse_worker(presence.key), presence.alive) == (("detector", "w1"), True)
+
+
+async def test_it_says_where_a_cameras_frames_go_while_it_wants_them(rig: Rig) -> None:
+    async with rig.camera(FRONT) as camera, rig.bus.watch(keys.every_wanted("r1")) as watch, asyncio.timeout(5):
+        async with rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)):
+            token = await anext(watch)
+            assert keys.parse_wanted(token.key) == Wanted(StreamKey(FRONT, Stream.COLOR), clock_id(), "w1")
+            await until(lambda: camera.wanted)
+        assert (await anext(watch)).alive is False
+
+
+async def test_zstd_data_is_inferred_from_and_damaged_data_is_malformed(rig: Rig) -> None:
+    raw = frame(1, color=(1, 2, 3))
+    data = zstd.compress(raw.data)
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+    ):
+        await until(lambda: camera.wanted)
+        for sent in (data[:-1], data):
+            camera.put(codec.encode(msgspec.structs.replace(raw, format="zstd", data=memoryview(sent))))
+            await asyncio.sleep(0.02)
+        await receive(classes, ClassList)
+        assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}
+    assert [tuple(image[3, 5]) for image in rig.model.seen] == [(1, 2, 3)]

@@ -1,0 +1,1 @@
+"""Between translation and the link: fewer frames, smaller, compressed, and no more than fit the uplink."""

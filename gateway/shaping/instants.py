@@ -1,0 +1,171 @@
+"""Which instants of a camera are sent when there are more than wanted: the same ones on all of its streams. Pure."""
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+SECOND_NS: Final = 1_000_000_000
+SAME_NS: Final = 5_000_000
+"""Stamps that differ by no more are one instant."""
+
+EARLY_NS: Final = 10_000_000
+"""How much jitter brings a frame before its turn."""
+
+JUMP_NS: Final = SECOND_NS
+"""A stream whose stamps go back by more has started over: a bag loops, or a simulation is reset."""
+
+ALONE: Final = 8
+"""After so many frames at instants that no other stream of the camera had, a stream decides for itself."""
+
+TOGETHER: Final = ""
+"""Whose turn it is when a camera's streams take theirs together."""
+
+REMEMBERED: Final = 256
+CROWDED: Final = 16
+"""How many instants of the same SAME_NS are remembered."""
+
+
+@dataclass(slots=True)
+class _Instant:
+    """streams: who had a frame of it. picked: by rate, whether it is sent."""
+
+    stamp_ns: int
+    streams: set[str] = field(default_factory=set)
+    picked: dict[float, bool] = field(default_factory=dict)
+
+
+class _Run:
+    """Instants of stamps that only went forward, and by owner and rate when the next one may be picked."""
+
+    def __init__(self) -> None:
+        self.latest_ns = 0
+        self._instants: OrderedDict[int, list[_Instant]] = OrderedDict()
+        self._due: OrderedDict[tuple[str, float], int] = OrderedDict()
+
+    def has(self, stream: str, stamp_ns: int) -> bool:
+        """Return whether the stream had a frame with exactly this stamp."""
+        return any(
+            found.stamp_ns == stamp_ns and stream in found.streams
+            for found in self._instants.get(stamp_ns // SAME_NS, ())
+        )
+
+    def instant(self, stream: str, stamp_ns: int) -> _Instant:
+        """Return the nearest instant that the stream has no frame of yet, or a new one."""
+        self.latest_ns = max(self.latest_ns, stamp_ns)
+        bucket = stamp_ns // SAME_NS
+        near = [
+            found
+            for neighbour in (bucket - 1, bucket, bucket + 1)
+            for found in self._instants.get(neighbour, ())
+            if stream not in found.streams and abs(found.stamp_ns - stamp_ns) <= SAME_NS
+        ]
+        if near:
+            return min(near, key=lambda found: abs(found.stamp_ns - stamp_ns))
+        made = _Instant(stamp_ns)
+        found = self._instants.setdefault(bucket, [])
+        found.append(made)
+        del found[:-CROWDED]
+        _forget_oldest(self._instants)
+        return made
+
+    def take_turn(self, owner: str, rate: float, stamp_ns: int) -> bool:
+        """Return whether the owner's turn has come; turns are 1 / rate seconds apart.
+
+        A frame may come a little before its turn, and one that comes late does not put off the next turn, so that a
+        camera as fast as the rate loses none to jitter. As both together are less than a turn, no time of n turns has
+        more than n + 1 frames. A turn that is far off was given by a stream with another clock: it does not count.
+        """
+        period = round(SECOND_NS / rate)
+        due = self._due.setdefault((owner, rate), self._due.get((TOGETHER, rate), stamp_ns))
+        _forget_oldest(self._due)
+        if abs(stamp_ns - due) > period + JUMP_NS:
+            due = stamp_ns
+        if stamp_ns < due - min(EARLY_NS, period // 4):
+            return False
+        self._due[owner, rate] = max(due, stamp_ns - period * 7 // 10) + period
+        return True
+
+
+def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
+    if len(known) > REMEMBERED:
+        known.popitem(last=False)
+
+
+@dataclass(slots=True)
+class _Stream:
+    run: _Run
+    rate: float
+    last_ns: int = 0
+    alone: int = 0
+
+
+class Instants:
+    """Picks `max_hz` instants a second of ROS time, for all streams of one camera together.
+
+    Whoever has the first frame of an instant decides on it, and that holds for all: whatever a stream missed, it sends
+    no frame whose instant another stream left out, nor the other way round. What is picked at a lower rate is picked at
+    a higher one too. A stream whose stamps are never those of the others is picked from by itself.
+    """
+
+    def __init__(self) -> None:
+        self._newest = _Run()
+        self._streams: dict[str, _Stream] = {}
+
+    def pick(self, stream: str, stamp_ns: int, received_ns: int, max_hz: float) -> bool:
+        """Return whether a frame of a stream is sent.
+
+        stamp_ns: the sensor's stamp; where it is 0, or one that the stream has used before, received_ns stands for it.
+        """
+        state = self._streams.setdefault(stream, _Stream(self._newest, max_hz))
+        state.rate = max_hz
+        says_nothing = stamp_ns in {0, state.last_ns}
+        if not says_nothing:
+            self._follow_clock(state, stamp_ns)
+        if says_nothing or state.run.has(stream, stamp_ns):
+            stamp_ns = received_ns
+        instant = state.run.instant(stream, stamp_ns)
+        self._note_company(stream, state, instant)
+        if max_hz not in instant.picked:
+            self._decide(stream, state, instant)
+        return instant.picked[max_hz]
+
+    def _follow_clock(self, state: _Stream, stamp_ns: int) -> None:
+        """Begin a new run when a stream's clock goes back; streams whose clock has not yet stay in the old one."""
+        if stamp_ns < state.last_ns - JUMP_NS:
+            if state.run is self._newest:
+                self._newest = _Run()
+            state.run = self._newest
+        elif stamp_ns <= self._newest.latest_ns + JUMP_NS:
+            state.run = self._newest
+        state.last_ns = stamp_ns
+
+    def _note_company(self, stream: str, state: _Stream, instant: _Instant) -> None:
+        if not instant.streams:
+            state.alone += 1
+        for other in instant.streams:
+            self._streams[other].alone = state.alone = 0
+        instant.streams.add(stream)
+
+    def _decide(self, stream: str, state: _Stream, instant: _Instant) -> None:
+        if state.alone > ALONE:
+            instant.picked[state.rate] = state.run.take_turn(stream, state.rate, instant.stamp_ns)
+            return
+        picked = True
+        for rate in sorted({each.rate for each in self._streams.values()}, reverse=True):
+            picked = picked and instant.picked.get(rate, True)
+            if picked and rate not in instant.picked:
+                picked = state.run.take_turn(TOGETHER, rate, instant.stamp_ns)
+            instant.picked.setdefault(rate, picked)
+
+
+class Thinning:
+    """The share of one stream in its camera's instants. max_hz may be changed at any time; None sends all."""
+
+    def __init__(self, instants: Instants, stream: str, max_hz: float | None) -> None:
+        self._instants = instants
+        self._stream = stream
+        self.max_hz = max_hz
+
+    def passes(self, stamp_ns: int, received_ns: int) -> bool:
+        """Return whether a frame is sent; see `Instants.pick`."""
+        return self.max_hz is None or self._instants.pick(self._stream, stamp_ns, received_ns, self.max_hz)

@@ -1,0 +1,126 @@
+"""The last step of a stream in the gateway: shaped as the settings say, its messages go to their publisher."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+
+from bus import Publisher
+from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
+from gateway.shaping.counts import OutletCounts
+from gateway.shaping.pacer import Pacer
+from gateway.shaping.scaling import scale_info
+from gateway.shaping.workshop import Job, Shaped, Workshop
+from schemas import codec
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
+from schemas.keys import SensorKey, Stream
+from schemas.points import PointCloud
+from schemas.status import OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is to be done to a stream.
+
+    all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget.
+    """
+
+    factor: int = 1
+    method: Method = NONE
+    all_here: Callable[[], bool] = lambda: True
+    droppable: bool = False
+
+    def method_now(self) -> Method:
+        """Return how the next frame is compressed."""
+        if self.method.format != AUTO:
+            return self.method
+        return NONE if self.all_here() else LOSSY
+
+
+class Outlet:
+    """Takes a stream's messages. Raw frames go straight on, and so does everything that is no frame."""
+
+    def __init__(
+        self,
+        key: SensorKey,
+        publisher: Publisher,
+        plan: Plan,
+        workshop: Workshop | None = None,
+        pacer: Pacer | None = None,
+    ) -> None:
+        self.name = str(key)
+        self._publisher = publisher
+        self._plan = plan
+        self._workshop = workshop
+        self._pacer = pacer
+        self._is_depth = key.stream == Stream.DEPTH_INFO
+        self._dropped: Counter[str] = Counter()
+        self._bytes = 0
+        self._compression = ""
+
+    @property
+    def counts(self) -> OutletCounts:
+        """What became of the messages so far."""
+        return OutletCounts(dict(self._dropped), self._bytes, self._compression)
+
+    def put(self, message: codec.Message) -> None:
+        """Send a message, now or when it is shaped and the uplink's budget allows it."""
+        if isinstance(message, ImageFrame | PointCloud):
+            self._put_frame(message)
+            return
+        if isinstance(message, CameraInfo) and self._plan.factor > 1:
+            message = scale_info(message, self._plan.factor, depth=self._is_depth)
+        self._pass_on(codec.encode(message))
+
+    def _put_frame(self, frame: Frame) -> None:
+        factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
+        method = self._plan.method_now()
+        busy = self._workshop is not None and self._workshop.is_busy_for(self)
+        if self._workshop is None or (method == NONE and factor == 1 and not busy):
+            self._compression = frame.format
+            self._pass_on(codec.encode(frame))
+            return
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, Job(frame, factor, method))
+
+    def shaped(self, made: Shaped) -> None:
+        """See `Customer`."""
+        self._compression = str(made.method)
+        self._pass_on(made.payload)
+
+    def spoilt(self) -> None:
+        """See `Customer`."""
+        self._dropped[UNSHAPED] += 1
+
+    def _pass_on(self, payload: bytes) -> None:
+        if self._pacer is None:
+            self._send(payload)
+        elif not self._plan.droppable:
+            self._pacer.charge(len(payload))
+            self._send(payload)
+        elif self._plan.all_here():
+            self._dropped[OVER_BUDGET] += self._pacer.discard(self)
+            self._send(payload)
+        else:
+            self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send)
+
+    def _send(self, payload: bytes) -> None:
+        self._bytes += len(payload)
+        self._publisher.put(payload)
+
+    def close(self) -> None:
+        """Send nothing more."""
+        if self._workshop is not None:
+            self._workshop.leave(self)
+        if self._pacer is not None:
+            self._pacer.discard(self)
+
+
+OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]
+"""Opens the way of a stream's messages to one of its publishers."""
+
+
+@contextmanager
+def unshaped(key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
+    """Send a stream's messages as they are."""
+    yield Outlet(key, publisher, Plan())

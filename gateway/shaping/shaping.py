@@ -1,0 +1,77 @@
+"""All shaping of one gateway process."""
+
+import asyncio
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from bus import Bus, Publisher, QoS
+from gateway.shaping.compression import NONE
+from gateway.shaping.consumers import Consumers
+from gateway.shaping.instants import Instants, Thinning
+from gateway.shaping.outlet import Outlet, Plan
+from gateway.shaping.pacer import Pacer
+from gateway.shaping.settings import FRAMES, ShapingSettings
+from gateway.shaping.workshop import Workshop
+from gateway.translators import kind_of
+from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
+
+_SCALED_LIKE = {Stream.INFO: Stream.COLOR, Stream.DEPTH_INFO: Stream.DEPTH}
+
+
+class Shaping:
+    """What the streams of one gateway share: each camera's instants, the workshop, the uplink, and who listens."""
+
+    def __init__(self, settings: ShapingSettings, consumers: Consumers) -> None:
+        self._settings = settings
+        self._consumers = consumers
+        self._instants: defaultdict[CameraKey | str, Instants] = defaultdict(Instants)
+        self._workshop = Workshop()
+        self._pacer = None if settings.uplink_mbit is None else Pacer(settings.uplink_mbit)
+
+    def thinning(self, key: SensorKey) -> Thinning | None:
+        """Return what leaves out a stream's frames beyond its rate; None where nothing ever may be."""
+        if kind_of(key).qos is not QoS.IMAGE:
+            return None
+        camera = key.camera if isinstance(key, StreamKey) else str(key)
+        return Thinning(self._instants[camera], key.stream, self._settings.max_hz_of(_name(key)))
+
+    @contextmanager
+    def outlet(self, key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
+        """Open the way of a stream's messages to its publisher."""
+        outlet = Outlet(key, publisher, self._plan(key), self._workshop, self._pacer)
+        try:
+            yield outlet
+        finally:
+            outlet.close()
+
+    def _plan(self, key: SensorKey) -> Plan:
+        if not isinstance(key, StreamKey):
+            return Plan(all_here=_never, droppable=kind_of(key).qos is QoS.IMAGE)
+        scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
+        return Plan(
+            factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(_name(scaled_like)),
+            method=self._settings.method_of(_name(key)) if key.stream in FRAMES else NONE,
+            all_here=self._all_here(key),
+            droppable=kind_of(key).qos is QoS.IMAGE,
+        )
+
+    def _all_here(self, key: StreamKey) -> Callable[[], bool]:
+        return lambda: self._consumers.all_here(key)
+
+    async def run(self, bus: Bus) -> None:
+        """Do what outlets leave to be done, for ever."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._consumers.follow(bus))
+            group.create_task(self._workshop.run())
+            if self._pacer is not None:
+                group.create_task(self._pacer.run())
+
+
+def _never() -> bool:
+    return False
+
+
+def _name(key: SensorKey) -> str:
+    """Return what the settings call a stream."""
+    return f"{key.camera.camera}/{key.stream}" if isinstance(key, StreamKey) else key.stream

@@ -1,0 +1,136 @@
+"""A stream's last step, with a publisher on the fake bus."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+
+import msgspec
+import pytest
+
+from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
+from schemas.keys import sensor_key
+from schemas.points import PointCloud
+from schemas.raw import RawMessage
+from schemas.status import OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from tests.gateway.ros1.waiting import until
+from tests.gateway.shaping.frames import cloud, frame, picture
+from tests.gateway.shaping.rig import Rig, numbered, receive
+from tests.gateway.shaping.test_scaling import info
+from tests.schemas.frames import header
+from tests.schemas.pictures import compressed, file_of
+
+COLOR, DEPTH, INFO, POINTS, BATTERY = (
+    sensor_key("r1", name) for name in ("front/color", "front/depth", "front/info", "front/points", "ros/battery")
+)
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    async with AsyncExitStack() as stack:
+        yield Rig(FakeNetwork(), stack)
+
+
+async def test_without_shaping_everything_goes_as_it_is(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR)
+    outlet.put(numbered(0))
+    assert await receive(arrived, ImageFrame) == numbered(0)
+    assert (outlet.counts.bytes, outlet.counts.compression) == (len(codec.encode(numbered(0))), "raw")
+
+
+async def test_auto_is_raw_at_once_while_all_are_here_and_compressed_for_anybody_else(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping())
+    rig.listens(COLOR, "here")
+    outlet.put(numbered(0))
+    assert outlet.counts.bytes  # sent already: it waits for no thread
+    assert (await receive(arrived, ImageFrame)).format == "raw"
+    rig.listens(COLOR, "there")
+    outlet.put(numbered(1))
+    assert (await receive(arrived, ImageFrame)).format == "jpeg"
+    assert outlet.counts.compression == "jpeg:80"
+    rig.listens(COLOR, "here", alive=False)
+    rig.listens(COLOR, "there", alive=False)
+    outlet.put(numbered(2))
+    assert (await receive(arrived, ImageFrame)).format == "jpeg"
+
+
+async def test_a_raw_frame_does_not_overtake_one_that_is_being_compressed(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping())
+    outlet.put(numbered(0, size=500))
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    rig.listens(COLOR, "here")
+    outlet.put(numbered(1))
+    assert [(await receive(arrived, ImageFrame)).header.seq for _ in range(2)] == [0, 1]
+
+
+async def test_newest_wins_while_the_workshop_is_busy(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping(compression="png"))
+    for seq in range(4):
+        outlet.put(numbered(seq))
+    assert (await receive(arrived, ImageFrame)).header.seq == 3
+    assert outlet.counts.dropped == {REPLACED_BEFORE_SHAPING: 3}
+
+
+async def test_depth_and_points_are_compressed_without_loss(rig: Rig) -> None:
+    shaping = await rig.shaping()
+    depth, depth_arrived = await rig.outlet(DEPTH, shaping)
+    points, points_arrived = await rig.outlet(POINTS, shaping)
+    depth.put(msgspec.structs.replace(frame("32FC1", picture()[..., 0].astype("f4"))))
+    points.put(cloud())
+    assert (await receive(depth_arrived, ImageFrame)).format == "zstd"
+    assert (await receive(points_arrived, PointCloud)).format == "zstd"
+
+
+async def test_a_frame_that_cannot_be_scaled_is_counted(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping(scale="1/2"))
+    outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+    await until(lambda: outlet.counts.dropped == {UNSHAPED: 1, REPLACED_BEFORE_SHAPING: 0}, "it is counted")
+    outlet.put(numbered(1))
+    assert (await receive(arrived, ImageFrame)).header.seq == 1
+
+
+def raw_message(size: int) -> RawMessage:
+    return RawMessage(
+        header=header(camera=""), type="a/B", md5="", definition="", latched=False, data=memoryview(bytes(size))
+    )
+
+
+async def test_frames_wait_for_the_uplink_and_the_newest_wins_but_calibrations_go_at_once(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")  # 10,000 bytes a second, 1,000 of them ahead
+    color, frames = await rig.outlet(COLOR, shaping)
+    battery, batteries = await rig.outlet(BATTERY, shaping)
+    calibration, infos = await rig.outlet(INFO, shaping)
+    color.put(numbered(0, size=20))
+    for seq in (1, 2, 3):
+        color.put(numbered(seq))
+    battery.put(raw_message(50))
+    calibration.put(info())
+    assert calibration.counts.bytes
+    assert await receive(infos, CameraInfo) == info()
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 3]
+    assert (await receive(batteries, RawMessage)).data.nbytes == 50
+    assert color.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_what_stays_on_this_machine_needs_no_uplink(rig: Rig) -> None:
+    color, frames = await rig.outlet(COLOR, await rig.shaping(uplink_mbit=0.08, compression="raw"))
+    for seq in range(3):
+        color.put(numbered(seq, size=30))
+    rig.listens(COLOR, "here")
+    color.put(numbered(3, size=30))
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 3]
+    assert color.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_an_outlet_that_is_closed_sends_nothing_more(rig: Rig) -> None:
+    for settings in ({"uplink_mbit": 0.08, "compression": "raw"}, {"compression": "png"}):
+        outlet, _ = await rig.outlet(COLOR, await rig.shaping(**settings))
+        for seq in range(3):
+            outlet.put(numbered(seq, size=30))
+        sent = outlet.counts.bytes
+        outlet.close()
+        await asyncio.sleep(0.3)
+        assert outlet.counts.bytes == sent

@@ -1,0 +1,66 @@
+"""What the streams of one gateway share."""
+
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+
+import pytest
+
+from bus.fake import FakeNetwork
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
+from schemas.keys import sensor_key
+from schemas.points import PointCloud
+from tests.gateway.shaping.frames import cloud, frame, picture
+from tests.gateway.shaping.rig import Rig, numbered, receive
+from tests.gateway.shaping.test_scaling import info
+
+COLOR, DEPTH, INFO, DEPTH_INFO, POINTS, BATTERY = (
+    sensor_key("r1", name)
+    for name in ("front/color", "front/depth", "front/info", "front/depth_info", "front/points", "ros/battery")
+)
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    async with AsyncExitStack() as stack:
+        yield Rig(FakeNetwork(), stack)
+
+
+async def test_what_is_scaled_has_a_scaled_calibration(rig: Rig) -> None:
+    shaping = await rig.shaping(scale="*/color=1/2", compression="raw")
+    color, frames = await rig.outlet(COLOR, shaping)
+    depth, depths = await rig.outlet(DEPTH, shaping)
+    calibration, infos = await rig.outlet(INFO, shaping)
+    depth_calibration, depth_infos = await rig.outlet(DEPTH_INFO, shaping)
+    color.put(numbered(0, size=480))
+    depth.put(frame("16UC1", picture()[..., 0].astype("u2")))
+    calibration.put(info())
+    depth_calibration.put(info())
+    assert (await receive(frames, ImageFrame)).width == 240
+    assert (await receive(depths, ImageFrame)).width == 64
+    assert (await receive(infos, CameraInfo)).width == 320
+    assert await receive(depth_infos, CameraInfo) == info()
+
+
+async def test_depth_is_scaled_with_its_own_calibration(rig: Rig) -> None:
+    shaping = await rig.shaping(scale="1/2")
+    calibration, infos = await rig.outlet(DEPTH_INFO, shaping)
+    points, clouds = await rig.outlet(POINTS, shaping)
+    calibration.put(info())
+    points.put(cloud())
+    assert (await receive(infos, CameraInfo)).k[2] == 160
+    assert (await receive(clouds, PointCloud)).width == cloud().width
+
+
+async def test_a_cameras_streams_share_their_instants_and_only_what_may_be_left_out_has_a_rate(rig: Rig) -> None:
+    shaping = await rig.shaping(max_hz="10")
+    assert shaping.thinning(INFO) is None
+    assert shaping.thinning(sensor_key("r1", "tf")) is None
+    color, depth, battery = (shaping.thinning(key) for key in (COLOR, DEPTH, BATTERY))
+    assert color is not None
+    assert depth is not None
+    assert battery is not None
+    assert (color.max_hz, depth.max_hz, battery.max_hz) == (10, 10, None)
+    second = 1_000_000_000
+    assert [color.passes(n * second // 30, 0) for n in (1, 2, 4)] == [True, False, True]
+    assert [depth.passes(n * second // 30, 0) for n in (2, 4)] == [False, True]

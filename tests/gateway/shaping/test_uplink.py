@@ -1,0 +1,143 @@
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.shaping.uplink import BACKLOG_S, Uplink
+
+RATE = 1_000_000.0
+FULL = int(RATE * BACKLOG_S)
+
+
+class Streams:
+    """Streams that offer an item of one size each, period after period, through one uplink; time is counted in ms."""
+
+    def __init__(self, sizes: dict[str, int], periods_ms: dict[str, int]) -> None:
+        self.uplink: Uplink[str, int] = Uplink(RATE)
+        self.sizes = sizes
+        self.periods_ms = periods_ms
+        self.sent: dict[str, list[int]] = {stream: [] for stream in sizes}
+        self.replaced = 0
+
+    def run(self, seconds: int) -> None:
+        for now_ms in range(seconds * 1000):
+            for stream, period in self.periods_ms.items():
+                if now_ms % period == 0:
+                    self.replaced += self.uplink.offer(stream, now_ms, self.sizes[stream])
+            for stream, offered_ms in self.uplink.release(now_ms / 1000):
+                self.sent[stream].append(offered_ms)
+            assert self.uplink.backlog <= max(FULL, *self.sizes.values()) + 1
+
+    def bytes_of(self, stream: str) -> int:
+        return len(self.sent[stream]) * self.sizes[stream]
+
+
+def streams_of(largest: int) -> st.SearchStrategy[list[tuple[int, int]]]:
+    """Return sizes in bytes and periods in milliseconds."""
+    return st.lists(st.tuples(st.integers(1, largest), st.integers(10, 100)), min_size=1, max_size=5)
+
+
+SECONDS = 4
+
+
+def ran(streams: list[tuple[int, int]]) -> Streams:
+    named = {f"s{n}": stream for n, stream in enumerate(streams)}
+    run = Streams({name: size for name, (size, _) in named.items()}, {name: ms for name, (_, ms) in named.items()})
+    run.run(SECONDS)
+    return run
+
+
+@settings(max_examples=30, deadline=None)
+@given(streams_of(FULL // 2))
+def test_the_budget_is_used_and_shared(streams: list[tuple[int, int]]) -> None:
+    run = ran(streams)
+    asked = {f"s{n}": size * 1000 / period * SECONDS for n, (size, period) in enumerate(streams)}
+    budget = RATE * SECONDS
+    given_bytes = sum(map(run.bytes_of, asked))
+    assert min(sum(asked.values()), budget) * 0.9 - FULL <= given_bytes <= budget + FULL
+    for name, wish in asked.items():
+        assert run.bytes_of(name) >= min(wish, budget / len(streams)) * 0.8 - FULL
+
+
+@settings(max_examples=30, deadline=None)
+@given(streams_of(3 * FULL))
+def test_nobody_starves_however_large_the_frames_of_others_are(streams: list[tuple[int, int]]) -> None:
+    run = ran(streams)
+    round_s = len(streams) * max(size for size, _ in streams) / RATE + BACKLOG_S
+    for n, (_, period) in enumerate(streams):
+        sent = run.sent[f"s{n}"]
+        assert len(sent) >= SECONDS / (round_s + period / 1000) - 2
+        assert sent == sorted(set(sent))
+
+
+def test_small_frames_pass_while_a_large_stream_asks_for_more_than_there_is() -> None:
+    run = Streams({"large": FULL, "small": FULL // 100}, {"large": 33, "small": 33})
+    run.run(10)
+    assert len(run.sent["small"]) >= 90
+    assert run.bytes_of("large") >= 0.85 * RATE * 10
+    assert run.replaced > 0
+
+
+def test_a_frame_larger_than_the_backlog_goes_when_nothing_is_queued() -> None:
+    uplink: Uplink[str, str] = Uplink(RATE)
+    uplink.offer("large", "first", 5 * FULL)
+    assert uplink.release(0) == [("large", "first")]
+    uplink.offer("large", "second", 5 * FULL)
+    uplink.offer("small", "third", 1)
+    assert uplink.release(0.3999) == []
+    assert uplink.release(0.4001) == [("small", "third")]
+    assert uplink.release(0.4999) == []
+    assert uplink.release(0.5001) == [("large", "second")]
+
+
+def test_results_go_at_once_and_are_counted() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    uplink.charge(FULL, 0)
+    uplink.offer("color", 1, FULL // 2)
+    assert uplink.release(0) == []
+    assert uplink.next_release_s() == pytest.approx(BACKLOG_S / 2, abs=1e-5)
+    assert uplink.release(BACKLOG_S / 2) == [("color", 1)]
+
+
+def test_the_newest_waits_and_keeps_its_place() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    uplink.charge(FULL, 0)
+    assert uplink.offer("color", 1, FULL) == 0
+    assert uplink.offer("depth", 2, FULL) == 0
+    assert uplink.offer("color", 3, FULL) == 1
+    assert uplink.release(BACKLOG_S) == [("color", 3)]
+    assert uplink.release(2 * BACKLOG_S) == [("depth", 2)]
+    assert uplink.next_release_s() is None
+
+
+def test_who_was_silent_has_nothing_saved_up() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    now = 0.0
+    for n in range(100):
+        uplink.offer("busy", n, FULL)
+        assert uplink.release(now) == [("busy", n)]
+        now += BACKLOG_S
+    turns = []
+    for n in range(10):
+        uplink.offer("busy", n, FULL)
+        uplink.offer("late", n, FULL)
+        turns += [stream for stream, _ in uplink.release(now)]
+        now += BACKLOG_S
+    assert 4 <= turns.count("busy") <= 6
+
+
+def test_a_stream_that_is_gone_holds_up_nobody() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    uplink.charge(FULL, 0)
+    uplink.offer("gone", 1, FULL)
+    uplink.offer("color", 2, FULL)
+    assert (uplink.discard("gone"), uplink.discard("gone")) == (1, 0)
+    assert uplink.release(BACKLOG_S) == [("color", 2)]
+
+
+def test_a_clock_that_stands_still_or_goes_back_gives_nothing() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    uplink.charge(FULL, 10)
+    uplink.offer("color", 1, FULL)
+    assert uplink.release(10) == []
+    assert uplink.release(9) == []
+    assert uplink.release(10 + BACKLOG_S) == [("color", 1)]
