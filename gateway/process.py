@@ -16,6 +16,7 @@ from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.topics import result_root
 from gateway.outgoing.translators import RETURNED
+from gateway.requests.answering import answering
 from gateway.ros1.node import Node
 from gateway.settings import GatewaySettings
 from gateway.stream import StreamForward
@@ -57,6 +58,7 @@ async def run(settings: GatewaySettings) -> int:
         streams = [StreamForward(key, topic, kind_of(key), boot_id) for key, topic in settings.streams().items()]
         forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
         returns = [Return(stream) for stream in _returned(settings)]
+        await stack.enter_async_context(answering(bus, node, settings, boot_id))
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
         tasks += [group.create_task(returned.run(node, bus)) for returned in returns]

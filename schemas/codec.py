@@ -6,12 +6,14 @@ import msgspec
 
 from schemas import keys
 from schemas.camera_info import CameraInfo
+from schemas.clock import ClockReading
 from schemas.detections import ClassList, Detections
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud
 from schemas.raw import RawMessage, Text
+from schemas.service import ServiceRequest, ServiceResponse
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.transforms import Transforms
 
@@ -26,6 +28,9 @@ Message = (
     | ClassList
     | GatewayStatus
     | WorkerStatus
+    | ClockReading
+    | ServiceRequest
+    | ServiceResponse
 )
 M = TypeVar("M", bound=Message)
 
@@ -42,6 +47,9 @@ MAX_BYTES: Final[dict[type, int]] = {
     ClassList: 256 * KIB,
     GatewayStatus: 1024 * KIB,
     WorkerStatus: 1024 * KIB,
+    ClockReading: 64 * KIB,
+    ServiceRequest: 9 * KIB * KIB,
+    ServiceResponse: 9 * KIB * KIB,
 }
 """Largest payload accepted per message, checked before a byte of it is read."""
 

@@ -26,7 +26,7 @@ def test_robot_and_worker_keys_parse_back(name: str) -> None:
 
 @given(st.text(max_size=80))
 def test_whatever_the_key_parsing_raises_schema_errors_only(key: str) -> None:
-    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker):
+    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker, keys.parse_service):
         try:
             parse(key)
         except SchemaError:
@@ -102,3 +102,29 @@ def test_named_streams_are_one_each(stream: str) -> None:
     assert keys.sensor_key("r1", stream.rstrip("/")) == key
     assert (str(key), key.kind) == (f"fleet/r1/{key.stream}", stream[:4].rstrip("/"))
     assert key.alive == f"fleet/r1/{key.stream}/alive"
+
+
+@given(names, st.from_regex(keys.SERVICE, fullmatch=True).filter(lambda name: len(name) <= keys.MAX_NAMED))
+def test_service_keys_parse_back(robot: str, service: str) -> None:
+    key = keys.service(robot, service)
+    assert key == f"fleet/{robot}/service{service}"
+    assert keys.parse_service(key) == (robot, service)
+
+
+@pytest.mark.parametrize("name", ["", "/", "reset", "/a/", "/a//b", "/a b", "/*", "/ä", "/a" * 101])
+def test_names_that_are_no_service(name: str) -> None:
+    with pytest.raises(SchemaError, match="not the name of a ROS service"):
+        keys.service("r1", name)
+
+
+@pytest.mark.parametrize(
+    "key", ["fleet/r1/service", "fleet/r1/service/", "fleet/r1/clock", "fleet/r1/services/a", "x/r1/service/a"]
+)
+def test_other_keys_are_no_services(key: str) -> None:
+    with pytest.raises(SchemaError):
+        keys.parse_service(key)
+
+
+def test_a_robots_clock_has_a_key() -> None:
+    assert keys.robot_clock("r1") == "fleet/r1/clock"
+    assert keys.parse_robot("fleet/r1/clock") == "r1"
