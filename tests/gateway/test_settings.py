@@ -87,3 +87,25 @@ def test_every_stream_has_its_topic() -> None:
 def test_a_topic_has_one_stream_and_a_stream_one_topic(topics: dict[str, str], reason: str) -> None:
     with pytest.raises(ValidationError, match=reason):
         settings(cameras={"front": "/color"}, topics=topics)
+
+
+def test_services_are_listed_by_name_and_maybe_type() -> None:
+    settings = GatewaySettings(robot="r1", services=["/reset", "/arm/stop=std_srvs/Trigger"])
+    assert settings.listed_services() == {"/reset": "*", "/arm/stop": "std_srvs/Trigger"}
+    assert GatewaySettings(robot="r1").listed_services() == {}
+
+
+@pytest.mark.parametrize(
+    ("services", "reason"),
+    [
+        (["reset"], "not the name of a ROS service"),
+        (["/reset*"], "not the name of a ROS service"),
+        (["/reset=Trigger"], "not a ROS message type"),
+        (["/reset="], "not a ROS message type"),
+        (["/a", "/a=b/C"], "/a is named twice"),
+        ([f"/s{n}" for n in range(65)], "65 services, at most 64"),
+    ],
+)
+def test_services_that_are_refused(services: list[str], reason: str) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        GatewaySettings(robot="r1", services=services)
