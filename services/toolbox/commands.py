@@ -1,11 +1,14 @@
 """The subcommands: what each one is for, its settings and what it runs, imported only when it is asked for."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import takewhile
 from typing import Any, Final
 
 from pydantic import BaseModel
+
+from services.toolbox.settings import LogLevel
 
 Run = Callable[[BaseModel], Awaitable[int | None]]
 
@@ -15,7 +18,8 @@ class Command:
     """A subcommand. Names are "module:name".
 
     run: a coroutine function that takes the settings. refusals: the errors it raises for settings that turn out to be
-    wrong once used. extra: what must be installed beyond the base.
+    wrong once used. extra: what must be installed beyond the base. positional: settings that the first arguments are
+    for where they are no options. log_level: least severe events written unless told otherwise.
     """
 
     name: str
@@ -24,6 +28,14 @@ class Command:
     run: str
     refusals: tuple[str, ...] = ("bus:BusError",)
     extra: str | None = None
+    positional: tuple[str, ...] = ()
+    log_level: LogLevel = "info"
+
+    def options(self, arguments: Sequence[str]) -> list[str]:
+        """Return the arguments with those that are positional as options."""
+        given = list(takewhile(lambda argument: not argument.startswith("-"), arguments[: len(self.positional)]))
+        named = [option for name, value in zip(self.positional, given, strict=False) for option in (f"--{name}", value)]
+        return [*named, *arguments[len(given) :]]
 
     def load_settings(self) -> type[BaseModel]:
         """Import the settings model."""
@@ -67,6 +79,14 @@ COMMANDS: Final = (
         "services.monitor.settings:MonitorSettings",
         "services.monitor.process:run",
         extra="monitor",
+    ),
+    Command(
+        "call",
+        "call a ROS service of a robot whose gateway lists it",
+        "services.toolbox.call.settings:CallSettings",
+        "services.toolbox.call.process:run",
+        positional=("robot", "service"),
+        log_level="error",
     ),
     Command(
         "simulate",
