@@ -1,7 +1,6 @@
 """The command against a server of the test's own; against a gateway and rospy in tests/integration/test_services.py."""
 
 import asyncio
-from typing import Final
 
 import pytest
 
@@ -12,7 +11,12 @@ from services.toolbox.call.process import run
 from services.toolbox.call.settings import CallSettings
 from services.toolbox.demo.ports import free_ports
 
-TYPE: Final = {"type": "std_srvs/SetBool", "md5": "0" * 32, "data": memoryview(b"")}
+
+def answered(*, success: bool, message: str) -> Reply:
+    response = ServiceResponse(
+        type="std_srvs/SetBool", md5="0" * 32, success=success, message=message, data=memoryview(b"")
+    )
+    return Reply(codec.encode(response), codec.encoding(ServiceResponse))
 
 
 async def call(server: Handler, **settings: object) -> int:
@@ -36,8 +40,7 @@ async def test_it_asks_and_prints_the_answer(
 
     async def server(request: Request) -> Reply:
         asked.append(codec.decode(ServiceRequest, request.payload, request.encoding))
-        response = ServiceResponse(success=True, message="braking" if argument else "", **TYPE)
-        return Reply(codec.encode(response), codec.encoding(ServiceResponse))
+        return answered(success=True, message="braking" if argument else "")
 
     assert await call(server, data=data, timeout_s=7) == 0
     assert asked == [ServiceRequest(argument=argument, timeout_s=7)]
@@ -47,8 +50,7 @@ async def test_it_asks_and_prints_the_answer(
 @pytest.mark.parametrize(("message", "reason"), [("too\nhot", "too hot"), ("", "it does not say why")])
 async def test_a_service_that_does_not_succeed(message: str, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
     async def server(_: Request) -> Reply:
-        response = ServiceResponse(success=False, message=message, **TYPE)
-        return Reply(codec.encode(response), codec.encoding(ServiceResponse))
+        return answered(success=False, message=message)
 
     assert await call(server) == 1
     assert capsys.readouterr() == ("", f"fleetsight call: /brake did not succeed: {reason}\n")
