@@ -196,17 +196,24 @@ class ZenohServer(Server):
     ) -> None:
         super().__init__(key_expr, handler, asyncio.get_running_loop(), at_once, waiting)
         self._submit = submit
+        self._session: zenoh.Session | None = None
         self._queryable: zenoh.Queryable[None] | None = None
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
         callback = Callback(self._on_query, indirect=False)
+        self._session = session
         self._queryable = session.declare_queryable(self.key, callback, complete=True)
 
     def undeclare(self) -> None:
         """Undeclare."""
-        if self._queryable is not None:
-            self._queryable.undeclare()
+        if self._queryable is None or self._session is None:
+            return
+        self._queryable.undeclare()
+        # Else Zenoh (1.10) may go on asking the one that left although others serve the key.
+        self._session.declare_queryable(
+            self.key, Callback(zenoh.Query.drop, indirect=False), complete=False
+        ).undeclare()
 
     def _on_query(self, query: zenoh.Query) -> None:
         def answer(outcome: Reply | str | None) -> None:

@@ -1,5 +1,6 @@
 """Requests as Zenoh's queries. Everything that touches a session is for its thread."""
 
+from contextlib import suppress
 from functools import partial
 from typing import Final
 
@@ -57,7 +58,7 @@ def _error_text(payload: zenoh.ZBytes) -> str:
 
 def finish_query(query: zenoh.Query, served: str, outcome: Reply | str | None) -> None:
     """Answer a query that came to a server of `served`, and let go of it."""
-    with query:
+    with query, suppress(zenoh.ZError):  # whoever asked, or the session, is gone
         key = served if "*" not in served else str(query.key_expr)
         if isinstance(outcome, Reply) and "*" in key:
             outcome = f"{key} is many keys: ask for one"

@@ -79,12 +79,13 @@ class ServiceCalls:
         if wanted != ANY and asked.type not in ("", wanted):
             raise RefusedError(f"{service} is listed as {wanted}, not as {asked.type}")
         expected = TopicType(wanted if wanted != ANY else asked.type or ANY, asked.md5 or ANY)
-        log.info("calling %s for the fleet", service)
         try:
             answer = await self._client.call(
                 service, expected, lambda found: request_for(found, asked), timeout_s=asked.timeout_s
             )
             response = response_of(answer)
         except (Ros1Error, SchemaError) as error:
+            log.warning("%s was called for the fleet in vain: %s", service, error)
             raise RefusedError(str(error)) from error
+        log.debug("%s was called for the fleet", service)
         return Reply(codec.encode(response), codec.encoding(ServiceResponse))

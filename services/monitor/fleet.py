@@ -23,7 +23,7 @@ class FleetFullError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Age:
-    """How old a view is: a lower bound, without the way here, while it is not known how far the robot's clock is off."""
+    """How old a view is; a lower bound, without the way here, while nobody knows how far the robot's clock is off."""
 
     seconds: float
     exact: bool

@@ -22,6 +22,7 @@ from bus import (
     Bus,
     BusError,
     BusSettings,
+    Handler,
     NotServedError,
     Presence,
     QoS,
@@ -314,6 +315,57 @@ async def until_answered(bus: Bus) -> None:
                 assert await bus.request("clock", timeout_s=PATIENCE_S) == Reply(b"here")
                 return
             await asyncio.sleep(0.05)
+
+
+async def test_each_request_is_answered_by_one_of_several_processes_and_by_the_next_when_that_is_gone() -> None:
+    endpoint = free_endpoint()
+    answered: list[str] = []
+
+    def named(name: str) -> Handler:
+        async def handler(_: Request) -> Reply:
+            answered.append(name)
+            return Reply(b"here")
+
+        return handler
+
+    async with (
+        open_bus(router(endpoint)),
+        open_bus(client(endpoint)) as asker,
+        open_bus(client(endpoint)) as one,
+        open_bus(client(endpoint)) as two,
+        AsyncExitStack() as first,
+    ):
+        serving = {"one": one, "two": two}
+        stacks = {name: await first.enter_async_context(AsyncExitStack()) for name in serving}
+        for name, bus in serving.items():
+            await stacks[name].enter_async_context(bus.serve("clock", named(name)))
+        await until_answered(asker)
+        answered.clear()
+        for _ in range(20):
+            await asker.request("clock", timeout_s=PATIENCE_S)
+        assert len(answered) == 20
+        gone = answered[-1]
+        await stacks[gone].aclose()
+        await until_answered(asker)
+        assert answered[-1] == ({"one", "two"} - {gone}).pop()
+
+
+async def test_a_request_cancelled_at_any_await_is_forgotten() -> None:
+    async def slow(_: Request) -> Reply:
+        await asyncio.sleep(0.001)
+        return Reply(b"")
+
+    async with open_bus(router(free_endpoint())) as bus, bus.serve("clock", slow, waiting=100):
+        assert isinstance(bus, ZenohBus)
+        for turns in range(8):
+            task = asyncio.create_task(bus.request("clock", timeout_s=PATIENCE_S))
+            for _ in range(turns):
+                await asyncio.sleep(0)
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            assert bus._asking._askings == set()
+        assert await bus.request("clock", timeout_s=PATIENCE_S) == Reply(b"")
 
 
 async def test_a_request_without_a_router_says_so_and_through_a_hanging_one_times_out() -> None:
