@@ -48,13 +48,6 @@ async def echo(request: Request) -> Reply:
     return Reply(request.payload)
 
 
-def named(name: bytes) -> Handler:
-    async def handler(_: Request) -> Reply:
-        return Reply(name)
-
-    return handler
-
-
 class Hanging:
     """A handler that waits until it is released, and says how often it was called and cancelled."""
 
