@@ -1,43 +1,57 @@
 """The bus between the processes of a fleet; the only package that imports zenoh.
 
-Publishers know whether they are wanted, subscriptions are bounded, presence is seen. Payloads are bytes; what they mean
-is for others to say.
+Publishers know whether they are wanted, subscriptions are bounded, presence is seen, requests are answered or end in an
+error in time. Payloads are bytes; what they mean is for others to say.
 """
 
 from bus.api import (
     DEFAULT_ENCODING,
     LATEST,
+    MAX_REQUEST_BYTES,
+    MAX_TIMEOUT_S,
     QUEUE,
     Bus,
+    Handler,
     Latest,
     Presence,
     Publisher,
     PublisherCounts,
     QoS,
     Queue,
+    Reply,
+    Request,
     Sample,
     Subscription,
     SubscriptionCounts,
     Watch,
 )
-from bus.errors import BusClosedError, BusError
+from bus.errors import BusClosedError, BusError, NotServedError, RefusedError, RequestError, RequestTimeoutError
 from bus.settings import BusSettings
 from bus.zenoh_bus import open_bus
 
 __all__ = [
     "DEFAULT_ENCODING",
     "LATEST",
+    "MAX_REQUEST_BYTES",
+    "MAX_TIMEOUT_S",
     "QUEUE",
     "Bus",
     "BusClosedError",
     "BusError",
     "BusSettings",
+    "Handler",
     "Latest",
+    "NotServedError",
     "Presence",
     "Publisher",
     "PublisherCounts",
     "QoS",
     "Queue",
+    "RefusedError",
+    "Reply",
+    "Request",
+    "RequestError",
+    "RequestTimeoutError",
     "Sample",
     "Subscription",
     "SubscriptionCounts",

@@ -1,6 +1,6 @@
 """What the bus offers; `bus.open_bus` gives the real one and `bus.fake.FakeNetwork` the one for tests."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from enum import Enum
@@ -79,6 +79,36 @@ class SubscriptionCounts:
 
     received: int
     dropped: int
+
+
+MAX_REQUEST_BYTES: Final = 16 * 1024 * 1024
+"""Largest payload of a request, and of a reply. Those over 1 MiB get lost where a link is slow or busy."""
+
+MAX_TIMEOUT_S: Final = 60.0
+"""Longest time that a request may take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What somebody asks; `received_ns` is `time.time_ns()` at arrival in this process."""
+
+    key: str
+    payload: bytes
+    encoding: str
+    received_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What a server answers."""
+
+    payload: bytes
+    encoding: str = DEFAULT_ENCODING
+
+
+Handler = Callable[[Request], Awaitable[Reply]]
+"""Answers a request. RefusedError becomes an error that the caller sees with its text, any other one says no more than
+"internal error" there and is logged here. Cancelled when the caller's time is up."""
 
 
 class Publisher(Protocol):
@@ -174,3 +204,30 @@ class Bus(Protocol):
 
     def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
         """See who is present under a key expression."""
+
+    def serve(
+        self, key_expr: str, handler: Handler, /, *, at_once: int = 1, waiting: int = 16
+    ) -> AbstractAsyncContextManager[None]:
+        """Answer requests for the keys of an expression until leaving, which cancels the handlers.
+
+        At most `at_once` handlers run and `waiting` requests wait for one, the longest first; whoever comes then is
+        refused at once. A key that several members serve is answered by one of them; the other takes over when it goes.
+        Entering raises BusError where this bus serves keys of the expression already.
+        """
+
+    async def request(
+        self, key: str, payload: bytes | bytearray = b"", /, *, encoding: str = DEFAULT_ENCODING, timeout_s: float
+    ) -> Reply:
+        """Ask whoever serves a key. An answer that comes too late is ignored; a server drops what it can no longer do.
+
+        timeout_s: at most MAX_TIMEOUT_S.
+
+        Raises:
+            NotServedError: nobody serves the key, or whoever did went away before answering.
+            RequestTimeoutError: no answer within `timeout_s`.
+            RefusedError: the server's error.
+            BusClosedError: the bus is, or was meanwhile, closed.
+            BusError: a bad key, a payload over MAX_REQUEST_BYTES, too many requests unanswered.
+            TypeError: the payload is neither bytes nor bytearray.
+
+        """

@@ -1,17 +1,23 @@
 """What the real bus declares on a Zenoh session."""
 
+import asyncio
+import time
 from asyncio import AbstractEventLoop
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, Final, Protocol
 
 import zenoh
 from zenoh import CongestionControl, Priority, Reliability, ext
 from zenoh.handlers import Callback
 
-from bus.api import Latest, QoS, Queue
+from bus.api import MAX_REQUEST_BYTES, Handler, Latest, QoS, Queue, Reply, Request
 from bus.demand import Demand
 from bus.lane import Lane
+from bus.queries import TIMEOUT_MS, finish_query, timeout_of
 from bus.reading import PresenceReader, SampleReader
+from bus.serving import Call, Server
 from bus.writing import MessageWriter
 
 IMAGES_WAITING: Final = 1
@@ -178,3 +184,52 @@ class ZenohToken:
 
     def end(self) -> None:
         """Nothing is taken out of a presence."""
+
+
+class ZenohServer(Server):
+    """A server. Zenoh hands each query to one of those that declare the same key, since all say they are complete.
+
+    submit: has something done on the session's thread.
+    """
+
+    def __init__(
+        self,
+        key_expr: str,
+        handler: Handler,
+        submit: Callable[[Callable[[], None]], object],
+        at_once: int,
+        waiting: int,
+    ) -> None:
+        super().__init__(key_expr, handler, asyncio.get_running_loop(), at_once, waiting)
+        self._submit = submit
+        self._session: zenoh.Session | None = None
+        self._queryable: zenoh.Queryable[None] | None = None
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread."""
+        callback = Callback(self._on_query, indirect=False)
+        self._session = session
+        self._queryable = session.declare_queryable(self.key, callback, complete=True)
+
+    def undeclare(self) -> None:
+        """Undeclare."""
+        if self._queryable is None or self._session is None:
+            return
+        self._queryable.undeclare()
+        # Else Zenoh (1.10) may go on asking the one that left although others serve the key.
+        self._session.declare_queryable(
+            self.key, Callback(zenoh.Query.drop, indirect=False), complete=False
+        ).undeclare()
+
+    def _on_query(self, query: zenoh.Query) -> None:
+        def answer(outcome: Reply | str | None) -> None:
+            self._submit(partial(finish_query, query, self.key, outcome))
+
+        size = 0 if query.payload is None else len(query.payload)
+        if size > MAX_REQUEST_BYTES:
+            answer(f"a request of {size} bytes, at most {MAX_REQUEST_BYTES} are read")
+            return
+        payload = b"" if query.payload is None else query.payload.to_bytes()
+        request = Request(str(query.key_expr), payload, str(query.encoding or ""), time.time_ns())
+        until_s = time.monotonic() + timeout_of(query.parameters.get(TIMEOUT_MS))
+        self.arrive(Call(request, until_s, answer))

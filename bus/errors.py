@@ -1,7 +1,11 @@
 """Every error this package raises on purpose.
 
 BusError
-└── BusClosedError
+├── BusClosedError
+└── RequestError
+    ├── NotServedError
+    ├── RequestTimeoutError
+    └── RefusedError
 """
 
 
@@ -11,3 +15,19 @@ class BusError(Exception):
 
 class BusClosedError(BusError):
     """The bus, or the publisher, subscription or watch used, has been closed."""
+
+
+class RequestError(BusError):
+    """A request was not answered as it was meant to be."""
+
+
+class NotServedError(RequestError):
+    """Nobody serves the key, or whoever did went away before answering."""
+
+
+class RequestTimeoutError(RequestError):
+    """No answer came in time."""
+
+
+class RefusedError(RequestError):
+    """The server answered with an error. Raised by a handler, its text is what the caller sees, in one line."""

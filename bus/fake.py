@@ -1,15 +1,18 @@
 """A bus in memory for tests: it keeps the promises of `bus.api` without threads or sockets, and loses nothing."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import TypeVar
 
-from bus.api import DEFAULT_ENCODING, Bus, Latest, Publisher, QoS, Queue, Subscription, Watch
+from bus.api import DEFAULT_ENCODING, Bus, Handler, Latest, Publisher, QoS, Queue, Reply, Request, Subscription, Watch
+from bus.asking import Asking, Unanswered
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, matches, single_key
 from bus.reading import PresenceReader, SampleReader
+from bus.serving import Call, Server, check_free
 from bus.writing import MessageWriter
 
 
@@ -52,8 +55,12 @@ class _FakePublisher(MessageWriter):
             subscription.arrive(self.key, sent, self.encoding)
 
 
-_Handle = _FakeToken | _FakeSubscription | _FakeWatch | _FakePublisher
-H = TypeVar("H", _FakeToken, _FakeSubscription, _FakeWatch, _FakePublisher)
+class _FakeServer(Server):
+    pass
+
+
+_Handle = _FakeToken | _FakeSubscription | _FakeWatch | _FakePublisher | _FakeServer
+H = TypeVar("H", _FakeToken, _FakeSubscription, _FakeWatch, _FakePublisher, _FakeServer)
 
 
 class FakeNetwork:
@@ -88,7 +95,7 @@ class FakeNetwork:
                     handle.arrive(token.key, alive=True)
             case _FakeToken():
                 self._tell_watches(handle.key, alive=True)
-            case _FakePublisher():
+            case _FakePublisher() | _FakeServer():
                 pass
         self._tell_publishers()
 
@@ -98,6 +105,25 @@ class FakeNetwork:
         if isinstance(handle, _FakeToken):
             self._tell_watches(handle.key, alive=False)
         self._tell_publishers()
+
+    def ask(self, asking: Asking) -> None:
+        """Have one of those who serve the key answer."""
+
+        def answer(outcome: Reply | str | None) -> None:
+            match outcome:
+                case Reply(payload, encoding):
+                    asking.settle(Reply(bytes(payload), encoding))
+                case str():
+                    asking.refuse(outcome)
+                case None:
+                    asking.give_up()
+
+        servers = self.matching(asking.key, _FakeServer)
+        if not servers:
+            answer(None)
+            return
+        request = Request(asking.key, bytes(asking.payload), asking.encoding, time.time_ns())
+        servers[0].arrive(Call(request, time.monotonic() + asking.timeout_s, answer))
 
     def _tell_watches(self, key: str, *, alive: bool) -> None:
         for watch in self.matching(key, _FakeWatch):
@@ -113,6 +139,7 @@ class _FakeBus:
         self._network = network
         self._loop = asyncio.get_running_loop()
         self._handles: list[_Handle] = []
+        self._asking = Unanswered()
         self._closed = False
 
     def publisher(
@@ -136,6 +163,33 @@ class _FakeBus:
         return self._held(lambda: _FakeWatch(key_expression(key_expr), self._loop))
 
     @asynccontextmanager
+    async def serve(
+        self, key_expr: str, handler: Handler, /, *, at_once: int = 1, waiting: int = 16
+    ) -> AsyncIterator[None]:
+        def make() -> _FakeServer:
+            server = _FakeServer(key_expression(key_expr), handler, self._loop, at_once, waiting)
+            check_free(server.key, self._handles)
+            return server
+
+        async with self._held(make) as server:
+            server.begin()
+            try:
+                yield
+            finally:
+                server.end()
+                await server.ended()
+
+    async def request(
+        self, key: str, payload: bytes | bytearray = b"", /, *, encoding: str = DEFAULT_ENCODING, timeout_s: float
+    ) -> Reply:
+        if self._closed:
+            raise BusClosedError("the bus is closed")
+        asking = Asking(single_key(key), payload, encoding, timeout_s)
+        with self._asking.holding(asking):
+            self._network.ask(asking)
+            return await asking.answered()
+
+    @asynccontextmanager
     async def announce(self, key: str, /) -> AsyncIterator[None]:
         async with self._held(lambda: _FakeToken(single_key(key))):
             yield
@@ -144,6 +198,7 @@ class _FakeBus:
         self._closed = True
         for handle in list(self._handles):
             self._drop(handle)
+        self._asking.end()
 
     @asynccontextmanager
     async def _held(self, make: Callable[[], H]) -> AsyncIterator[H]:

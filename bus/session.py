@@ -15,9 +15,12 @@ from typing import Final, Protocol
 import zenoh
 from zenoh.handlers import Callback
 
+from bus.asking import Asking
 from bus.config import session_config
-from bus.errors import BusError
+from bus.errors import BusError, NotServedError
 from bus.linger import shorten
+from bus.queries import send_query
+from bus.serving import serves
 from bus.settings import BusSettings
 
 RETRY_S: Final = 0.5
@@ -55,21 +58,26 @@ class SessionThread:
 
     def open(self) -> Future[None]:
         """Try to open once; a client whose routers do not answer goes on trying by itself, others fail."""
-        return self._submit(self._open)
+        return self.submit(self._open)
 
     def keep(self, declaration: Declaration) -> Future[None]:
         """Declare, now or when the session is open."""
-        return self._submit(lambda: self._declare(declaration))
+        return self.submit(lambda: self._declare(declaration))
 
     def drop(self, declaration: Declaration) -> Future[None]:
         """Undeclare."""
-        return self._submit(lambda: self._undeclare(declaration))
+        return self.submit(lambda: self._undeclare(declaration))
+
+    def ask(self, asking: Asking) -> None:
+        """Send a request; its outcome comes by itself."""
+        self.submit(partial(self._ask, asking))
 
     def stop(self, then: Callable[[], None]) -> Future[None]:
         """Undeclare everything, close the session, call `then`, end the thread."""
-        return self._submit(lambda: self._stop(then))
+        return self.submit(lambda: self._stop(then))
 
-    def _submit(self, act: Callable[[], None]) -> Future[None]:
+    def submit(self, act: Callable[[], None]) -> Future[None]:
+        """Have something done on the session's thread, after what was submitted before. Any thread."""
         future: Future[None] = Future()
 
         def job() -> None:
@@ -160,6 +168,15 @@ class SessionThread:
             declaration.undeclare()
         except Exception as error:  # noqa: BLE001 - the session may be gone already, or a thread stuck in the publisher
             _log.debug("undeclaring failed: %s", error)
+
+    def _ask(self, asking: Asking) -> None:
+        if self._session is None:
+            asking.settle(NotServedError(f"{asking.key}: there is no router at {self._where} yet"))
+            return
+        try:
+            send_query(self._session, asking, served_here=serves(asking.key, self._kept))
+        except zenoh.ZError as error:
+            asking.settle(BusError(f"{asking.key}: cannot ask: {_reason(error)}"))
 
     def _stop(self, then: Callable[[], None]) -> None:
         self._stopped = True

@@ -7,11 +7,13 @@ from concurrent.futures import Future
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Final, Protocol, TypeVar
 
-from bus.api import DEFAULT_ENCODING, Bus, Latest, Publisher, QoS, Queue, Subscription, Watch
-from bus.declarations import Lanes, ZenohPublisher, ZenohSubscription, ZenohToken, ZenohWatch
+from bus.api import DEFAULT_ENCODING, Bus, Handler, Latest, Publisher, QoS, Queue, Reply, Subscription, Watch
+from bus.asking import Asking, Unanswered
+from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohSubscription, ZenohToken, ZenohWatch
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, single_key
+from bus.serving import check_free
 from bus.session import Declaration, SessionThread
 from bus.settings import BusSettings
 
@@ -53,6 +55,7 @@ class ZenohBus:
         self._session = SessionThread(settings)
         self._lanes = Lanes()
         self._handles: set[_Handle] = set()
+        self._asking = Unanswered()
         self._closed = False
 
     async def start(self) -> None:
@@ -64,6 +67,7 @@ class ZenohBus:
         self._closed = True
         for handle in self._handles:
             handle.end()
+        self._asking.end()
         await self._settle(self._session.stop(self._lanes.stop))
 
     def publisher(
@@ -88,6 +92,36 @@ class ZenohBus:
     def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
         """See `bus.api.Bus.watch`."""
         return self._held(lambda: ZenohWatch(key_expression(key_expr), self._loop))
+
+    @asynccontextmanager
+    async def serve(
+        self, key_expr: str, handler: Handler, /, *, at_once: int = 1, waiting: int = 16
+    ) -> AsyncIterator[None]:
+        """See `bus.api.Bus.serve`."""
+
+        def make() -> ZenohServer:
+            server = ZenohServer(key_expression(key_expr), handler, self._session.submit, at_once, waiting)
+            check_free(server.key, self._handles)
+            return server
+
+        async with self._held(make) as server:
+            server.begin()
+            try:
+                yield
+            finally:
+                server.end()
+                await server.ended()
+
+    async def request(
+        self, key: str, payload: bytes | bytearray = b"", /, *, encoding: str = DEFAULT_ENCODING, timeout_s: float
+    ) -> Reply:
+        """See `bus.api.Bus.request`."""
+        if self._closed:
+            raise BusClosedError("the bus is closed")
+        asking = Asking(single_key(key), payload, encoding, timeout_s)
+        with self._asking.holding(asking):
+            self._session.ask(asking)
+            return await asking.answered()
 
     @asynccontextmanager
     async def announce(self, key: str, /) -> AsyncIterator[None]:

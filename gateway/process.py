@@ -16,6 +16,7 @@ from gateway.outgoing.returned import actions_return, alerts_return, camera_retu
 from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.topics import result_root
+from gateway.requests.answering import answering
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
 from gateway.settings import GatewaySettings
@@ -65,10 +66,11 @@ async def run(settings: GatewaySettings) -> int:
         ]
         forwards = [await stack.enter_async_context(offering(bus, stream, shaping.outlet)) for stream in streams]
         returns = [Return(stream) for stream in _returned(settings)]
+        clock = SimClock()
+        await stack.enter_async_context(answering(bus, node, settings, boot_id, clock))
         await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
         tasks = [group.create_task(forward.run(node)) for forward in forwards]
         tasks += [group.create_task(returned.run(node, bus)) for returned in returns]
-        clock = SimClock()
         tasks.append(group.create_task(follow_sim_time(node, clock)))
         report = _report(bus, node, settings, boot_id, clock, forwards=forwards, returns=returns)
         tasks.append(group.create_task(report))

@@ -11,12 +11,15 @@ from pydantic import AfterValidator, Field, model_validator
 from bus.settings import BusSettings
 from gateway.outgoing.topics import is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
-from gateway.ros1.names import Names, validate_global
+from gateway.ros1.errors import InvalidNameError
+from gateway.ros1.names import Names, validate_global, validate_type
+from gateway.ros1.wire.tcpros import ANY
 from gateway.shaping.settings import ShapingSettings
 from schemas.errors import SchemaError
-from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key
+from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key, service
 
 MAX_TOPIC: Final = 256
+MAX_SERVICES: Final = 64
 TOPIC: Final = re.compile(r"/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
 
@@ -100,6 +103,22 @@ def _check_result_roots(cameras: Iterable[str]) -> None:
         taken[root] = camera
 
 
+def _services(services: list[str]) -> list[str]:
+    if len(services) > MAX_SERVICES:
+        raise ValueError(f"{len(services)} services, at most {MAX_SERVICES} may be called")
+    for name, sign, kind in (entry.partition("=") for entry in services):
+        try:
+            service("robot", name)
+            if sign:
+                validate_type(kind)
+        except (SchemaError, InvalidNameError) as error:
+            raise ValueError(str(error)) from error
+    names = [entry.partition("=")[0] for entry in services]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"{twice[0]} is named twice")
+    return services
+
+
 class GatewaySettings(ShapingSettings, BusSettings):
     """Forward a robot's ROS 1 sensors onto Zenoh, and its cameras' results back, while somebody wants them.
 
@@ -155,6 +174,15 @@ class GatewaySettings(ShapingSettings, BusSettings):
         Field(description="further streams as stream=topic, like front/depth=/front/depth/image_raw or tf=/tf"),
     ] = {}
 
+    services: Annotated[
+        list[str],
+        AfterValidator(_services),
+        Field(
+            description="ROS services that the fleet may call, by their exact names, like /reset; "
+            "/reset=std_srvs/Trigger only while it is of that type"
+        ),
+    ] = []
+
     @model_validator(mode="after")
     def _no_topic_twice(self) -> Self:
         resolve = self.names().resolve
@@ -166,6 +194,10 @@ class GatewaySettings(ShapingSettings, BusSettings):
         if both := sorted(set(named) & {resolve(topic) for topic in self.actions.values()}):
             raise ValueError(f"{both[0]} is a sensor's topic, so no action can go there")
         return self
+
+    def listed_services(self) -> dict[str, str]:
+        """Return the type that each listed service must have, or `*`."""
+        return {name: kind or ANY for name, _, kind in (entry.partition("=") for entry in self.services)}
 
     def streams(self) -> dict[SensorKey, str]:
         """Return the topic of every stream."""

@@ -7,6 +7,7 @@ import msgspec
 from schemas import keys
 from schemas.alerts import Action, Alert
 from schemas.camera_info import CameraInfo
+from schemas.clock import ClockReading
 from schemas.detections import ClassList, Detections
 from schemas.distances import Distances
 from schemas.errors import SchemaError
@@ -15,6 +16,7 @@ from schemas.image import ImageFrame
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.raw import RawMessage, Text
+from schemas.service import ServiceRequest, ServiceResponse
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.transforms import Transforms
 
@@ -33,6 +35,9 @@ Message = (
     | Action
     | GatewayStatus
     | WorkerStatus
+    | ClockReading
+    | ServiceRequest
+    | ServiceResponse
 )
 M = TypeVar("M", bound=Message)
 
@@ -53,6 +58,9 @@ MAX_BYTES: Final[dict[type, int]] = {
     Action: 512 * KIB,
     GatewayStatus: 1024 * KIB,
     WorkerStatus: 1024 * KIB,
+    ClockReading: 64 * KIB,
+    ServiceRequest: 9 * KIB * KIB,
+    ServiceResponse: 9 * KIB * KIB,
 }
 """Largest payload accepted per message, checked before a byte of it is read."""
 

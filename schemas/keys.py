@@ -12,10 +12,13 @@ from typing import Final
 from schemas.errors import SchemaError
 
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
+SERVICE: Final = re.compile(r"(?:/[A-Za-z0-9_]+)+")
 ALIVE: Final = "alive"
 WANTED: Final = "wanted"
 
-RESERVED: Final = frozenset({"actions", "alerts", ALIVE, "clock", "ros", "status", "text", "tf", "tf_static"})
+RESERVED: Final = frozenset(
+    {"actions", "alerts", ALIVE, "clock", "ros", "service", "status", "text", "tf", "tf_static"}
+)
 """Chunks that mean something robot-wide, so no camera may be called so."""
 
 TF: Final = "tf"
@@ -111,6 +114,42 @@ def gateway_status(robot: str) -> str:
     """Return the key of a gateway's GatewayStatus."""
     check_name("robot", robot)
     return f"fleet/{robot}/status"
+
+
+def robot_clock(robot: str) -> str:
+    """Return the key under which a gateway answers with a ClockReading."""
+    check_name("robot", robot)
+    return f"fleet/{robot}/clock"
+
+
+def every_service(robot: str) -> str:
+    """Return the key expression of a robot's ROS services."""
+    check_name("robot", robot)
+    return f"fleet/{robot}/service/**"
+
+
+def service(robot: str, name: str) -> str:
+    """Return the key under which a gateway calls a ROS service; `name` is global, such as /front/reset.
+
+    Raises:
+        SchemaError: it is no ROS name.
+    """
+    check_name("robot", robot)
+    if len(name) > MAX_NAMED or not SERVICE.fullmatch(name):
+        raise SchemaError(f"not the name of a ROS service: {name[:MAX_NAMED]!r}; one looks like /front/reset")
+    return f"fleet/{robot}/service{name}"
+
+
+def parse_service(key: str) -> tuple[str, str]:
+    """Return the robot and the ROS service of a key.
+
+    Raises:
+        SchemaError: the key is not a service's.
+    """
+    match key.split("/", 3):
+        case ["fleet", robot, "service", name] if service(robot, f"/{name}") == key:
+            return robot, f"/{name}"
+    raise SchemaError(f"not a service's key: {key[:200]!r}")
 
 
 def worker_status(service: str, worker: str) -> str:

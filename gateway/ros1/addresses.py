@@ -7,6 +7,7 @@ import re
 from gateway.ros1.errors import InvalidNameError
 
 _HOST = r"(?:[A-Za-z0-9](?:[A-Za-z0-9_.\-]{0,252})|\[?[0-9A-Fa-f:]{2,45}\]?)"
+_SERVICE = re.compile(rf"rosrpc://(?P<host>{_HOST}):(?P<port>\d{{1,5}})/?")
 _MASTER = re.compile(rf"http://{_HOST}:(?P<port>\d{{1,5}})/?")
 
 
@@ -21,6 +22,19 @@ def validate_master_uri(text: str) -> str:
     if match is None or not 0 < int(match["port"]) < 65536:
         raise InvalidNameError(f"{text!r} is no ROS master's address, which looks like http://robot:11311")
     return text.rstrip("/")
+
+
+def parse_rosrpc(uri: str) -> tuple[str, int]:
+    """Return host and port of a service's URI, as masters give it.
+
+    Raises:
+        InvalidNameError: it does not look like `rosrpc://robot:40001`.
+
+    """
+    match = _SERVICE.fullmatch(uri)
+    if match is None or not 0 < int(match["port"]) < 65536:
+        raise InvalidNameError(f"{uri[:80]!r} is no service's address, which looks like rosrpc://robot:40001")
+    return match["host"].strip("[]"), int(match["port"])
 
 
 def validate_host(text: str) -> str:

@@ -9,7 +9,11 @@ Ros1Error
 ├── MessageError            bytes that are not a message of the given type, or the reverse
 │   └── UnknownTypeError    a message type without a known definition
 ├── LinkRefusedError        the peer of a TCPROS connection answered `error=`
-├── TypeMismatchError       the publisher's type or md5sum is not the expected one
+├── TypeMismatchError       the publisher's or service's type or md5sum is not the expected one
+├── ServiceError            a ROS service was not called, or did not answer
+│   ├── UnknownServiceError     the master knows no service of that name
+│   ├── ServiceTimeoutError     no answer in time
+│   └── ServiceFailedError      the service answered that it failed
 └── CallError               a call of the master or slave API did not succeed
     ├── UnreachableError    no answer: refused, timed out, closed, or not HTTP's 200
     ├── FaultError          an XML-RPC fault
@@ -56,7 +60,23 @@ class LinkRefusedError(Ros1Error):
 
 
 class TypeMismatchError(Ros1Error):
-    """The publisher's type or md5sum is not the expected one."""
+    """The publisher's or service's type or md5sum is not the expected one."""
+
+
+class ServiceError(Ros1Error):
+    """A ROS service was not called, or did not answer."""
+
+
+class UnknownServiceError(ServiceError):
+    """The master knows no service of that name."""
+
+
+class ServiceTimeoutError(ServiceError):
+    """The service did not answer in time; whether it did what it was asked is not known."""
+
+
+class ServiceFailedError(ServiceError):
+    """The service answered that it failed; the text is its own."""
 
 
 class CallError(Ros1Error):

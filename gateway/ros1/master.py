@@ -58,6 +58,10 @@ class MasterClient:
         """Return the node's slave URI; StatusError when unknown."""
         return _is(str, await self.call("lookupNode", name))
 
+    async def lookup_service(self, name: str) -> str:
+        """Return the service's URI, `rosrpc://host:port`; StatusError when unknown."""
+        return _is(str, await self.call("lookupService", name))
+
     async def get_pid(self) -> int:
         return _is(int, await self.call("getPid"))
 

@@ -8,6 +8,7 @@ from typing import Final
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
+from services.monitor.clocks import Clocks
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
@@ -22,7 +23,7 @@ class FleetFullError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Age:
-    """How old a view is. A lower bound when the robot's clock is not ours: the way here is then unknown."""
+    """How old a view is; a lower bound, without the way here, while nobody knows how far the robot's clock is off."""
 
     seconds: float
     exact: bool
@@ -60,12 +61,13 @@ class _Camera:
 class Fleet:
     """Every robot and camera ever seen, what is in view of it and how it is doing.
 
-    clock_id: the clock of this machine; a robot's ages are exact when it reads the same one. Every method that may add
-    a member raises FleetFullError when there are MAX_MEMBERS already.
+    clock_id: the clock of this machine; a robot's ages are exact when it reads the same one, or when `clocks` knows how
+    far it is off. Every method that may add a member raises FleetFullError when there are MAX_MEMBERS already.
     """
 
     def __init__(self, clock_id: str) -> None:
         self._clock_id = clock_id
+        self.clocks = Clocks()
         self._cameras: dict[CameraKey, _Camera] = {}
         self._alive: set[str] = set()
         self._available: set[CameraKey] = set()
@@ -112,11 +114,18 @@ class Fleet:
         camera.latest, camera.arrived_s = seen, now_s
         camera.lists += 1
         camera.arrivals.append(now_s)
-        camera.lag_s = None
-        if self._same_clock(key.robot):
-            camera.lag_s = max(0, received_ns - seen.header.received_ns) / 1e9
+        theirs_ns = self._theirs_ns(key.robot, received_ns)
+        camera.lag_s = None if theirs_ns is None else max(0, theirs_ns - seen.header.received_ns) / 1e9
+        if camera.lag_s is not None:
             self.ages_s.append(camera.lag_s)
         return True
+
+    def elsewhere(self) -> Iterator[str]:
+        """Yield the robots online whose clock is not this machine's."""
+        for robot in self._alive:
+            status = self.gateways.get(robot)
+            if status is not None and status.clock_id != self._clock_id:
+                yield robot
 
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name."""
@@ -140,9 +149,14 @@ class Fleet:
         _make_room(self._cameras, key)
         return self._cameras.setdefault(key, _Camera())
 
-    def _same_clock(self, robot: str) -> bool:
+    def _theirs_ns(self, robot: str, ours_ns: int) -> int | None:
+        """Return what the robot's clock shows when ours shows `ours_ns`, or None while that is not known."""
         status = self.gateways.get(robot)
-        return status is not None and status.clock_id == self._clock_id
+        if status is None:
+            return None
+        if status.clock_id == self._clock_id:
+            return ours_ns
+        return self.clocks.theirs_ns(robot, status.clock_id, ours_ns)
 
 
 def _make_room(members: Collection[object], name: object) -> None:

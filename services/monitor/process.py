@@ -17,6 +17,7 @@ from schemas.keys import Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.display import show
 from services.monitor.fleet import Fleet, FleetFullError
+from services.monitor.measuring import measure_clocks
 from services.monitor.settings import MonitorSettings
 
 log = logging.getLogger(__name__)
@@ -46,6 +47,7 @@ async def watch_fleet(bus: Bus, fleet: Fleet) -> None:
             _watch(bus, fleet, keys.EVERY_ROBOT_ALIVE, lambda key, alive: _robot(fleet, key, alive=alive))
         )
         cameras = keys.every_stream_alive(Stream.COLOR)
+        group.create_task(measure_clocks(bus, fleet))
         group.create_task(_watch(bus, fleet, cameras, lambda key, alive: _camera(fleet, key, alive=alive)))
 
 

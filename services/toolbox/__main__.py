@@ -47,7 +47,7 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
     prog = f"{PROG} {command.name}"
     try:
         loaded = load(command.load_settings(), command.options_of(arguments), prog=prog)
-        logs.configure(loaded.log_level)
+        logs.configure(loaded.log_level or command.log_level)
         return _run(command, loaded.settings)
     except ModuleNotFoundError as error:
         if command.extra is None or error.name is None or error.name.split(".")[0] in OURS:

@@ -3,9 +3,12 @@
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import takewhile
 from typing import Any, Final
 
 from pydantic import BaseModel
+
+from services.toolbox.settings import LogLevel
 
 Run = Callable[[BaseModel], Awaitable[int | None]]
 
@@ -15,8 +18,9 @@ class Command:
     """A subcommand. Names are "module:name".
 
     run: a coroutine function that takes the settings. refusals: the errors it raises for settings that turn out to be
-    wrong once used. extra: what must be installed beyond the base. arguments: a function that turns arguments of other
-    kinds into options.
+    wrong once used. extra: what must be installed beyond the base. positional: settings that the first arguments are
+    for where they are no options. arguments: a function that turns arguments of other kinds into options. log_level:
+    least severe events written unless told otherwise.
     """
 
     name: str
@@ -25,7 +29,9 @@ class Command:
     run: str
     refusals: tuple[str, ...] = ("bus:BusError",)
     extra: str | None = None
+    positional: tuple[str, ...] = ()
     arguments: str | None = None
+    log_level: LogLevel = "info"
 
     def load_settings(self) -> type[BaseModel]:
         """Import the settings model."""
@@ -34,7 +40,10 @@ class Command:
 
     def options_of(self, arguments: Sequence[str]) -> Sequence[str]:
         """Return the options that the arguments are."""
-        found: Sequence[str] = arguments if self.arguments is None else _load(self.arguments)(arguments)
+        given = list(takewhile(lambda argument: not argument.startswith("-"), arguments[: len(self.positional)]))
+        named = [option for name, value in zip(self.positional, given, strict=False) for option in (f"--{name}", value)]
+        options = [*named, *arguments[len(given) :]]
+        found: Sequence[str] = options if self.arguments is None else _load(self.arguments)(options)
         return found
 
     def load_run(self) -> Run:
@@ -75,6 +84,14 @@ COMMANDS: Final = (
         "services.monitor.settings:MonitorSettings",
         "services.monitor.process:run",
         extra="monitor",
+    ),
+    Command(
+        "call",
+        "call a ROS service of a robot whose gateway lists it",
+        "services.toolbox.call.settings:CallSettings",
+        "services.toolbox.call.process:run",
+        positional=("robot", "service"),
+        log_level="error",
     ),
     Command(
         "simulate",

@@ -34,10 +34,10 @@ LogLevel = Literal["debug", "info", "warning", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Loaded(Generic[S]):
-    """A process's settings, and what every process has beside them."""
+    """A process's settings, and what every process has beside them. log_level: None unless it was told."""
 
     settings: S
-    log_level: LogLevel
+    log_level: LogLevel | None
 
 
 class UsageError(Exception):
@@ -87,7 +87,10 @@ def load(model: type[S], argv: Sequence[str], *, prog: str) -> Loaded[S]:
 
 class _Common(BaseSettings):
     config: Annotated[Path | None, Field(description="YAML or TOML file with any of these settings")] = None
-    log_level: Annotated[LogLevel, Field(description="least severe events written to stderr")] = "info"
+    log_level: Annotated[
+        LogLevel | None,
+        Field(description="least severe events written to stderr; info unless given, and error for a call"),
+    ] = None
 
 
 def _settings_class(model: type[BaseModel], prog: str) -> type[_Common]:

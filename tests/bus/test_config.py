@@ -10,6 +10,7 @@ def test_zenoh_understands_it() -> None:
     settings = BusSettings(mode="peer", listen=["tcp/127.0.0.1:0"], lease_s=1.5, shared_memory=False)
     config = zenoh.Config.from_json5(json.dumps(session_config(settings)))
     assert json.loads(config.get_json("transport/link/tx/lease")) == 1500
+    assert json.loads(config.get_json("transport/link/tx/queue/size/interactive_low")) == 16
     assert json.loads(config.get_json("transport/shared_memory/enabled")) is False
     assert json.loads(config.get_json("scouting/multicast/enabled")) is False
     assert json.loads(config.get_json("listen/endpoints")) == ["tcp/127.0.0.1:0"]

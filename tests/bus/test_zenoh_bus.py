@@ -13,7 +13,7 @@ from typing import Final, TypeVar
 
 import pytest
 
-from bus import LATEST, QUEUE, Bus, BusError, BusSettings, Presence, QoS, open_bus
+from bus import LATEST, QUEUE, Bus, BusError, BusSettings, Presence, QoS, Reply, Request, open_bus
 from bus.zenoh_bus import ZenohBus
 
 ROOT: Final = Path(__file__).parents[2]
@@ -277,11 +277,16 @@ async def enter_and_wait(make: Callable[[], AbstractAsyncContextManager[object]]
         await asyncio.Event().wait()
 
 
+async def never(_: Request) -> Reply:
+    raise AssertionError("nobody asks")
+
+
 DECLARATIONS: Final[dict[str, Callable[[Bus], AbstractAsyncContextManager[object]]]] = {
     "publisher": lambda bus: bus.publisher(KEY, QoS.RESULT),
     "subscribe": lambda bus: bus.subscribe(KEY, LATEST),
     "announce": lambda bus: bus.announce("worker"),
     "watch": lambda bus: bus.watch("**"),
+    "serve": lambda bus: bus.serve("**", never),
 }
 
 

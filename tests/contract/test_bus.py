@@ -1,10 +1,9 @@
 """What `bus.api` promises, held against the fake, two peers, and two clients of an embedded router."""
 
 import asyncio
-import socket
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
-from typing import Final, Protocol, TypeVar
+from typing import Final, TypeVar
 
 import pytest
 from blockbuster import blockbuster_ctx
@@ -15,76 +14,25 @@ from bus import (
     Bus,
     BusClosedError,
     BusError,
-    BusSettings,
     Presence,
     QoS,
     Queue,
     SubscriptionCounts,
-    open_bus,
 )
-from bus.fake import FakeNetwork
+from tests.contract.conftest import Opener
+from tests.contract.waiting import PATIENCE_S, next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 IMAGE_KEY: Final = "fleet/r1/front/color"
 ONE_FRAME: Final = 640 * 480 * 3
-PATIENCE_S: Final = 10
 
 T = TypeVar("T")
-
-
-def free_endpoint() -> str:
-    with socket.socket() as bound:
-        bound.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{bound.getsockname()[1]}"
 
 
 @pytest.fixture(autouse=True)
 def _nothing_blocks_the_loop() -> Iterator[None]:
     with blockbuster_ctx("bus"):
         yield
-
-
-@pytest.fixture(params=["fake", "peers", "router", "router-without-shm"])
-async def buses(request: pytest.FixtureRequest) -> AsyncIterator[tuple[Bus, Bus]]:
-    """Two members of one network."""
-    async with AsyncExitStack() as stack:
-        if request.param == "fake":
-            network = FakeNetwork()
-            yield (
-                await stack.enter_async_context(network.open_bus()),
-                await stack.enter_async_context(network.open_bus()),
-            )
-            return
-        endpoint = free_endpoint()
-        if request.param == "peers":
-            settings = [
-                BusSettings(mode="peer", listen=[endpoint], connect=[]),
-                BusSettings(mode="peer", connect=[endpoint]),
-            ]
-        else:
-            shm = request.param == "router"
-            await stack.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint], shared_memory=shm)))
-            settings = [BusSettings(connect=[endpoint], shared_memory=shm)] * 2
-        here, there = [await stack.enter_async_context(open_bus(each)) for each in settings]
-        await meet(here, there)
-        yield here, there
-
-
-async def next_of(source: AsyncIterator[T]) -> T:
-    async with asyncio.timeout(PATIENCE_S):
-        return await anext(source)
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():  # noqa: ASYNC110 - what is waited for tells nobody
-            await asyncio.sleep(0.005)
-
-
-async def meet(here: Bus, there: Bus) -> None:
-    """Wait until the two see each other."""
-    async with here.announce("meeting"), there.watch("meeting") as watch:
-        await next_of(watch)
 
 
 async def test_what_is_put_arrives_as_it_was(buses: tuple[Bus, Bus]) -> None:
@@ -431,17 +379,6 @@ def test_a_queue_holds_something() -> None:
     with pytest.raises(ValueError, match="holds nothing"):
         QUEUE(0)
     assert QUEUE(1) == Queue(1)
-
-
-class Opener(Protocol):
-    def __call__(self) -> AbstractAsyncContextManager[Bus]: ...
-
-
-@pytest.fixture(params=["fake", "real"])
-def opener(request: pytest.FixtureRequest) -> Opener:
-    if request.param == "fake":
-        return FakeNetwork().open_bus
-    return lambda: open_bus(BusSettings(mode="router", listen=[free_endpoint()]))
 
 
 async def test_closing_the_bus_ends_everything_on_it(opener: Opener) -> None:

@@ -7,10 +7,21 @@ from contextlib import suppress
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gateway.ros1.errors import HeaderError, LinkRefusedError, MessageError, TypeMismatchError, WireError, XmlRpcError
+from gateway.ros1.addresses import parse_rosrpc
+from gateway.ros1.errors import (
+    HeaderError,
+    InvalidNameError,
+    LinkRefusedError,
+    MessageError,
+    TypeMismatchError,
+    WireError,
+    XmlRpcError,
+)
 from gateway.ros1.image import decode_image
 from gateway.ros1.messages import deserialise
+from gateway.ros1.std_srvs import TRIGGER, deserialise_response
 from gateway.ros1.wire.header import decode_header
+from gateway.ros1.wire.service import ServiceAnswered, ServiceConnection
 from gateway.ros1.wire.tcpros import Offer, PublisherConnection, SubscriberConnection, TopicType
 from tests.gateway.ros1.feeding import decode, events_of
 from tests.gateway.ros1.goldens import (
@@ -19,6 +30,9 @@ from tests.gateway.ros1.goldens import (
     PUBLISHER_HEADER,
     REGISTER_PUBLISHER,
     REGISTER_PUBLISHER_RESPONSE,
+    SERVICE_ANSWER,
+    SERVICE_FAILURE,
+    SERVICE_HEADER,
     SUBSCRIBER_HEADER,
     TOPIC,
 )
@@ -65,6 +79,28 @@ def test_publisher_side(stream: bytes) -> None:
     connection = PublisherConnection(callerid="/ours", offers={TOPIC: Offer(TOPIC, IMAGE_TYPE, "")})
     with suppress(WireError):
         connection.receive_data(stream)
+
+
+@many
+@given(
+    st.binary(max_size=300) | spoilt(SERVICE_HEADER + SERVICE_ANSWER) | spoilt(SERVICE_HEADER + SERVICE_FAILURE),
+    st.sampled_from([TopicType("*", "*"), TRIGGER]),
+)
+def test_service(stream: bytes, expected: TopicType) -> None:
+    connection = ServiceConnection(callerid="/ours", service="/good", expected=expected, max_response_bytes=1 << 16)
+    with suppress(WireError, LinkRefusedError, TypeMismatchError):
+        connection.receive_data(stream)
+        while (event := connection.next_event()) is not None:
+            if isinstance(event, ServiceAnswered):
+                with suppress(MessageError):
+                    deserialise_response(TRIGGER, event.data)
+
+
+@many
+@given(st.text(max_size=60) | st.builds("rosrpc://{}:{}".format, st.text(max_size=20), st.integers(-1, 70000)))
+def test_service_address(uri: str) -> None:
+    with suppress(InvalidNameError):
+        parse_rosrpc(uri)
 
 
 @many

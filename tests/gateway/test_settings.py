@@ -126,3 +126,25 @@ def test_topics_are_remapped_and_have_one_stream_each_afterwards() -> None:
     assert set(given.streams().values()) == {"/r1/front/image", "/shared/tf", "/tf_static"}
     with pytest.raises(ValidationError, match="--cameras and --topics name /tf_static twice"):
         settings(remap={"/camera/color/image_raw": "/tf_static"}, topics={"tf_static": "/tf_static"})
+
+
+def test_services_are_listed_by_name_and_maybe_type() -> None:
+    settings = GatewaySettings(robot="r1", services=["/reset", "/arm/stop=std_srvs/Trigger"])
+    assert settings.listed_services() == {"/reset": "*", "/arm/stop": "std_srvs/Trigger"}
+    assert GatewaySettings(robot="r1").listed_services() == {}
+
+
+@pytest.mark.parametrize(
+    ("services", "reason"),
+    [
+        (["reset"], "not the name of a ROS service"),
+        (["/reset*"], "not the name of a ROS service"),
+        (["/reset=Trigger"], "not a ROS message type"),
+        (["/reset="], "not a ROS message type"),
+        (["/a", "/a=b/C"], "/a is named twice"),
+        ([f"/s{n}" for n in range(65)], "65 services, at most 64"),
+    ],
+)
+def test_services_that_are_refused(services: list[str], reason: str) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        GatewaySettings(robot="r1", services=services)

@@ -5,6 +5,7 @@ from backports import zstd
 
 from schemas import codec
 from schemas.camera_info import CameraInfo, Region
+from schemas.clock import ClockReading
 from schemas.codec import Message
 from schemas.detections import Box, ClassCount, ClassList, Detection, Detections, Mask
 from schemas.errors import SchemaError
@@ -12,6 +13,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.points import PointCloud, PointField
 from schemas.raw import RawMessage, Text
+from schemas.service import ServiceRequest, ServiceResponse
 from schemas.status import CameraLoad, GatewayStatus, ReturnStatus, StreamStatus, WorkerStatus
 from schemas.transforms import Transform, Transforms
 from tests.schemas.frames import header, image
@@ -47,6 +49,10 @@ RAW = RawMessage(
     data=memoryview(b"\x05"),
 )
 MESSAGES: list[Message] = [
+    ClockReading(robot="r1", boot_id="b", clock_id="c", received_ns=1, sent_ns=2, ros_ns=3),
+    ServiceRequest(type="std_srvs/SetBool", md5="09fb03525b03e7ea1fd3992bafd87e16", argument=True, timeout_s=0.5),
+    ServiceRequest(data=b"\x05", timeout_s=5),
+    ServiceResponse(type="a/B", md5="c" * 32, success=False, message="no", data=memoryview(b"\x00")),
     image(),
     compressed(file_of(np.zeros((4, 6), np.uint16), ".png"), "32FC1", 24, inverse_depth=(1.5, -2.0)),
     CameraInfo(

@@ -25,7 +25,13 @@ def test_robot_and_worker_keys_parse_back(name: str) -> None:
     assert keys.parse_worker(keys.worker_alive("detector", name)) == ("detector", name)
 
 
-@given(names, names.filter(lambda name: name not in keys.RESERVED), st.sampled_from(Stream), names, names)
+@given(
+    names,
+    names.filter(lambda name: name not in keys.RESERVED),
+    st.sampled_from(sorted(keys.SENSOR_STREAMS)),
+    names,
+    names,
+)
 def test_a_consumers_token_says_what_it_wants_and_where(
     robot: str, camera: str, stream: Stream, clock_id: str, consumer: str
 ) -> None:
@@ -46,7 +52,7 @@ def test_other_keys_are_no_consumers_tokens(key: str) -> None:
 
 @given(st.text(max_size=80))
 def test_whatever_the_key_parsing_raises_schema_errors_only(key: str) -> None:
-    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker, keys.parse_wanted):
+    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker, keys.parse_wanted, keys.parse_service):
         try:
             parse(key)
         except SchemaError:
@@ -145,3 +151,29 @@ def test_an_overlay_is_two_chunks_of_a_key() -> None:
     key = CameraKey("r1", "front")
     assert key.stream(Stream.OVERLAY_DETECTION) == "fleet/r1/front/overlay/detection"
     assert keys.parse_stream("fleet/r1/front/overlay/segmentation/alive") == StreamKey(key, Stream.OVERLAY_SEGMENTATION)
+
+
+@given(names, st.from_regex(keys.SERVICE, fullmatch=True).filter(lambda name: len(name) <= keys.MAX_NAMED))
+def test_service_keys_parse_back(robot: str, service: str) -> None:
+    key = keys.service(robot, service)
+    assert key == f"fleet/{robot}/service{service}"
+    assert keys.parse_service(key) == (robot, service)
+
+
+@pytest.mark.parametrize("name", ["", "/", "reset", "/a/", "/a//b", "/a b", "/*", "/ä", "/a" * 101])
+def test_names_that_are_no_service(name: str) -> None:
+    with pytest.raises(SchemaError, match="not the name of a ROS service"):
+        keys.service("r1", name)
+
+
+@pytest.mark.parametrize(
+    "key", ["fleet/r1/service", "fleet/r1/service/", "fleet/r1/clock", "fleet/r1/services/a", "x/r1/service/a"]
+)
+def test_other_keys_are_no_services(key: str) -> None:
+    with pytest.raises(SchemaError):
+        keys.parse_service(key)
+
+
+def test_a_robots_clock_has_a_key() -> None:
+    assert keys.robot_clock("r1") == "fleet/r1/clock"
+    assert keys.parse_robot("fleet/r1/clock") == "r1"

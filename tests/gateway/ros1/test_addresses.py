@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.ros1.addresses import validate_host, validate_master_uri
+from gateway.ros1.addresses import parse_rosrpc, validate_host, validate_master_uri
 from gateway.ros1.errors import InvalidNameError
 
 
@@ -28,3 +28,24 @@ def test_hosts(text: str) -> None:
 def test_what_is_no_host(text: str) -> None:
     with pytest.raises(InvalidNameError, match="neither"):
         validate_host(text)
+
+
+@pytest.mark.parametrize(
+    ("uri", "address"),
+    [
+        ("rosrpc://127.0.0.1:40001", ("127.0.0.1", 40001)),
+        ("rosrpc://robot-7.local:1/", ("robot-7.local", 1)),
+        ("rosrpc://[::1]:65535", ("::1", 65535)),
+    ],
+)
+def test_the_address_of_a_service(uri: str, address: tuple[str, int]) -> None:
+    assert parse_rosrpc(uri) == address
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["", "http://robot:1", "rosrpc://robot", "rosrpc://robot:0", "rosrpc://robot:65536", "rosrpc://:1", "x" * 999],
+)
+def test_no_address_of_a_service(uri: str) -> None:
+    with pytest.raises(InvalidNameError, match="is no service's address"):
+        parse_rosrpc(uri)

@@ -1,6 +1,7 @@
 import msgspec
 import pytest
 
+from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
@@ -56,6 +57,32 @@ def test_another_machines_clock_gives_a_lower_bound_only() -> None:
     fleet.see(seen(), 10.0, 0)
     assert only(fleet, 12.0).age == Age(2.0, exact=False)
     assert not fleet.ages_s
+
+
+def test_a_clock_that_was_measured_gives_the_age() -> None:
+    fleet = online_fleet()
+    fleet.gateway_status(status("another machine"))
+    assert list(fleet.elsewhere()) == ["r1"]
+    assert fleet.clocks.due(fleet.elsewhere(), 0) == ["r1"]
+    message = seen()
+    theirs_ns, ours_ns = message.header.received_ns, message.header.received_ns + 3_600_000_000_000
+    reading = ClockReading(
+        robot="r1", boot_id="b", clock_id="another machine", received_ns=theirs_ns, sent_ns=theirs_ns
+    )
+    fleet.clocks.take("r1", reading, asked_ns=ours_ns - 1000, answered_ns=ours_ns + 1000)
+    fleet.see(message, 10.0, ours_ns + 250_000_000)
+    assert only(fleet, 11.0).age == Age(1.25, exact=True)
+    assert list(fleet.ages_s) == [0.25]
+
+
+def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:
+    fleet = online_fleet()
+    assert list(fleet.elsewhere()) == []
+    fleet.gateway_status(status("another machine", robot="r2"))
+    assert list(fleet.elsewhere()) == []
+    fleet.robot_presence("r2", alive=True)
+    fleet.robot_presence("r3", alive=True)
+    assert list(fleet.elsewhere()) == ["r2"]
 
 
 @pytest.mark.parametrize(("age_s", "stale"), [(STALE_S, False), (STALE_S + 0.01, True)])

@@ -23,7 +23,7 @@ def read(*argv: str) -> Loaded[Settings]:
 def test_defaults_and_options() -> None:
     loaded = read("--robot", "r1", "--connect", "a", "--connect", "b", "--cameras", "front=/f", "--no-shared")
     assert loaded.settings == Settings(robot="r1", connect=["a", "b"], cameras={"front": "/f"}, shared=False)
-    assert loaded.log_level == "info"
+    assert loaded.log_level is None
 
 
 def test_options_win_over_environment_over_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,6 +40,17 @@ rospy.Subscriber("/camera/image_raw", Image, tcp_nodelay=True)
 rospy.spin()
 """
 
+SERVICE = """
+import rospy
+from std_srvs.srv import Trigger, TriggerResponse
+def fail(_):
+    raise ValueError("on purpose")
+rospy.init_node("golden_service", disable_rosout=True)
+rospy.Service("/good", Trigger, lambda _: TriggerResponse(True, "done"))
+rospy.Service("/bad", Trigger, fail)
+rospy.spin()
+"""
+
 
 def free_port() -> int:
     with socket.create_server((LOOPBACK, 0)) as probe:
@@ -121,6 +132,24 @@ def capture_subscriber(master: xmlrpc.client.ServerProxy) -> None:
             (FOLDER / "subscriber-header.bin").write_bytes(read_frame(connection))
 
 
+def capture_service(master: xmlrpc.client.ServerProxy) -> None:
+    for service, file in (("/bad", "service-failure.bin"), ("/good", "service-answer.bin")):
+        with ask_service(master, service, "*") as connection:
+            (FOLDER / "service-header.bin").write_bytes(read_frame(connection))
+            connection.sendall(struct.pack("<I", 0))
+            (FOLDER / file).write_bytes(connection.recv(1) + read_frame(connection))
+    with ask_service(master, "/good", "0" * 32) as connection:
+        (FOLDER / "service-refusal.bin").write_bytes(read_frame(connection))
+
+
+def ask_service(master: xmlrpc.client.ServerProxy, service: str, md5sum: str) -> socket.socket:
+    uri = wait_for(master.lookupService, "/capture", service)
+    host, _, port = uri.removeprefix("rosrpc://").rpartition(":")
+    connection = socket.create_connection((host, int(port)))
+    connection.sendall(header(callerid="/capture", service=service, md5sum=md5sum))
+    return connection
+
+
 def main() -> None:
     port = free_port()
     proxy = recording_proxy(port)
@@ -136,6 +165,8 @@ def main() -> None:
         capture_publisher(master)
         running.append(subprocess.Popen([sys.executable, "-c", SUBSCRIBER], env=variables))
         capture_subscriber(master)
+        running.append(subprocess.Popen([sys.executable, "-c", SERVICE], env=variables))
+        capture_service(master)
     finally:
         for process in running:
             process.kill()

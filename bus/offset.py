@@ -1,0 +1,67 @@
+"""How far another machine's clock is ahead of ours, from questions it answered. Pure."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+MAX_DRIFT: Final = 1e-4
+"""How fast two clocks part at most, in seconds a second: twice what a bad quartz is off."""
+
+WINDOW: Final = 16
+"""How many exchanges are remembered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """One question and its answer: asked and answered on our clock, received and sent on theirs, nanoseconds."""
+
+    asked_ns: int
+    received_ns: int
+    sent_ns: int
+    answered_ns: int
+
+    @property
+    def round_trip_ns(self) -> int:
+        """Time spent on the way, both ways together; negative only if a clock was set meanwhile."""
+        return (self.answered_ns - self.asked_ns) - (self.sent_ns - self.received_ns)
+
+    @property
+    def in_order(self) -> bool:
+        """Whether both clocks went forward."""
+        return self.asked_ns <= self.answered_ns and self.received_ns <= self.sent_ns and self.round_trip_ns >= 0
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """Their clock less ours: within `uncertainty_ns` of `offset_ns`, whatever the ways there and back took."""
+
+    offset_ns: int
+    uncertainty_ns: int
+
+
+class ClockOffset:
+    """Follows one other clock. The exchange that says most counts: a short round trip, and not too long ago."""
+
+    def __init__(self) -> None:
+        self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
+
+    def add(self, exchange: Exchange) -> None:
+        """Take an exchange; one that contradicts the earlier ones tells that a clock was set, so they are forgotten."""
+        if not exchange.in_order:
+            return
+        earlier, now = self.at(exchange.answered_ns), _seen(exchange, exchange.answered_ns)
+        if earlier and abs(earlier.offset_ns - now.offset_ns) > earlier.uncertainty_ns + now.uncertainty_ns:
+            self._exchanges.clear()
+        self._exchanges.append(exchange)
+
+    def at(self, now_ns: int) -> Offset | None:
+        """Return what is known at `now_ns` on our clock, or None before the first exchange."""
+        offsets = (_seen(exchange, now_ns) for exchange in self._exchanges)
+        return min(offsets, key=lambda offset: offset.uncertainty_ns, default=None)
+
+
+def _seen(exchange: Exchange, now_ns: int) -> Offset:
+    """Return what an exchange says at `now_ns`."""
+    ahead_ns = (exchange.received_ns - exchange.asked_ns) + (exchange.sent_ns - exchange.answered_ns)
+    drifted_ns = abs(now_ns - exchange.asked_ns) * MAX_DRIFT
+    return Offset(ahead_ns // 2, exchange.round_trip_ns // 2 + round(drifted_ns) + 1)

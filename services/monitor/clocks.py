@@ -1,0 +1,58 @@
+"""How far the robots' clocks are ahead of ours, as their gateways' readings say. Pure."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from bus.offset import ClockOffset, Exchange
+from schemas.clock import ClockReading
+
+PERIOD_S: Final = 10.0
+"""How often each robot's clock is asked for."""
+
+MAX_UNCERTAINTY_NS: Final = 100_000_000
+"""An offset that is known less well says nothing about ages, which are shown to a tenth of a second."""
+
+
+@dataclass(slots=True)
+class _Clock:
+    asked_s: float
+    clock_id: str = ""
+    offset: ClockOffset = field(default_factory=ClockOffset)
+
+
+class Clocks:
+    """The clocks of the robots that are online, by robot."""
+
+    def __init__(self) -> None:
+        self._clocks: dict[str, _Clock] = {}
+
+    def due(self, robots: Iterable[str], now_s: float) -> list[str]:
+        """Return which of the robots are to be asked now, PERIOD_S after the last time; all others are forgotten."""
+        online = set(robots)
+        self._clocks = {robot: clock for robot, clock in self._clocks.items() if robot in online}
+        asked = [robot for robot in sorted(online) if self._is_due(robot, now_s)]
+        for robot in asked:
+            self._clocks.setdefault(robot, _Clock(now_s)).asked_s = now_s
+        return asked
+
+    def take(self, robot: str, reading: ClockReading, *, asked_ns: int, answered_ns: int) -> None:
+        """Take a reading that was asked for and answered at these times of our clock."""
+        clock = self._clocks.get(robot)
+        if clock is None:
+            return
+        if clock.clock_id != reading.clock_id:
+            clock.clock_id, clock.offset = reading.clock_id, ClockOffset()
+        clock.offset.add(Exchange(asked_ns, reading.received_ns, reading.sent_ns, answered_ns))
+
+    def theirs_ns(self, robot: str, clock_id: str, ours_ns: int) -> int | None:
+        """Return what a robot's clock of that name shows when ours shows `ours_ns`; None while that is not known."""
+        clock = self._clocks.get(robot)
+        offset = clock.offset.at(ours_ns) if clock is not None and clock.clock_id == clock_id else None
+        if offset is None or offset.uncertainty_ns > MAX_UNCERTAINTY_NS:
+            return None
+        return ours_ns + offset.offset_ns
+
+    def _is_due(self, robot: str, now_s: float) -> bool:
+        clock = self._clocks.get(robot)
+        return clock is None or now_s - clock.asked_s >= PERIOD_S

@@ -1,0 +1,1 @@
+"""Call a robot's ROS service from the command line."""

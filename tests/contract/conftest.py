@@ -1,0 +1,62 @@
+"""The buses that the contract is held against: the fake, two peers, and two clients of an embedded router."""
+
+import socket
+from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from typing import Protocol
+
+import pytest
+
+from bus import Bus, BusSettings, open_bus
+from bus.fake import FakeNetwork
+from tests.contract.waiting import next_of
+
+
+class Opener(Protocol):
+    def __call__(self) -> AbstractAsyncContextManager[Bus]: ...
+
+
+def free_endpoint() -> str:
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{bound.getsockname()[1]}"
+
+
+@pytest.fixture(params=["fake", "peers", "router", "router-without-shm"])
+async def buses(request: pytest.FixtureRequest) -> AsyncIterator[tuple[Bus, Bus]]:
+    """Two members of one network."""
+    async with AsyncExitStack() as stack:
+        if request.param == "fake":
+            network = FakeNetwork()
+            yield (
+                await stack.enter_async_context(network.open_bus()),
+                await stack.enter_async_context(network.open_bus()),
+            )
+            return
+        endpoint = free_endpoint()
+        if request.param == "peers":
+            settings = [
+                BusSettings(mode="peer", listen=[endpoint], connect=[]),
+                BusSettings(mode="peer", connect=[endpoint]),
+            ]
+        else:
+            shm = request.param == "router"
+            await stack.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint], shared_memory=shm)))
+            settings = [BusSettings(connect=[endpoint], shared_memory=shm)] * 2
+        here, there = [await stack.enter_async_context(open_bus(each)) for each in settings]
+        await _meet(here, there)
+        yield here, there
+
+
+@pytest.fixture(params=["fake", "real"])
+def opener(request: pytest.FixtureRequest) -> Opener:
+    """A bus that is alone."""
+    if request.param == "fake":
+        return FakeNetwork().open_bus
+    return lambda: open_bus(BusSettings(mode="router", listen=[free_endpoint()]))
+
+
+async def _meet(here: Bus, there: Bus) -> None:
+    """Wait until the two see each other."""
+    async with here.announce("meeting"), there.watch("meeting") as watch:
+        await next_of(watch)

@@ -1,0 +1,20 @@
+"""Waiting for what is promised to come, for a while."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from typing import Final, TypeVar
+
+PATIENCE_S: Final = 10
+
+T = TypeVar("T")
+
+
+async def next_of(source: AsyncIterator[T]) -> T:
+    async with asyncio.timeout(PATIENCE_S):
+        return await anext(source)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0.005)
