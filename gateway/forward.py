@@ -35,9 +35,16 @@ class Forward:
         return self.stream.status(
             wanted=self.demand.wanted,
             publishers=sum(link.connected for link in links),
-            replaced=self.publisher.counts.dropped,
+            replaced=self._replaced(),
             broken_links=self.broken_before + self._broken_now(),
         )
+
+    def retire(self) -> None:
+        """Hand the stream what was counted here; to be called once, when it is offered no longer."""
+        self.stream.retire(replaced=self._replaced(), broken_links=self.broken_before + self._broken_now())
+
+    def _replaced(self) -> int:
+        return self.publisher.counts.dropped
 
     def _broken_now(self) -> Counter[str]:
         return Counter(self.subscription.counters.failures) if self.subscription else Counter()

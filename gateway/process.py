@@ -2,26 +2,20 @@
 
 import asyncio
 import logging
-import re
 import time
 import uuid
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from typing import Any
 
 from bus import Bus, QoS, open_bus
 from bus.clock import clock_id
-from gateway.forward import Forward, offering
-from gateway.outgoing.returning import Return
-from gateway.outgoing.stream import StreamReturn
-from gateway.outgoing.topics import result_root
-from gateway.outgoing.translators import RETURNED
+from gateway.exploring import Explorer
+from gateway.nodes import node_name
+from gateway.offers import Offers
 from gateway.ros1.node import Node
+from gateway.ros1.tasks import cancel_and_wait
 from gateway.settings import GatewaySettings
-from gateway.stream import StreamForward
-from gateway.translators import kind_of
 from schemas import codec, keys
-from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
 
 log = logging.getLogger(__name__)
@@ -46,24 +40,16 @@ async def run(settings: GatewaySettings) -> int:
     """
     boot_id = uuid.uuid4().hex
     log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
-    for key, topic in settings.streams().items():
-        log.info("%s: %s", key, topic)
-    async with (
-        open_bus(settings) as bus,
-        _node(settings, boot_id) as node,
-        AsyncExitStack() as stack,
-        asyncio.TaskGroup() as group,
-    ):
-        streams = [StreamForward(key, topic, kind_of(key), boot_id) for key, topic in settings.streams().items()]
-        forwards = [await stack.enter_async_context(offering(bus, stream)) for stream in streams]
-        returns = [Return(stream) for stream in _returned(settings)]
-        await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
-        tasks = [group.create_task(forward.run(node)) for forward in forwards]
-        tasks += [group.create_task(returned.run(node, bus)) for returned in returns]
-        tasks.append(group.create_task(_report(bus, node, settings, boot_id, forwards=forwards, returns=returns)))
-        await node.shutdown_requested.wait()
-        for task in tasks:
-            task.cancel()
+    async with open_bus(settings) as bus, _node(settings, boot_id) as node, asyncio.TaskGroup() as group:
+        offers = Offers(group, bus, node, boot_id=boot_id, results=settings.results)
+        explorer = Explorer(node, settings.wishes())
+        await explorer.begin(offers)
+        async with bus.announce(keys.robot_alive(settings.robot)):
+            exploring = group.create_task(explorer.run(offers))
+            reporting = group.create_task(_report(bus, node, settings, boot_id, offers=offers, explorer=explorer))
+            await node.shutdown_requested.wait()
+            await cancel_and_wait({exploring, reporting})
+        await offers.close()
     return SHUT_DOWN_BY_MASTER
 
 
@@ -78,42 +64,28 @@ async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
         yield node
 
 
-def node_name(robot: str, boot_id: str) -> str:
-    """Return a ROS node name that is the robot's and this process's alone: a master ends the older of two namesakes."""
-    return f"/fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
-
-
-def _returned(settings: GatewaySettings) -> list[StreamReturn[Any]]:
-    if not settings.results:
-        return []
-    return [
-        StreamReturn(CameraKey(settings.robot, camera), result_root(camera, first=not place), translator)
-        for place, camera in enumerate(settings.cameras)
-        for translator in RETURNED
-    ]
-
-
 async def _report(
     bus: Bus,
     node: Node,
     settings: GatewaySettings,
     boot_id: str,
     *,
-    forwards: Sequence[Forward],
-    returns: Sequence[Return[Any]],
+    offers: Offers,
+    explorer: Explorer,
 ) -> None:
     clock = clock_id()
 
     def account() -> bytes:
-        missing = "" if node.master_answers is not False else f"the ROS master at {settings.ros_master}"
+        master = "" if node.master_answers is not False else f"the ROS master at {settings.ros_master}"
         status = GatewayStatus(
             robot=settings.robot,
             boot_id=boot_id,
             clock_id=clock,
             sent_ns=time.time_ns(),
-            waiting_for=missing,
-            streams=[forward.status() for forward in forwards],
-            returns=[returned.status() for returned in returns],
+            waiting_for=master or explorer.waiting_for,
+            streams=offers.streams(),
+            returns=offers.returns(),
+            withdrawn=dict(offers.withdrawn()),
         )
         return codec.encode(status)
 

@@ -40,6 +40,8 @@ class StreamForward:
         self._received = 0
         self._translated = 0
         self._dropped: Counter[str] = Counter()
+        self._replaced = 0
+        self._broken_links: Counter[str] = Counter()
         self.begin()
 
     def begin(self) -> None:
@@ -87,9 +89,20 @@ class StreamForward:
             received_ns=now_ns,
         )
 
+    def retire(self, *, replaced: int, broken_links: Mapping[str, int]) -> None:
+        """Remember what only the end of an offer knows: when the stream is offered again it counts on."""
+        self._replaced += replaced
+        self._broken_links.update(broken_links)
+
+    def dropped(self, replaced: int = 0) -> Counter[str]:
+        """Return how many messages were dropped, by reason; `replaced` is about the current offer (see `status`)."""
+        return self._dropped + Counter({REPLACED_BEFORE_LINK: self._replaced + replaced})
+
     def status(self, *, wanted: bool, publishers: int, replaced: int, broken_links: Mapping[str, int]) -> StreamStatus:
-        """Account for every message; `replaced` is how many payloads a newer one replaced before the link."""
-        dropped = self._dropped + Counter({REPLACED_BEFORE_LINK: replaced})
+        """Account for every message; `replaced` is how many payloads a newer one replaced before the link.
+
+        That and `broken_links` are about the current offer; what was told to `retire` is added.
+        """
         return StreamStatus(
             camera=self._camera,
             stream=self.key.stream,
@@ -97,7 +110,7 @@ class StreamForward:
             wanted=wanted,
             publishers=publishers,
             received=self._received,
-            forwarded=self._translated - replaced,
-            dropped=dict(dropped),
-            broken_links=dict(broken_links),
+            forwarded=self._translated - self._replaced - replaced,
+            dropped=dict(self.dropped(replaced)),
+            broken_links=dict(self._broken_links + Counter(broken_links)),
         )

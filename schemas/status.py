@@ -59,6 +59,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     clock_id: names the machine's system clock; times of two messages compare only when theirs are equal.
     sent_ns: that clock when this was sent. waiting_for: what it cannot go on without, in words, or empty.
+    streams: what is offered now. withdrawn: drops of streams that are offered no longer; one that comes back counts on.
     """
 
     robot: Name
@@ -68,6 +69,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     waiting_for: Label = ""
     streams: Annotated[list[StreamStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
     returns: Annotated[list[ReturnStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
+    withdrawn: Drops = {}
 
 
 class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):

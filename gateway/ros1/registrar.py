@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import CallError, Ros1Error, UnreachableError
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
     from typing import Protocol
 
-    from gateway.ros1.master import MasterClient
+    from gateway.ros1.master import MasterClient, SystemState
 
     class PublisherLists(Protocol):
         """The node's knowledge of who publishes."""
@@ -31,6 +32,18 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What the master said when it was looked at.
+
+    number: of this look. restarts: how often a master was found that had forgotten all of the node's registrations.
+    """
+
+    number: int
+    state: SystemState
+    restarts: int
+
+
 class Registrar:
     """The only one that registers and unregisters, so that calls never overtake each other."""
 
@@ -43,6 +56,8 @@ class Registrar:
         self._wake = asyncio.Event()
         self.master_answers: bool | None = None
         self._refused: set[Registration] = set()
+        self._look: Look | None = None
+        self._looked = asyncio.Event()
 
     @property
     def settled(self) -> bool:
@@ -61,32 +76,39 @@ class Registrar:
         self._registrations.wanted.clear()
         self._wake.set()
 
+    async def look_after(self, number: int) -> Look:
+        """Wait until the master was looked at with success more than `number` times; return the newest look."""
+        while self._look is None or self._look.number <= number:
+            await self._looked.wait()
+        return self._look
+
     async def run(self, caller_api: str) -> None:
         """Register `caller_api`, the node's slave URI, for what is wanted, until cancelled."""
         self._caller_api = caller_api
-        compare = True
+        clock = asyncio.get_running_loop().time
+        due = clock()
         while True:
             self._wake.clear()
+            compare = clock() >= due
             await self._attempt(compare=compare)
-            compare = not await self._woken()
+            due = clock() + self._interval if compare else due
+            await self._woken(due)
 
     async def finish(self) -> None:
         """Unregister everything; to be called after `run` has ended."""
         self._registrations.wanted.clear()
         await self._attempt(compare=False)
 
-    async def _woken(self) -> bool:
+    async def _woken(self, due: float) -> None:
         with suppress(TimeoutError):
-            async with asyncio.timeout(self._interval):
+            async with asyncio.timeout_at(due):
                 await self._wake.wait()
-                return True
-        return False
 
     async def _attempt(self, *, compare: bool) -> None:
         try:
             if compare:
                 state = await self._master.get_system_state()
-                self._registrations.compare(state, self._lists.links())
+                self._remember(state, is_new=self._registrations.compare(state, self._lists.links()))
             answered = await self._apply() or compare
         except Ros1Error as error:
             if self.master_answers is not False:
@@ -95,6 +117,12 @@ class Registrar:
         else:
             if answered:
                 self._answered()
+
+    def _remember(self, state: SystemState, *, is_new: bool) -> None:
+        before = self._look or Look(0, state, 0)
+        self._look = Look(before.number + 1, state, before.restarts + is_new)
+        self._looked.set()
+        self._looked.clear()
 
     def _answered(self) -> None:
         if self.master_answers is False:

@@ -1,0 +1,16 @@
+"""What gateways are called on a ROS graph. Pure."""
+
+import re
+from typing import Final
+
+PREFIX: Final = "/fleetsight_gateway_"
+
+
+def node_name(robot: str, boot_id: str) -> str:
+    """Return a ROS node name that is the robot's and this process's alone: a master ends the older of two namesakes."""
+    return f"{PREFIX}{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
+
+
+def is_gateway(node: str) -> bool:
+    """Whether a ROS node is a gateway, this robot's or another one's."""
+    return node.startswith(PREFIX)

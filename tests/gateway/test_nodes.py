@@ -1,0 +1,20 @@
+import pytest
+
+from gateway.nodes import is_gateway, node_name
+from gateway.ros1.names import validate_global
+
+
+@pytest.mark.parametrize("robot", ["r1", "forklift-7.b", "1"])
+def test_a_robots_name_makes_a_legal_node_name(robot: str) -> None:
+    name = node_name(robot, "0123456789")
+    assert validate_global(name) == name
+    assert is_gateway(name)
+
+
+def test_robots_whose_names_look_alike_to_ros_have_different_nodes() -> None:
+    assert node_name("r-1", "0123456789") != node_name("r_1", "9876543210")
+
+
+@pytest.mark.parametrize("node", ["/camera", "/r1/fleetsight_gateway_r1", "/fleetsight_gateway"])
+def test_other_nodes_are_no_gateways(node: str) -> None:
+    assert not is_gateway(node)
