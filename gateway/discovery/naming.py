@@ -20,7 +20,7 @@ def name_cameras(paths: Iterable[Path], robot: str, given: Mapping[Path, str], t
     """
     names = dict(given)
     stems = {path: _stem(path, robot) for path in {*paths, *given}}
-    tail = _common_tail(list(stems.values()))
+    tail = 0 if given else _common_tail(list(stems.values()))
     roots = {_root(name) for name in (*given.values(), *taken)}
     for path in sorted(stems.keys() - names.keys(), key=lambda path: (len(path), path)):
         others = [stem for other, stem in stems.items() if other != path]

@@ -25,7 +25,7 @@ DEVICES: Final = frozenset({"cam", "camera", "webcam", "lidar"})
 """A last chunk with one of these is a camera of which there is one picture."""
 
 NO_PICTURE: Final = re.compile(
-    "ambient|annot.*|confidence|costmap|debug|detect.*|extrinsics|features|filtered|heatmap|intensity|keypoints|labels?"
+    "ambient|annot.*|confidence|costmap|debug|detect.*|extrinsics|features|filtered|fused|heatmap|intensity|keypoints|labels?"
     "|map|masks?|matches|nearir|normals|octomap|output|overlay|range|reflec.*|results?|segment.*|signal|tags?|track.*"
     "|visuali[sz].*|viz|voxel"
 )

@@ -23,7 +23,7 @@ def _streams(now: Mapping[SensorKey, Source], before: Mapping[SensorKey, Source]
             yield f"{_name(key)}: {_said(source)} now, no longer {old.topic}"
         elif old.type != source.type:
             yield f"{_name(key)}: {_said(source)} now"
-    for key in before.keys() - now.keys():
+    for key in sorted(before.keys() - now.keys(), key=str):
         yield f"{_name(key)}: no longer offered, {before[key].topic} is gone"
 
 
@@ -32,7 +32,7 @@ def _name(key: SensorKey) -> str:
 
 
 def _said(source: Source) -> str:
-    return f"{source.topic} ({source.type or 'not published yet'})"
+    return f"{source.topic} ({source.type or 'not known to the ROS master yet'})"
 
 
 def _left_out(now: Mapping[str, str], before: Mapping[str, str]) -> Iterator[str]:
