@@ -156,9 +156,9 @@ def test_no_more_cameras_than_can_be_remembered() -> None:
 
 
 WORDS = (
-    "r1 a b camera front rear left right stereo color rgb depth depth_registered aligned_depth_to_color infra1 to cam _"
-    " image_raw image image_rect image_mono points points2 disparity camera_info compressed compressedDepth tf tf_static"
-    " zed zed_node status 0 ultralytics"
+    "r1 a b camera front rear left right stereo color rgb depth depth_registered aligned_depth_to_color infra1 cam _"
+    " image_raw image image_rect image_mono points points2 disparity camera_info compressed compressedDepth tf"
+    " tf_static to zed zed_node status 0 ultralytics"
 )
 CHUNKS = st.sampled_from(WORDS.split())
 NAMES = st.lists(CHUNKS, min_size=1, max_size=5).map(lambda chunks: "/" + "/".join(chunks)) | st.text(max_size=12)

@@ -39,7 +39,7 @@ def test_time_without_a_master_does_not_count() -> None:
     assert sightings.topics() == [FRONT]
     sightings.see([], 1000 + HOLD_S)
     assert sightings.topics() == [FRONT]
-    begin = looks(sightings, [], int(HOLD_S - 2 * MAX_GAP_S), begin=1001 + int(HOLD_S))
+    begin = looks(sightings, [], int(HOLD_S - 2 * MAX_GAP_S) - 1, begin=1001 + int(HOLD_S))
     assert sightings.topics() == [FRONT]
     looks(sightings, [], 1, begin=begin)
     assert sightings.topics() == []
