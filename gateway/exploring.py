@@ -8,7 +8,7 @@ from typing import Final
 from gateway.discovery import Plan, Wishes, plan
 from gateway.discovery.report import changes
 from gateway.discovery.sightings import Sightings
-from gateway.discovery.topics import topics_of
+from gateway.discovery.topics import Topic, topics_of
 from gateway.offers import Offers
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.node import Node
@@ -30,6 +30,7 @@ class Explorer:
         self._sightings = sightings or Sightings()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
+        self._planned: list[Topic] = []
         self._pid = 0
 
     @property
@@ -49,9 +50,11 @@ class Explorer:
             except Ros1Error as error:
                 log.warning("%s: what is published has changed, but not its types: %s", self._node.master_uri, error)
                 continue
-            now = plan(self._sightings.topics(), self._wishes, self.plan)
-            if now != self.plan:
+            topics = self._sightings.topics()
+            if topics != self._planned:
+                now = plan(topics, self._wishes, self.plan)
                 await self._follow(now, offers, changes(now, self.plan))
+                self._planned = topics
 
     async def _see(self, look: Look) -> None:
         publishers = look.state.publishers
@@ -72,6 +75,6 @@ class Explorer:
         self.plan = now
         for line in lines:
             log.info("%s", line)
-        if self.waiting_for:
+        if lines and self.waiting_for:
             log.info("waiting for %s", self.waiting_for)
         await offers.change(now)
