@@ -31,6 +31,7 @@ class Explorer:
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
         self._planned: list[Topic] = []
+        self._said = ""
         self._pid = 0
 
     @property
@@ -75,6 +76,7 @@ class Explorer:
         self.plan = now
         for line in lines:
             log.info("%s", line)
-        if lines and self.waiting_for:
-            log.info("waiting for %s", self.waiting_for)
+        if self.waiting_for != self._said:
+            self._said = self.waiting_for
+            log.info("waiting for %s", self._said or "nothing more")
         await offers.change(now)

@@ -1,11 +1,11 @@
 """What cameras are called that were found."""
 
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import count
 from typing import Final
 
 from gateway.discovery.reading import Path
+from gateway.nodes import ros_chunk
 from schemas.keys import RESERVED
 
 UNNAMED: Final = "camera"
@@ -21,22 +21,18 @@ def name_cameras(paths: Iterable[Path], robot: str, given: Mapping[Path, str], t
     names = dict(given)
     stems = {path: _stem(path, robot) for path in {*paths, *given}}
     tail = 0 if given else _common_tail(list(stems.values()))
-    roots = {_root(name) for name in (*given.values(), *taken)}
+    taken_on_ros = {ros_chunk(name) for name in (*given.values(), *taken)}
     for path in sorted(stems.keys() - names.keys(), key=lambda path: (len(path), path)):
         others = [stem for other, stem in stems.items() if other != path]
         proposals = _proposals(path, stems[path], others, tail)
-        names[path] = next(name for name in proposals if _root(name) not in roots)
-        roots.add(_root(names[path]))
+        names[path] = next(name for name in proposals if ros_chunk(name) not in taken_on_ros)
+        taken_on_ros.add(ros_chunk(names[path]))
     return names
-
-
-def _root(name: str) -> str:
-    return re.sub("[^A-Za-z0-9_]", "_", name)
 
 
 def _stem(path: Path, robot: str) -> Path:
     """Return the namespace less the robot's own, and less a node's that repeats what it is in, like zed/zed_node."""
-    chunks = path[1:] if len(path) > 1 and path[0] == _root(robot) else path
+    chunks = path[1:] if len(path) > 1 and path[0] == ros_chunk(robot) else path
     if len(chunks) > 1 and chunks[-1] == f"{chunks[-2]}_node":
         chunks = chunks[:-1]
     return chunks or (UNNAMED,)

@@ -12,6 +12,7 @@ from gateway.discovery.reading import Path, read
 from gateway.discovery.sieve import why_not
 from gateway.discovery.topics import Topic, image_of
 from gateway.discovery.wishes import Wishes
+from gateway.nodes import ros_chunk
 from gateway.translators import camera_info, transforms
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.status import MAX_STREAMS
@@ -48,8 +49,12 @@ class Plan:
     @property
     def cameras(self) -> list[CameraKey]:
         """The cameras with colour, of which there can be results; the one that came first is the first."""
-        found = [key.camera for key in self.streams if isinstance(key, StreamKey) and key.stream is Stream.COLOR]
-        return sorted(found, key=lambda key: (key.camera != self.first, key.camera))
+        return sorted(cameras_of(self.streams), key=lambda key: (key.camera != self.first, key.camera))
+
+
+def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
+    """Return the cameras whose colour is among the streams."""
+    return [key.camera for key in keys if isinstance(key, StreamKey) and key.stream is Stream.COLOR]
 
 
 NOTHING: Final = Plan()
@@ -82,11 +87,8 @@ class _Planning:
     def discover(self) -> None:
         looked_at = self._sieved()
         self._take_transforms(looked_at)
-        candidates = self._candidates(looked_at)
-        self._name(candidates)
-        for (camera, stream), choice in best(
-            (each for each in candidates if each.path in self._names), self._names
-        ).items():
+        candidates = self._named(self._candidates(looked_at))
+        for (camera, stream), choice in best(candidates, self._names).items():
             self._choose(StreamKey(CameraKey(self._wishes.robot, camera), stream), choice)
         self._take_infos({topic.name for topic in looked_at if topic.type == camera_info.TYPE_NAME})
         self._leave_rest(looked_at)
@@ -95,12 +97,12 @@ class _Planning:
         for _, source in islice(self._streams.items(), MAX_STREAMS, None):
             self._left_out[source.topic] = TOO_MANY
         streams = dict(islice(self._streams.items(), MAX_STREAMS))
-        made = Plan(streams, dict(sorted(self._left_out.items())), self._names, self._before.first)
-        return Plan(made.streams, made.left_out, made.names, made.first or self._first(made.cameras))
+        first = self._before.first or next((camera.camera for camera in self._cameras(streams)), None)
+        return Plan(streams, dict(sorted(self._left_out.items())), self._names, first)
 
-    def _first(self, cameras: Sequence[CameraKey]) -> str | None:
-        named = [key.camera for key in self._wishes.named if isinstance(key, StreamKey) and key.stream is Stream.COLOR]
-        return next((key.camera for key in [*named, *cameras]), None)
+    def _cameras(self, streams: Mapping[SensorKey, Source]) -> list[CameraKey]:
+        """Return the cameras with colour: those that the settings name as they do, the others by name."""
+        return [*cameras_of(self._wishes.named), *sorted(cameras_of(streams))]
 
     def _sieved(self) -> list[Topic]:
         named = {image_of(topic) for topic in self._wishes.named.values()}
@@ -118,7 +120,7 @@ class _Planning:
         """Take `/tf` and `/tf_static`, or where there is none the one in the robot's own namespace."""
         found = [topic.name for topic in topics if topic.type == transforms.TYPE_NAME]
         for stream in (TF, TF_STATIC):
-            for name in (f"/{stream}", f"/{self._wishes.robot}/{stream}"):
+            for name in (f"/{stream}", f"/{ros_chunk(self._wishes.robot)}/{stream}"):
                 if name in found:
                     self._streams.setdefault(RobotStreamKey(self._wishes.robot, stream), Source(name, self._type(name)))
 
@@ -134,8 +136,11 @@ class _Planning:
                 found.append(candidate)
         return with_sides_joined(found, self._before.names)
 
-    def _name(self, candidates: Sequence[Candidate]) -> None:
-        """Name new cameras, at most MAX_CAMERAS in a gateway's life; what the settings name is called as they say."""
+    def _named(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates of cameras that have a name: at most MAX_CAMERAS in a gateway's life.
+
+        What the settings name is called as they say.
+        """
         for path, camera in self._named_paths():
             self._names.setdefault(path, camera)
         known = set(self._names)
@@ -145,6 +150,7 @@ class _Planning:
         for candidate in candidates:
             if candidate.path not in self._names:
                 self._left_out[candidate.topic.name] = f"of more than {MAX_CAMERAS} cameras"
+        return [candidate for candidate in candidates if candidate.path in self._names]
 
     def _named_paths(self) -> Iterator[tuple[Path, str]]:
         for key, topic in self._wishes.named.items():

@@ -25,7 +25,8 @@ POINTS = "sensor_msgs/PointCloud2"
 
 
 class Rig:
-    def __init__(self, explorer: Explorer, offers: Offers) -> None:
+    def __init__(self, node: Node, explorer: Explorer, offers: Offers) -> None:
+        self.node = node
         self.explorer = explorer
         self.offers = offers
 
@@ -47,7 +48,7 @@ async def exploring(
         explorer = Explorer(node, Wishes("r1", named or {}), Sightings(hold_s))
         await explorer.begin(offers)
         task = group.create_task(explorer.run(offers))
-        yield Rig(explorer, offers)
+        yield Rig(node, explorer, offers)
         task.cancel()
         await asyncio.wait([task])
         await offers.close()
@@ -144,6 +145,7 @@ async def test_a_master_that_restarts_or_stays_away_withdraws_nothing() -> None:
             await stack.enter_async_context(camera.advertise(FRONT_TOPIC, TYPE_NAME))
             rig = await stack.enter_async_context(exploring(master.uri, hold_s=0.1))
             await rig.until_offered(FRONT_TOPIC)
+            await until(lambda: rig.node.registered, "the master has taken the results' topics")
         await asyncio.sleep(0.3)
         await rig.until_offered(FRONT_TOPIC)
         other = await stack.enter_async_context(RosMaster(port=port))

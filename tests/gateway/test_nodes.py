@@ -1,6 +1,6 @@
 import pytest
 
-from gateway.nodes import is_gateway, node_name
+from gateway.nodes import is_gateway, node_name, ros_chunk
 from gateway.ros1.names import validate_global
 
 
@@ -18,3 +18,7 @@ def test_robots_whose_names_look_alike_to_ros_have_different_nodes() -> None:
 @pytest.mark.parametrize("node", ["/camera", "/r1/fleetsight_gateway_r1", "/fleetsight_gateway"])
 def test_other_nodes_are_no_gateways(node: str) -> None:
     assert not is_gateway(node)
+
+
+def test_what_ros_cannot_write_is_an_underscore() -> None:
+    assert ros_chunk("forklift-7.b_2") == "forklift_7_b_2"

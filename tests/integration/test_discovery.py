@@ -7,6 +7,7 @@ import pytest
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
+from tests.gateway.ros1.waiting import until
 from tests.gateway.test_exploring import exploring
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, RosProcess
@@ -72,6 +73,7 @@ async def test_what_is_gone_is_withdrawn_unless_its_master_was_restarted(ros: Ro
         await rig.until_offered(front, rear)
         await leaving.end()
         await rig.until_offered(front)
+        await until(lambda: rig.node.registered, "the master has taken the results' topics")
         await ros.end_master()
         await ros.start_master()
         coming = await sensors(ros, "rear", REAR)
