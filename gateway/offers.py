@@ -5,7 +5,7 @@ import logging
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from bus import Bus
 from gateway.discovery.plan import NOTHING, Plan
@@ -22,6 +22,9 @@ from schemas.keys import CameraKey, SensorKey
 from schemas.status import ReturnStatus, StreamStatus
 
 log = logging.getLogger(__name__)
+
+MAX_RETURNED: Final = 100
+"""Cameras whose results are returned at a time: a status lists MAX_STREAMS returns, several for each camera."""
 
 
 @dataclass(slots=True)
@@ -86,9 +89,7 @@ class Offers:
             if key not in self._offers:
                 self._offer(key, source.topic)
         if self._wants_results:
-            for camera in plan.cameras:
-                if camera not in self._results:
-                    self._begin_results(camera, first=camera.camera == plan.first)
+            self._begin_results(plan)
         for offer in self._offers.values():
             await offer.offered.wait()
 
@@ -118,8 +119,15 @@ class Offers:
                 log.info("%s: withdrawn after %d messages, %d forwarded", key, said.received, said.forwarded)
             del self._offers[key]
 
-    def _begin_results(self, camera: CameraKey, *, first: bool) -> None:
-        root = result_root(camera.camera, first=first)
+    def _begin_results(self, plan: Plan) -> None:
+        new = [camera for camera in plan.cameras if camera not in self._results]
+        room = max(0, MAX_RETURNED - len(self._results))
+        for camera in new[:room]:
+            self._return(camera, result_root(camera.camera, first=camera.camera == plan.first))
+        if left := len(new[room:]):
+            log.warning("results are returned for %d cameras, not for %d more", MAX_RETURNED, left)
+
+    def _return(self, camera: CameraKey, root: str) -> None:
         streams = self._returned.setdefault(camera, camera_returns(camera, root))
         returns = [Return(stream) for stream in streams]
         tasks = {self._group.create_task(returned.run(self._node, self._bus)) for returned in returns}

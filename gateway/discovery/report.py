@@ -4,9 +4,11 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from gateway.discovery.plan import NOTHING, Plan, Source
+from gateway.discovery.topics import is_topic
 from schemas.keys import SensorKey, StreamKey
 
 MAX_LISTED: Final = 12
+MAX_SHOWN: Final = 80
 
 
 def changes(now: Plan, before: Plan = NOTHING) -> list[str]:
@@ -32,7 +34,7 @@ def _name(key: SensorKey) -> str:
 
 
 def _said(source: Source) -> str:
-    return f"{source.topic} ({source.type or 'not known to the ROS master yet'})"
+    return f"{source.topic} ({source.type[:MAX_SHOWN] or 'not known to the ROS master yet'})"
 
 
 def _left_out(now: Mapping[str, str], before: Mapping[str, str]) -> Iterator[str]:
@@ -42,4 +44,8 @@ def _left_out(now: Mapping[str, str], before: Mapping[str, str]) -> Iterator[str
             by_reason.setdefault(reason, []).append(topic)
     for reason, topics in sorted(by_reason.items()):
         more = f" and {len(topics) - MAX_LISTED} more" if len(topics) > MAX_LISTED else ""
-        yield f"left out, {reason}: {', '.join(topics[:MAX_LISTED])}{more}"
+        yield f"left out, {reason}: {', '.join(map(_shown, topics[:MAX_LISTED]))}{more}"
+
+
+def _shown(topic: str) -> str:
+    return topic if is_topic(topic) else repr(topic[:MAX_SHOWN])

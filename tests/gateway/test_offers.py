@@ -9,7 +9,7 @@ import pytest
 from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
 from gateway.discovery.plan import NOTHING, Plan, Source
-from gateway.offers import Offers
+from gateway.offers import MAX_RETURNED, Offers
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
@@ -126,3 +126,13 @@ async def test_withdrawing_ends_the_subscription(rig: Rig) -> None:
         await until(lambda: publication.subscriber_count == 0, "it is subscribed no longer")
         await rig.offer({COLOR: TOPIC})
         await until(lambda: publication.subscriber_count == 1, "it is subscribed again")
+
+
+async def test_results_are_returned_for_no_more_cameras_than_a_status_lists(
+    rig: Rig, caplog: pytest.LogCaptureFixture
+) -> None:
+    cameras = [CameraKey("r1", f"camera_{n:03}") for n in range(MAX_RETURNED + 2)]
+    topics: dict[SensorKey, str] = {StreamKey(camera, Stream.COLOR): f"/{camera.camera}" for camera in cameras}
+    await rig.offer(topics)
+    assert len({returned.camera for returned in rig.offers.returns()}) == MAX_RETURNED
+    assert f"results are returned for {MAX_RETURNED} cameras, not for 2 more" in caplog.text

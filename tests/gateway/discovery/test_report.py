@@ -1,5 +1,6 @@
 from gateway.discovery import Wishes, plan
 from gateway.discovery.report import changes
+from gateway.discovery.topics import Topic
 from tests.gateway.discovery.graphs import IMAGE, POINTS, TF, graph
 
 R1 = Wishes("r1")
@@ -40,3 +41,9 @@ def test_many_topics_left_out_for_one_reason_are_one_short_line() -> None:
     made = plan(graph({"std_msgs/String": " ".join(f"/text_{n:02}" for n in range(15))}), R1)
     (line,) = changes(made)
     assert line.endswith("/text_10, /text_11 and 3 more")
+
+
+def test_what_no_topic_can_be_called_writes_no_line_of_its_own() -> None:
+    (line,) = changes(plan([Topic("/a\n2026 ERROR" + "x" * 999, "std_msgs/String", ("/n",))], R1))
+    assert "'/a\\n2026 ERRORxxx" in line
+    assert len(line) < 200
