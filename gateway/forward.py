@@ -55,19 +55,30 @@ class Forward:
         return self.stream.status(
             wanted=self.demand.wanted,
             publishers=sum(link.connected for link in links),
-            replaced=self.publisher.counts.dropped + self.replaced_before + self._replaced_now(),
+            replaced=self._replaced(),
             broken_links=self.broken_before + self._broken_now(),
-            outlet=self.outlet.counts + self.shaped_before + self._shaped_now(),
+            outlet=self._shaped(),
             now_ns=time.time_ns(),
             problem="; ".join(self._problems())[:MAX_LABEL],
         )
+
+    def retire(self) -> None:
+        """Hand the stream what was counted here; to be called once, when it is offered no longer."""
+        broken_links = self.broken_before + self._broken_now()
+        self.stream.retire(replaced=self._replaced(), broken_links=broken_links, outlet=self._shaped())
 
     def _problems(self) -> list[str]:
         said = [self.latched.problem] if self.latched and self.latched.problem else []
         return said + (self.subscription.problems if self.subscription else [])
 
+    def _replaced(self) -> int:
+        return self.publisher.counts.dropped + self.replaced_before + self._replaced_now()
+
     def _replaced_now(self) -> int:
         return self.latched.dropped if self.latched else 0
+
+    def _shaped(self) -> OutletCounts:
+        return self.outlet.counts + self.shaped_before + self._shaped_now()
 
     def _shaped_now(self) -> OutletCounts:
         return self.latched.counts if self.latched else OutletCounts()

@@ -2,36 +2,33 @@
 
 import asyncio
 import logging
-import re
-import time
 import uuid
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Any
 
-from bus import Bus, QoS, open_bus
+from bus import open_bus
 from bus.clock import clock_id
-from gateway.forward import Forward, offering
+from gateway.exploring import Explorer
+from gateway.nodes import node_name
+from gateway.offers import Offers
 from gateway.outgoing.returned import actions_return, alerts_return, camera_returns
 from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
-from gateway.outgoing.topics import result_root
+from gateway.reporting import Account, report
 from gateway.requests.answering import answering
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
+from gateway.ros1.tasks import cancel_and_wait
 from gateway.settings import GatewaySettings
 from gateway.shaping.consumers import Consumers, stays_near
 from gateway.shaping.shaping import Shaping
 from gateway.sim_time import follow_sim_time
-from gateway.stream import StreamForward
-from gateway.translators import kind_of
-from schemas import codec, keys
+from schemas import keys
 from schemas.keys import CameraKey
-from schemas.status import GatewayStatus
 
 log = logging.getLogger(__name__)
 
-STATUS_PERIOD_S = 1.0
 SHUT_DOWN_BY_MASTER = 1
 
 
@@ -49,35 +46,35 @@ async def run(settings: GatewaySettings) -> int:
         HostError: nothing can listen at `ros_host`.
         BusError: nothing can listen where the bus settings say.
     """
-    boot_id = uuid.uuid4().hex
-    shaping = Shaping(settings, Consumers(settings.robot, clock_id(), near=stays_near(settings)))
+    boot_id, machine = uuid.uuid4().hex, clock_id()
+    shaping = Shaping(settings, Consumers(settings.robot, machine, near=stays_near(settings)))
+    clock = SimClock()
     log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
-    for key, topic in settings.streams().items():
-        log.info("%s: %s", key, topic)
-    async with (
-        open_bus(settings) as bus,
-        _node(settings, boot_id) as node,
-        AsyncExitStack() as stack,
-        asyncio.TaskGroup() as group,
-    ):
-        streams = [
-            StreamForward(key, topic, kind_of(key), boot_id, shaping.thinning(key))
-            for key, topic in settings.streams().items()
-        ]
-        forwards = [await stack.enter_async_context(offering(bus, stream, shaping.outlet)) for stream in streams]
-        returns = [Return(stream) for stream in _returned(settings)]
-        clock = SimClock()
-        await stack.enter_async_context(answering(bus, node, settings, boot_id, clock))
-        await stack.enter_async_context(bus.announce(keys.robot_alive(settings.robot)))
-        tasks = [group.create_task(forward.run(node)) for forward in forwards]
-        tasks += [group.create_task(returned.run(node, bus)) for returned in returns]
-        tasks.append(group.create_task(follow_sim_time(node, clock)))
-        report = _report(bus, node, settings, boot_id, clock, forwards=forwards, returns=returns)
-        tasks.append(group.create_task(report))
-        tasks.append(group.create_task(shaping.run(bus)))
-        await node.shutdown_requested.wait()
-        for task in tasks:
-            task.cancel()
+    async with open_bus(settings) as bus, _node(settings, boot_id) as node, asyncio.TaskGroup() as group:
+        offers = Offers(
+            group,
+            bus,
+            node,
+            boot_id=boot_id,
+            shaping=shaping,
+            returned=lambda camera, root: _camera_returns(settings, camera, root),
+        )
+        explorer = Explorer(node, settings.wishes())
+        returns = [Return(stream) for stream in _robot_returns(settings)]
+        account = Account(settings, boot_id, machine, node, clock, explorer, offers, returns)
+        await explorer.begin(offers)
+        async with answering(bus, node, settings, boot_id, clock), bus.announce(keys.robot_alive(settings.robot)):
+            work = (
+                explorer.run(offers),
+                shaping.run(bus),
+                follow_sim_time(node, clock),
+                report(bus, account),
+                *(returned.run(node, bus) for returned in returns),
+            )
+            tasks = {group.create_task(each) for each in work}
+            await node.shutdown_requested.wait()
+            await cancel_and_wait(tasks)
+        await offers.close()
     return SHUT_DOWN_BY_MASTER
 
 
@@ -92,56 +89,11 @@ async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
         yield node
 
 
-def node_name(robot: str, boot_id: str) -> str:
-    """Return a ROS node name that is the robot's and this process's alone: a master ends the older of two namesakes."""
-    return f"fleetsight_gateway_{re.sub('[^A-Za-z0-9_]', '_', robot)}_{boot_id[:8]}"
+def _camera_returns(settings: GatewaySettings, camera: CameraKey, root: str) -> list[StreamReturn[Any]]:
+    return camera_returns(camera, root, settings.names().resolve) if settings.results else []
 
 
-def _returned(settings: GatewaySettings) -> list[StreamReturn[Any]]:
+def _robot_returns(settings: GatewaySettings) -> list[StreamReturn[Any]]:
     resolve = settings.names().resolve
-    actions = actions_return(settings.robot, settings.actions, resolve)
-    if not settings.results:
-        return [actions]
-    cameras = [
-        returned
-        for place, camera in enumerate(settings.cameras)
-        for returned in camera_returns(CameraKey(settings.robot, camera), result_root(camera, first=not place), resolve)
-    ]
-    return [*cameras, alerts_return(settings.robot, resolve), actions]
-
-
-async def _report(
-    bus: Bus,
-    node: Node,
-    settings: GatewaySettings,
-    boot_id: str,
-    sim_clock: SimClock,
-    *,
-    forwards: Sequence[Forward],
-    returns: Sequence[Return[Any]],
-) -> None:
-    clock = clock_id()
-
-    def account() -> bytes:
-        missing = "" if node.master_answers is not False else f"the ROS master at {settings.ros_master}"
-        status = GatewayStatus(
-            robot=settings.robot,
-            boot_id=boot_id,
-            clock_id=clock,
-            sent_ns=time.time_ns(),
-            waiting_for=missing,
-            ros_time_ns=sim_clock.ros_time_ns,
-            clock_jumps=sim_clock.jumps,
-            streams=[forward.status() for forward in forwards],
-            returns=[returned.status() for returned in returns],
-        )
-        return codec.encode(status)
-
-    key = keys.gateway_status(settings.robot)
-    async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(GatewayStatus)) as publisher:
-        try:
-            while True:
-                publisher.put(account())
-                await asyncio.sleep(STATUS_PERIOD_S)
-        finally:
-            publisher.put(account())
+    alerts = [alerts_return(settings.robot, resolve)] if settings.results else []
+    return [*alerts, actions_return(settings.robot, settings.actions, resolve)]

@@ -9,6 +9,8 @@ from typing import Annotated, Final, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from bus.settings import BusSettings
+from gateway.discovery import Wishes
+from gateway.discovery.topics import is_topic
 from gateway.outgoing.topics import is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from gateway.ros1.errors import InvalidNameError
@@ -18,9 +20,7 @@ from gateway.shaping.settings import ShapingSettings
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key, service
 
-MAX_TOPIC: Final = 256
 MAX_SERVICES: Final = 64
-TOPIC: Final = re.compile(r"/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
 
 def master_uri() -> str:
@@ -55,8 +55,6 @@ def _remaps(remaps: dict[str, str]) -> dict[str, str]:
 
 
 def _cameras(cameras: dict[str, str]) -> dict[str, str]:
-    if not cameras:
-        raise ValueError("name at least one camera, like front=/front/color/image_raw")
     for camera, topic in cameras.items():
         try:
             CameraKey("robot", camera)
@@ -88,7 +86,7 @@ def _actions(actions: dict[str, str]) -> dict[str, str]:
 
 
 def _check_topic(what: str, topic: str) -> None:
-    if len(topic) > MAX_TOPIC or not TOPIC.fullmatch(topic):
+    if not is_topic(topic if topic.startswith("/") else f"/{topic}"):
         raise ValueError(f"{what}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
     if is_result(topic):
         raise ValueError(f"{what}: {topic} is where gateways publish results; name a sensor's topic")
@@ -119,10 +117,19 @@ def _services(services: list[str]) -> list[str]:
     return services
 
 
+def _pattern(pattern: str) -> str:
+    try:
+        re.compile(pattern)
+    except re.error as error:
+        raise ValueError(f"no regular expression: {error}") from error
+    return pattern
+
+
 class GatewaySettings(ShapingSettings, BusSettings):
     """Forward a robot's ROS 1 sensors onto Zenoh, and its cameras' results back, while somebody wants them.
 
-    Runs on the robot, needs no ROS install.
+    Runs on the robot, needs no ROS install. Finds cameras, lidars and transforms by the names and types of what is
+    published, now and later, and says what it takes and what not; --cameras and --topics name streams instead.
     """
 
     robot: Annotated[str, Field(pattern=f"^{NAME.pattern}$", description="this robot's name, unique in the fleet")]
@@ -143,7 +150,7 @@ class GatewaySettings(ShapingSettings, BusSettings):
             description="colour cameras as name=topic, several separated by commas; the first one's results go to "
             "/ultralytics/..., another's to /ultralytics/NAME/..."
         ),
-    ] = {"camera": "/camera/color/image_raw"}
+    ] = {}
     namespace: Annotated[str, AfterValidator(_namespace)] = Field(
         default_factory=ros_namespace,
         validate_default=True,
@@ -173,6 +180,17 @@ class GatewaySettings(ShapingSettings, BusSettings):
         AfterValidator(_topics),
         Field(description="further streams as stream=topic, like front/depth=/front/depth/image_raw or tf=/tf"),
     ] = {}
+    discover: bool = Field(
+        default=True,
+        description="find streams on the ROS graph; beside streams that --cameras or --topics name, only if asked for",
+    )
+    allow: Annotated[str, AfterValidator(_pattern)] = Field(
+        default=".*",
+        description="take only topics that are found whose whole name matches this regular expression, like /r1/.*|/tf",
+    )
+    deny: Annotated[str, AfterValidator(_pattern)] = Field(
+        default="", description="take no topic that is found whose whole name matches this; wins over --allow"
+    )
 
     services: Annotated[
         list[str],
@@ -199,8 +217,16 @@ class GatewaySettings(ShapingSettings, BusSettings):
         """Return the type that each listed service must have, or `*`."""
         return {name: kind or ANY for name, _, kind in (entry.partition("=") for entry in self.services)}
 
+    @model_validator(mode="after")
+    def _discovers_beside_names_only_when_told(self) -> Self:
+        if "discover" not in self.model_fields_set:
+            self.discover = not self.streams()
+        if not self.discover and not self.streams():
+            raise ValueError("--no-discover leaves nothing to send unless --cameras or --topics name streams")
+        return self
+
     def streams(self) -> dict[SensorKey, str]:
-        """Return the topic of every stream."""
+        """Return the topic of every stream that is named here."""
         named = {f"{camera}/{Stream.COLOR}": topic for camera, topic in self.cameras.items()} | self.topics
         resolve = self.names().resolve
         return {sensor_key(self.robot, name): resolve(topic) for name, topic in named.items()}
@@ -208,3 +234,7 @@ class GatewaySettings(ShapingSettings, BusSettings):
     def names(self, node: str = "gateway") -> Names:
         """Return what the ROS names in here mean to a node of the name, which `node_name` overrules."""
         return Names(f"{self.namespace.rstrip('/')}/{self.node_name or node}", self.remap)
+
+    def wishes(self) -> Wishes:
+        """Return what discovery is to do."""
+        return Wishes(self.robot, self.streams(), self.discover, re.compile(self.allow), re.compile(self.deny))

@@ -52,6 +52,9 @@ class StreamForward:
         self._translated = 0
         self._dropped: Counter[str] = Counter()
         self._received_rate, self._forwarded_rate = Meter(), Meter()
+        self._replaced = 0
+        self._broken_links: Counter[str] = Counter()
+        self._shaped = OutletCounts()
         self.begin()
 
     def begin(self) -> None:
@@ -112,6 +115,19 @@ class StreamForward:
             received_ns=now_ns,
         )
 
+    def retire(self, *, replaced: int, broken_links: Mapping[str, int], outlet: OutletCounts) -> None:
+        """Remember what an ending offer has counted (see `status`): when the stream is offered again it counts on."""
+        self._replaced += replaced
+        self._broken_links.update(broken_links)
+        self._shaped += outlet
+
+    def dropped(self) -> Counter[str]:
+        """Return how many messages were dropped until the last offer ended, by reason."""
+        return self._dropped + self._lost(0, self._shaped)
+
+    def _lost(self, replaced: int, outlet: OutletCounts) -> Counter[str]:
+        return Counter(outlet.dropped) + Counter({REPLACED_BEFORE_LINK: self._replaced + replaced})
+
     def status(
         self,
         *,
@@ -126,10 +142,11 @@ class StreamForward:
         """Account for every message.
 
         replaced: how many payloads a newer one replaced before the link. outlet: what became of them before that.
-        now_ns: as `take` has it.
+        These and `broken_links` are about the current offer; what was told to `retire` is added. now_ns: as `take` has
+        it.
         """
-        shaped = outlet or OutletCounts()
-        lost = Counter(shaped.dropped) + Counter({REPLACED_BEFORE_LINK: replaced})
+        shaped = self._shaped + (outlet or OutletCounts())
+        lost = self._lost(replaced, shaped)
         forwarded = self._translated - lost.total()
         return StreamStatus(
             camera=self._camera,
@@ -140,7 +157,7 @@ class StreamForward:
             received=self._received,
             forwarded=forwarded,
             dropped=dict(self._dropped + lost),
-            broken_links=dict(broken_links),
+            broken_links=dict(self._broken_links + Counter(broken_links)),
             problem=problem,
             received_hz=self._received_rate.hz(self._received, now_ns),
             forwarded_hz=self._forwarded_rate.hz(forwarded, now_ns),

@@ -84,6 +84,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     sent_ns: that clock when this was sent. waiting_for: what it cannot go on without, in words, or empty.
     ros_time_ns: what the robot's /clock says, 0 before it says anything; None where ROS time is the system clock's.
     clock_jumps: how often /clock went back: then what is kept by stamp is of another round.
+    streams: what is offered now. withdrawn: drops of streams that are offered no longer; one that comes back counts on.
     """
 
     robot: Name
@@ -95,6 +96,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     clock_jumps: Count = 0
     streams: Annotated[list[StreamStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
     returns: Annotated[list[ReturnStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
+    withdrawn: Drops = {}
 
 
 class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):

@@ -54,6 +54,11 @@ class MasterClient:
             raise XmlRpcError(f"a system state of {len(parts)} parts")
         return SystemState(*(_by_name(part) for part in parts))
 
+    async def get_topic_types(self) -> dict[str, str]:
+        """Return message type names by topic, of all that were ever registered; `*` where nobody said."""
+        pairs = (_pair(item) for item in _is(list, await self.call("getTopicTypes")))
+        return {_is(str, name): _is(str, kind) for name, kind in pairs}
+
     async def lookup_node(self, name: str) -> str:
         """Return the node's slave URI; StatusError when unknown."""
         return _is(str, await self.call("lookupNode", name))

@@ -13,7 +13,7 @@ from gateway.ros1.master import MasterClient
 from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
 from gateway.ros1.publisher import Publication
-from gateway.ros1.registrar import Registrar
+from gateway.ros1.registrar import Look, Registrar
 from gateway.ros1.registrations import Registration, Role
 from gateway.ros1.slave import SlaveApi
 from gateway.ros1.subscriber import Message, Subscription
@@ -91,6 +91,14 @@ class Node:
     def master_answers(self) -> bool | None:
         """Whether the master answered when it was last asked; None before that."""
         return self._registrar.master_answers
+
+    async def looks(self) -> AsyncIterator[Look]:
+        """Yield what the master says each time that it is looked at, without asking it once more; the newest counts."""
+        number = 0
+        while True:
+            look = await self._registrar.look_after(number)
+            number = look.number
+            yield look
 
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import CallError, Ros1Error, UnreachableError
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
     from typing import Protocol
 
-    from gateway.ros1.master import MasterClient
+    from gateway.ros1.master import MasterClient, SystemState
 
     class PublisherLists(Protocol):
         """The node's knowledge of who publishes."""
@@ -33,6 +34,18 @@ RENEWED_EVERY = 10
 """Looks at the master. A link to a publisher that was replaced may still be up, and then looks as it should."""
 
 
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What the master said when it was looked at.
+
+    number: of this look. restarts: how often a master was found that had forgotten all of the node's registrations.
+    """
+
+    number: int
+    state: SystemState
+    restarts: int
+
+
 class Registrar:
     """The only one that registers and unregisters, so that calls never overtake each other."""
 
@@ -46,6 +59,8 @@ class Registrar:
         self._looks = 0
         self.master_answers: bool | None = None
         self._refused: set[Registration] = set()
+        self._look: Look | None = None
+        self._looked = asyncio.Event()
 
     @property
     def settled(self) -> bool:
@@ -64,33 +79,42 @@ class Registrar:
         self._registrations.wanted.clear()
         self._wake.set()
 
+    async def look_after(self, number: int) -> Look:
+        """Wait until the master was looked at with success more than `number` times; return the newest look."""
+        while self._look is None or self._look.number <= number:
+            await self._looked.wait()
+        return self._look
+
     async def run(self, caller_api: str) -> None:
         """Register `caller_api`, the node's slave URI, for what is wanted, until cancelled."""
         self._caller_api = caller_api
-        compare = True
+        clock = asyncio.get_running_loop().time
+        due = clock()
         while True:
             self._wake.clear()
+            compare = clock() >= due
             await self._attempt(compare=compare)
-            compare = not await self._woken()
+            due = clock() + self._interval if compare else due
+            await self._woken(due)
 
     async def finish(self) -> None:
         """Unregister everything; to be called after `run` has ended."""
         self._registrations.wanted.clear()
         await self._attempt(compare=False)
 
-    async def _woken(self) -> bool:
+    async def _woken(self, due: float) -> None:
         with suppress(TimeoutError):
-            async with asyncio.timeout(self._interval):
+            async with asyncio.timeout_at(due):
                 await self._wake.wait()
-                return True
-        return False
 
     async def _attempt(self, *, compare: bool) -> None:
         try:
             if compare:
                 state = await self._master.get_system_state()
                 self._looks += 1
-                self._registrations.compare(state, self._lists.links(), renew=self._looks % RENEWED_EVERY == 0)
+                renew = self._looks % RENEWED_EVERY == 0
+                forgotten = self._registrations.compare(state, self._lists.links(), renew=renew)
+                self._remember(state, is_new=forgotten)
             answered = await self._apply() or compare
         except Ros1Error as error:
             if self.master_answers is not False:
@@ -99,6 +123,12 @@ class Registrar:
         else:
             if answered:
                 self._answered()
+
+    def _remember(self, state: SystemState, *, is_new: bool) -> None:
+        restarts = self._look.restarts if self._look else 0
+        self._look = Look(self._looks, state, restarts + is_new)
+        self._looked.set()
+        self._looked.clear()
 
     def _answered(self) -> None:
         if self.master_answers is False:

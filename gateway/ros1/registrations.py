@@ -71,18 +71,21 @@ class Registrations:
         self.held.discard(registration)
         self._confirmed.discard(registration)
 
-    def compare(self, state: SystemState, links: Mapping[str, Collection[bool]], *, renew: bool = False) -> None:
+    def compare(self, state: SystemState, links: Mapping[str, Collection[bool]], *, renew: bool = False) -> bool:
         """Forget what the master does not confirm, and subscriptions that may have missed who publishes.
+
+        Returns whether the master has forgotten everything it held, so that it is a new one.
 
         `links` says by topic for each known publisher whether it is connected. One that is not may be gone, with a
         namesake at another URI listed in its place: the answer to registering again holds the URIs. `renew` asks for it
         anyway: a publisher may be connected on and yet have been replaced.
         """
+        listed = {registration for registration in self._confirmed if self._listed(registration, state)}
+        is_new = bool(self._confirmed) and not listed
         self._confirmed = {
-            registration
-            for registration in self._confirmed
-            if self._listed(registration, state) and not _stale(registration, state, links, renew=renew)
+            registration for registration in listed if not _stale(registration, state, links, renew=renew)
         }
+        return is_new
 
     def _listed(self, registration: Registration, state: SystemState) -> bool:
         by_topic = state.publishers if registration.role is Role.PUBLISHER else state.subscribers

@@ -57,7 +57,7 @@ async def test_fresh_master_knows_nobody(connect: Connect, master_uri: str) -> N
     master = connect("/a")
     state = await master.get_system_state()
     assert (state.publishers, state.subscribers, state.services) == ({}, {}, {})
-    assert dict(await master.call("getTopicTypes")) == {}
+    assert await master.get_topic_types() == {}
     assert await master.get_pid() > 0
     assert (await master.call("getUri")).rpartition(":")[2] == master_uri.rpartition(":")[2]
 
@@ -68,7 +68,7 @@ async def test_registrations_show_in_the_state_until_unregistered(connect: Conne
     assert await b.register_subscriber("/chat", STRING, "http://127.0.0.1:10/") == (DEAD_URI,)
     state = await a.get_system_state()
     assert (state.publishers, state.subscribers) == ({"/chat": ("/a",)}, {"/chat": ("/b",)})
-    assert dict(await a.call("getTopicTypes")) == {"/chat": STRING}
+    assert await a.get_topic_types() == {"/chat": STRING}
     assert dict(await a.call("getPublishedTopics", "")) == {"/chat": STRING}
     assert await a.lookup_node("/a") == DEAD_URI
     assert await a.unregister_publisher("/chat", DEAD_URI) is True
@@ -77,7 +77,7 @@ async def test_registrations_show_in_the_state_until_unregistered(connect: Conne
     state = await a.get_system_state()
     assert (state.publishers, state.subscribers) == ({}, {})
     assert dict(await a.call("getPublishedTopics", "")) == {}
-    assert dict(await a.call("getTopicTypes")) == {"/chat": STRING}
+    assert await a.get_topic_types() == {"/chat": STRING}
 
 
 async def test_registering_twice_counts_once(connect: Connect) -> None:
@@ -158,10 +158,10 @@ async def test_illegal_uri_is_refused(connect: Connect, uri: str) -> None:
 
 async def test_any_type_does_not_squash_a_type(connect: Connect) -> None:
     await connect("/a").register_subscriber("/chat", "*", DEAD_URI)
-    assert dict(await connect("/a").call("getTopicTypes")) == {}
+    assert await connect("/a").get_topic_types() == {}
     await connect("/a").register_publisher("/chat", STRING, DEAD_URI)
     await connect("/b").register_publisher("/chat", "*", "http://127.0.0.1:10/")
-    assert dict(await connect("/a").call("getTopicTypes")) == {"/chat": STRING}
+    assert await connect("/a").get_topic_types() == {"/chat": STRING}
 
 
 async def test_parameters(connect: Connect) -> None:

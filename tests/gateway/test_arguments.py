@@ -29,7 +29,8 @@ def test_what_roslaunch_says_in_our_words(argument: str, options: list[str]) -> 
 
 
 def test_ros_arguments_among_options() -> None:
-    given = ["--robot", "r1", "/camera/color/image_raw:=front/image", "tf:=/tf", "__ns:=r1", "__name:=gw", "__log:=x"]
+    given = ["--robot", "r1", "--cameras", "front=/camera/color/image_raw"]
+    given += ["/camera/color/image_raw:=front/image", "tf:=/tf", "__ns:=r1", "__name:=gw", "__log:=x"]
     settings = load(GatewaySettings, options_of(given), prog="fleetsight gateway").settings
     assert list(settings.streams().values()) == ["/r1/front/image"]
     assert settings.remap == {"/camera/color/image_raw": "front/image", "tf": "/tf"}

@@ -6,6 +6,7 @@ import pytest
 
 from bus import QUEUE
 from bus.fake import FakeNetwork
+from gateway.discovery import Wishes, plan
 from gateway.forward import offering
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
@@ -13,11 +14,45 @@ from gateway.ros1.rosmaster import RosMaster
 from gateway.stream import StreamForward
 from gateway.translators import kind_of
 from schemas.keys import CameraKey, Stream, StreamKey
+from tests.gateway.discovery.graphs import IMAGE, graph
+from tests.gateway.offering import new_offers
 from tests.gateway.ros1.cancelling import cancel_everywhere, open_sockets
 from tests.gateway.ros1.waiting import until
 
 FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"
+
+
+async def test_streams_that_come_and_go() -> None:
+    network = FakeNetwork()
+    planned = plan(graph({IMAGE: f"{TOPIC} /rear/image_raw"}), Wishes("r1"))
+    async with (
+        RosMaster() as master,
+        Node("/watch", master_uri=master.uri) as watch,
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        theirs.watch("fleet/**/alive") as tokens,
+    ):
+        await watch.master.get_pid()
+        tasks, sockets = asyncio.all_tasks(), open_sockets()
+
+        async def life() -> None:
+            async with Node("/gateway", master_uri=master.uri) as node, asyncio.TaskGroup() as group:
+                offers = new_offers(group, ours, node)
+                await offers.change(planned)
+                while not node.registered:  # noqa: ASYNC110 - each turn of the loop is a suspension
+                    await asyncio.sleep(0)
+                await offers.close()
+
+        async def nothing_is_left(n: int) -> None:
+            state = await watch.master.get_system_state()
+            assert (state.publishers, state.subscribers) == ({}, {}), n
+            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
+            await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
+
+        assert await cancel_everywhere(life, nothing_is_left) > 10
+        async with ours.announce(FRONT.alive(Stream.COLOR)):
+            assert (await anext(tokens)).alive  # no token of a cancelled life is still there to be merged with
 
 
 @pytest.mark.parametrize("latch", [False, True])

@@ -1,11 +1,8 @@
 import asyncio
 
-import pytest
-
 from bus import QUEUE, BusSettings, open_bus
-from gateway.process import node_name, run
+from gateway.process import run
 from gateway.ros1.master import SystemState
-from gateway.ros1.names import validate_global
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.xmlrpc_client import XmlRpcClient
@@ -15,19 +12,14 @@ from schemas.status import GatewayStatus
 from services.toolbox.demo.ports import free_ports
 
 
-@pytest.mark.parametrize("robot", ["r1", "forklift-7.b", "1"])
-def test_a_robots_name_makes_a_legal_node_name(robot: str) -> None:
-    assert validate_global("/" + node_name(robot, "0123456789"))
-
-
-def test_robots_whose_names_look_alike_to_ros_have_different_nodes() -> None:
-    assert node_name("r-1", "0123456789") != node_name("r_1", "9876543210")
-
-
 async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_comes() -> None:
     port, endpoint = free_ports(1), f"tcp/127.0.0.1:{free_ports(1)}"
     settings = GatewaySettings(
-        robot="r1", ros_master=f"http://127.0.0.1:{port}", ros_host="127.0.0.1", connect=[endpoint]
+        robot="r1",
+        ros_master=f"http://127.0.0.1:{port}",
+        ros_host="127.0.0.1",
+        connect=[endpoint],
+        cameras={"camera": "/camera/color/image_raw"},
     )
     async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus:
         running = asyncio.create_task(run(settings))
@@ -60,7 +52,11 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
 async def test_a_gateway_that_its_master_ends_says_so_with_its_exit_code() -> None:
     async with RosMaster() as master, Node("/other", master_uri=master.uri) as other:
         settings = GatewaySettings(
-            robot="r1", ros_master=master.uri, ros_host="127.0.0.1", connect=[f"tcp/127.0.0.1:{free_ports(1)}"]
+            robot="r1",
+            ros_master=master.uri,
+            ros_host="127.0.0.1",
+            connect=[f"tcp/127.0.0.1:{free_ports(1)}"],
+            cameras={"camera": "/camera/color/image_raw"},
         )
         running = asyncio.create_task(run(settings))
         async with asyncio.timeout(20), XmlRpcClient() as client:

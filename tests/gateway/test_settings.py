@@ -32,7 +32,8 @@ def test_ros_own_variables_are_the_defaults(
         ("robot", "a\n", "pattern"),
         ("ros_master", "robot:11311", "looks like http://robot:11311"),
         ("ros_master", "http://robot", "looks like http://robot:11311"),
-        ("cameras", {}, "name at least one camera"),
+        ("allow", "(", "no regular expression: missing )"),
+        ("deny", "/a[", "no regular expression: unterminated character set"),
         ("cameras", {"status": "/image"}, "camera name 'status' is reserved"),
         ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
         ("cameras", {"front": "7/image"}, "camera front: '7/image' is not a ROS topic"),
@@ -70,6 +71,34 @@ def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
     (mistake,) = caught.value.errors()
     assert mistake["loc"][0] == field
     assert reason in mistake["msg"]
+
+
+@pytest.mark.parametrize(
+    ("given", "discovers"),
+    [
+        ({}, True),
+        ({"cameras": {"front": "/image"}}, False),
+        ({"topics": {"tf": "/tf"}}, False),
+        ({"cameras": {"front": "/image"}, "discover": True}, True),
+    ],
+)
+def test_streams_are_discovered_where_none_are_named_or_where_asked_for(
+    given: dict[str, object], *, discovers: bool
+) -> None:
+    assert settings(**given).wishes().discover is discovers
+
+
+def test_neither_discovered_nor_named_is_nothing() -> None:
+    with pytest.raises(ValidationError, match="--no-discover leaves nothing to send unless --cameras or --topics"):
+        settings(discover=False)
+
+
+def test_patterns_are_of_whole_names() -> None:
+    wishes = settings(allow="/r1/.*|/tf", deny="/r1/infra.*").wishes()
+    assert wishes.allow.fullmatch("/tf")
+    assert not wishes.allow.fullmatch("/tf_static")
+    assert wishes.deny.fullmatch("/r1/infra1/image_raw")
+    assert not settings().wishes().deny.fullmatch("/tf")
 
 
 def test_a_topic_that_only_begins_like_results_is_a_sensors() -> None:
@@ -122,10 +151,11 @@ def test_relative_names_are_in_the_namespace(namespace: str, monkeypatch: pytest
 
 def test_topics_are_remapped_and_have_one_stream_each_afterwards() -> None:
     remap = {"/camera/color/image_raw": "front/image", "tf": "/shared/tf"}
-    given = settings(namespace="r1", remap=remap, topics={"tf": "tf", "tf_static": "/tf_static"})
+    cameras = {"camera": "/camera/color/image_raw"}
+    given = settings(namespace="r1", remap=remap, cameras=cameras, topics={"tf": "tf", "tf_static": "/tf_static"})
     assert set(given.streams().values()) == {"/r1/front/image", "/shared/tf", "/tf_static"}
     with pytest.raises(ValidationError, match="--cameras and --topics name /tf_static twice"):
-        settings(remap={"/camera/color/image_raw": "/tf_static"}, topics={"tf_static": "/tf_static"})
+        settings(remap={"/camera/color/image_raw": "/tf_static"}, cameras=cameras, topics={"tf_static": "/tf_static"})
 
 
 def test_services_are_listed_by_name_and_maybe_type() -> None:

@@ -34,7 +34,7 @@ class FleetRig:
         return await self._stack.enter_async_context(child(command, arguments, log.info))
 
     async def gateway(self, robot: str, master: str, cameras: Mapping[str, str], *options: str) -> Child:
-        """Start a robot's gateway."""
+        """Start a robot's gateway; with no cameras it finds what there is."""
         names = [option for camera, topic in cameras.items() for option in ("--cameras", f"{camera}={topic}")]
         where = ("--robot", robot, "--ros-master", master, "--ros-host", "127.0.0.1")
         return await self.start("gateway", *where, *names, *options)
@@ -50,6 +50,15 @@ class FleetRig:
     ) -> StreamStatus:
         """Wait until the gateway's account of the camera is such; return it."""
         return await self._account(robot, lambda status: status.streams, lambda of: of.camera == camera and until(of))
+
+    async def stream_topics(self, robot: str, until: Callable[[Mapping[str, str]], bool]) -> Mapping[str, str]:
+        """Wait until the topics that the gateway offers are such; return them by stream."""
+        async with self._statuses(robot) as statuses:
+            async for status in statuses:
+                topics = {f"{stream.camera}/{stream.stream}": stream.topic for stream in status.streams}
+                if until(topics):
+                    return topics
+        raise AssertionError("the bus was closed")
 
     async def return_status(
         self, robot: str, camera: str, until: Callable[[ReturnStatus], bool] = lambda _: True, stream: str = "classes"

@@ -123,3 +123,29 @@ while not rospy.is_shutdown():
     except rospy.ROSInterruptException:
         break
 """
+
+SENSORS = """
+import sys, rospy
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+kinds = {kind.__name__: kind for kind in (CameraInfo, Image, PointCloud2)}
+topics = dict(argument.split("=") for argument in sys.argv[2:])
+rospy.init_node(sys.argv[1])
+publishers = [rospy.Publisher(topic, kinds[kind], queue_size=2) for topic, kind in topics.items()]
+def message(kind, stamp):
+    if kind is Image:
+        made = Image(height=1, width=2, encoding="rgb8", step=6, data=bytes(6))
+    else:
+        made = kind(height=1, width=2)
+    made.header.stamp = stamp
+    return made
+print("sensors up", flush=True)
+ticks = rospy.Rate(10)
+while not rospy.is_shutdown():
+    stamp = rospy.Time.now()
+    for publisher in publishers:
+        publisher.publish(message(publisher.data_class, stamp))
+    try:
+        ticks.sleep()
+    except rospy.ROSInterruptException:
+        break
+"""

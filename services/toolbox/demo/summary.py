@@ -55,6 +55,7 @@ def drops(gateways: Iterable[GatewayStatus], workers: Iterable[WorkerStatus]) ->
     at_gateways: Counter[str] = Counter()
     at_workers: Counter[str] = Counter()
     for gateway in gateways:
+        at_gateways.update(gateway.withdrawn)
         for stream in gateway.streams:
             at_gateways.update(stream.dropped)
     for worker in workers:

@@ -37,6 +37,9 @@ async def test_system_state() -> None:
         ("unregister_publisher", ("/t", "http://a/"), "1"),
         ("lookup_node", ("/b",), 5),
         ("get_pid", (), "5"),
+        ("get_topic_types", (), 0),
+        ("get_topic_types", (), [["/t"]]),
+        ("get_topic_types", (), [["/t", 5]]),
     ],
 )
 async def test_answer_of_another_kind_is_an_error(method: str, arguments: tuple[Any, ...], answer: Any) -> None:

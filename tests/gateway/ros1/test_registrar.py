@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING, Any
 
 from gateway.ros1.errors import StatusError
 from gateway.ros1.node import Node
+from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 from tests.gateway.ros1.waiting import until
 
@@ -83,3 +85,54 @@ async def test_refusal_is_an_answer() -> None:
         node.advertise("/refused", "std_msgs/String"),
     ):
         await until(lambda: node.master_answers, "it has answered")
+
+
+async def test_looks_go_on_however_often_registrations_change() -> None:
+    async with RosMaster() as master, Node("/a", master_uri=master.uri, poll_interval=0.05) as node:
+        looks = node.looks()
+        first = await anext(looks)
+        assert (first.number, first.state.publishers, first.restarts) == (1, {}, 0)
+
+        async def blink() -> None:
+            while True:
+                async with node.advertise("/chat", "std_msgs/String"):
+                    await asyncio.sleep(0.005)
+
+        blinking = asyncio.create_task(blink())
+        async with asyncio.timeout(20):
+            numbers = [(await anext(looks)).number for _ in range(3)]
+        assert numbers == sorted(set(numbers))
+        blinking.cancel()
+        await asyncio.wait([blinking])
+
+
+async def test_looks_show_who_comes_and_the_newest_is_there_for_who_asks_late() -> None:
+    async with (
+        RosMaster() as master,
+        Node("/a", master_uri=master.uri, poll_interval=0.05) as node,
+        Node("/b", master_uri=master.uri) as other,
+        other.advertise("/chat", "std_msgs/String"),
+    ):
+        async for look in node.looks():
+            if look.state.publishers:
+                break
+        assert look.state.publishers == {"/chat": ("/b",)}
+        assert (await anext(node.looks())).number >= look.number
+
+
+async def test_master_that_has_forgotten_the_node_was_restarted() -> None:
+    master = RefusingMaster("/refused")
+    async with (
+        XmlRpcServer(master, host="127.0.0.1") as server,
+        Node("/a", master_uri=server.uri, poll_interval=0.02) as node,
+        node.advertise("/taken", "std_msgs/String"),
+    ):
+        await until(lambda: node.registered, "it is registered")
+        looks = node.looks()
+        before = await anext(looks)
+        master.registered.clear()
+        async with asyncio.timeout(20):
+            async for look in looks:
+                if look.restarts:
+                    break
+        assert (before.restarts, look.restarts) == (0, 1)

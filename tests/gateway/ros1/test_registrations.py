@@ -82,13 +82,15 @@ def test_wanted_again_while_it_was_registered_asks_again_who_is_there() -> None:
 
 def test_restarted_master_has_forgotten_us() -> None:
     book = registered(CHAT, COLOR)
-    book.compare(state({}, {}), {})
+    assert book.compare(state({}, {}), {}) is True
+    assert book.compare(state({}, {}), {}) is False
     assert set(book.plan().register) == {CHAT, COLOR}
 
 
 def test_confirmed_is_left_alone() -> None:
     book = registered(CHAT, COLOR)
-    book.compare(state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)}), {"/color": [True]})
+    told = state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)})
+    assert book.compare(told, {"/color": [True]}) is False
     assert book.plan() == NOTHING
 
 
@@ -113,6 +115,12 @@ def test_now_and_then_a_subscription_is_registered_again_though_all_looks_well()
     book = registered(CHAT, COLOR)
     told = state({"/chat": ("/ours",), "/color": ("/cam",)}, {"/color": ("/ours",)})
     book.compare(told, {"/color": [True]}, renew=True)
+    assert book.plan() == Changes((), (COLOR,))
+
+
+def test_master_that_has_forgotten_one_of_ours_is_still_the_same() -> None:
+    book = registered(CHAT, COLOR)
+    assert book.compare(state({"/chat": ("/ours",)}, {}), {}) is False
     assert book.plan() == Changes((), (COLOR,))
 
 

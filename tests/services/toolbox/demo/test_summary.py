@@ -58,9 +58,10 @@ def test_drops_are_added_up_by_place_and_reason() -> None:
         camera="c", stream="color", topic="/t", wanted=True, publishers=1, received=5, forwarded=3, dropped={"bad": 2}
     )
     gateways = [GatewayStatus(robot=robot, boot_id="b", clock_id="c", sent_ns=0, streams=[stream]) for robot in "ab"]
+    gateways.append(GatewayStatus(robot="c", boot_id="b", clock_id="c", sent_ns=0, withdrawn={"bad": 1}))
     load = CameraLoad(robot="a", camera="c", inferred=1, dropped={"late": 3, "bad": 0})
     workers = [WorkerStatus(service="detector", worker="w", model="m", sent_ns=0, cameras=[load])]
-    assert drops(gateways, workers) == {"at the gateway: bad": 4, "at the detector: late": 3}
+    assert drops(gateways, workers) == {"at the gateway: bad": 5, "at the detector: late": 3}
 
 
 def test_what_the_gateway_replaced_is_not_counted_again_where_it_is_missing() -> None:

@@ -1,0 +1,183 @@
+"""The decision: which topic becomes which stream."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Final
+
+from gateway.discovery.cameras import best, with_sides_joined
+from gateway.discovery.candidates import READERS, Candidate, one_of_each_image
+from gateway.discovery.naming import name_cameras
+from gateway.discovery.reading import Path, read
+from gateway.discovery.sieve import why_not
+from gateway.discovery.topics import Topic, image_of
+from gateway.discovery.wishes import Wishes
+from gateway.nodes import ros_chunk
+from gateway.translators import camera_info, transforms
+from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
+from schemas.status import MAX_STREAMS
+
+UNNAMED: Final = (
+    "not named like a camera's image or points; --cameras NAME=TOPIC or --topics NAME/STREAM=TOPIC takes it"
+)
+NOBODYS: Final = "a calibration or transforms of nothing that is taken"
+TOO_MANY: Final = f"over {MAX_STREAMS} streams, which is the most a gateway offers"
+MAX_CAMERAS: Final = 1_000
+INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The topic of a stream. type: empty while it is not known."""
+
+    topic: str
+    type: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is to be offered.
+
+    left_out: why, by topic. names: every camera's that was ever found. first: the camera that came first.
+    """
+
+    streams: Mapping[SensorKey, Source] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    names: Mapping[Path, str] = field(default_factory=dict)
+    first: str | None = None
+
+    @property
+    def cameras(self) -> list[CameraKey]:
+        """The cameras with colour, of which there can be results; the one that came first is the first."""
+        return sorted(cameras_of(self.streams), key=lambda key: (key.camera != self.first, key.camera))
+
+
+def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
+    """Return the cameras whose colour is among the streams."""
+    return [key.camera for key in keys if isinstance(key, StreamKey) and key.stream is Stream.COLOR]
+
+
+NOTHING: Final = Plan()
+
+
+def plan(topics: Iterable[Topic], wishes: Wishes, before: Plan = NOTHING) -> Plan:
+    """Decide what is offered, given what is published now and what was decided before.
+
+    The same topics give the same plan in whatever order they are. Cameras keep the names they have.
+    """
+    published = {topic.name: topic for topic in sorted(topics)}
+    planning = _Planning(wishes, published, before)
+    if wishes.discover:
+        planning.discover()
+    return planning.result()
+
+
+class _Planning:
+    def __init__(self, wishes: Wishes, published: Mapping[str, Topic], before: Plan) -> None:
+        self._wishes = wishes
+        self._published = published
+        self._before = before
+        self._names = dict(before.names)
+        self._left_out: dict[str, str] = {}
+        self._streams = {key: Source(topic, self._type(topic)) for key, topic in wishes.named.items()}
+
+    def _type(self, topic: str) -> str:
+        return self._published[topic].type if topic in self._published else ""
+
+    def discover(self) -> None:
+        looked_at = self._sieved()
+        self._take_transforms(looked_at)
+        candidates = self._named(self._candidates(looked_at))
+        for (camera, stream), choice in best(candidates, self._names).items():
+            self._choose(StreamKey(CameraKey(self._wishes.robot, camera), stream), choice)
+        self._take_infos({topic.name for topic in looked_at if topic.type == camera_info.TYPE_NAME})
+        self._leave_rest(looked_at)
+
+    def result(self) -> Plan:
+        for _, source in islice(self._streams.items(), MAX_STREAMS, None):
+            self._left_out[source.topic] = TOO_MANY
+        streams = dict(islice(self._streams.items(), MAX_STREAMS))
+        first = self._before.first or next((camera.camera for camera in self._cameras(streams)), None)
+        return Plan(streams, dict(sorted(self._left_out.items())), self._names, first)
+
+    def _cameras(self, streams: Mapping[SensorKey, Source]) -> list[CameraKey]:
+        """Return the cameras with colour: those that the settings name as they do, the others by name."""
+        return [*cameras_of(self._wishes.named), *sorted(cameras_of(streams))]
+
+    def _sieved(self) -> list[Topic]:
+        named = {image_of(topic) for topic in self._wishes.named.values()}
+        looked_at = []
+        for topic in self._published.values():
+            if topic.name in self._wishes.named.values():
+                continue
+            if reason := why_not(topic, self._wishes, named):
+                self._left_out[topic.name] = reason
+            else:
+                looked_at.append(topic)
+        return looked_at
+
+    def _take_transforms(self, topics: Iterable[Topic]) -> None:
+        """Take `/tf` and `/tf_static`, or where there is none the one in the robot's own namespace."""
+        found = [topic.name for topic in topics if topic.type == transforms.TYPE_NAME]
+        for stream in (TF, TF_STATIC):
+            for name in (f"/{stream}", f"/{ros_chunk(self._wishes.robot)}/{stream}"):
+                if name in found:
+                    self._streams.setdefault(RobotStreamKey(self._wishes.robot, stream), Source(name, self._type(name)))
+
+    def _candidates(self, topics: Sequence[Topic]) -> list[Candidate]:
+        singles, doubles = one_of_each_image(topic for topic in topics if topic.type in READERS)
+        self._left_out |= {name: f"the same image as {taken}" for name, taken in doubles.items()}
+        found = []
+        for topic in singles:
+            candidate = READERS[topic.type](topic)
+            if candidate is None:
+                self._left_out[topic.name] = UNNAMED
+            else:
+                found.append(candidate)
+        return with_sides_joined(found, self._before.names)
+
+    def _named(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates of cameras that have a name: at most MAX_CAMERAS in a gateway's life.
+
+        What the settings name is called as they say.
+        """
+        for path, camera in self._named_paths():
+            self._names.setdefault(path, camera)
+        known = set(self._names)
+        new = sorted({candidate.path for candidate in candidates} - known)[: max(0, MAX_CAMERAS - len(known))]
+        taken = [key.camera.camera for key in self._wishes.named if isinstance(key, StreamKey)]
+        self._names = name_cameras(new, self._wishes.robot, self._names, taken)
+        for candidate in candidates:
+            if candidate.path not in self._names:
+                self._left_out[candidate.topic.name] = f"of more than {MAX_CAMERAS} cameras"
+        return [candidate for candidate in candidates if candidate.path in self._names]
+
+    def _named_paths(self) -> Iterator[tuple[Path, str]]:
+        for key, topic in self._wishes.named.items():
+            found = read(image_of(topic))
+            if isinstance(key, StreamKey) and found is not None:
+                yield found.path, key.camera.camera
+
+    def _choose(self, key: StreamKey, choice: Sequence[Candidate]) -> None:
+        preferred = choice[0].topic
+        taken = self._streams.setdefault(key, Source(preferred.name, preferred.type)).topic
+        for candidate in choice:
+            if candidate.topic.name != taken:
+                self._left_out[candidate.topic.name] = f"{key.camera.camera}/{key.stream} is {taken}"
+
+    def _take_infos(self, infos: set[str]) -> None:
+        used = {source.topic for source in self._streams.values()}
+        for key, source in list(self._streams.items()):
+            if isinstance(key, StreamKey) and key.stream in INFOS:
+                space = image_of(source.topic).rpartition("/")[0]
+                for name in (f"{space}/camera_info", f"{space}/left/camera_info"):
+                    info = StreamKey(key.camera, INFOS[key.stream])
+                    if name in infos - used and info not in self._streams:
+                        self._streams[info] = Source(name, camera_info.TYPE_NAME)
+                        used.add(name)
+
+    def _leave_rest(self, topics: Iterable[Topic]) -> None:
+        used = {source.topic for source in self._streams.values()}
+        for topic in topics:
+            if topic.name not in used:
+                self._left_out.setdefault(topic.name, NOBODYS)

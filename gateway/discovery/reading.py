@@ -1,0 +1,90 @@
+"""What the name of a topic says: which camera, and which of its pictures."""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+Path = tuple[str, ...]
+"""The chunks of a camera's namespace."""
+
+COLORS: Final = frozenset({"color", "colour", "rgb", "bgr"})
+GREYS: Final = frozenset({"mono", "gray", "grey"})
+INFRAREDS: Final = frozenset({"ir", "ir2", "infra", "infra1", "infra2", "infrared"})
+DEPTHS: Final = frozenset({"depth"})
+IMAGES: Final = frozenset({"image", "img"}) | COLORS | GREYS | INFRAREDS | DEPTHS
+POINTS: Final = frozenset({"points", "points2", "point", "cloud", "pointcloud"})
+DISPARITIES: Final = frozenset({"disparity"})
+TO: Final = "to"
+
+WORDS: Final = (
+    IMAGES | POINTS | DISPARITIES | {"raw", "rect", "registered", "aligned", "hw", "sw", "hd", "qhd", "sd", TO}
+)
+"""What names of pictures are made of; what else a chunk says is the camera's name."""
+
+DEVICES: Final = frozenset({"cam", "camera", "webcam", "lidar"})
+"""A last chunk with one of these is a camera of which there is one picture."""
+
+NO_PICTURE: Final = re.compile(
+    "ambient|annot.*|confidence|costmap|debug|detect.*|extrinsics|features|filtered|fused|heatmap|intensity|keypoints|labels?"
+    "|map|masks?|matches|nearir|normals|octomap|output|overlay|range|reflec.*|results?|segment.*|signal|tags?|track.*"
+    "|visuali[sz].*|viz|voxel"
+)
+"""A word in the names of images and points that are made of others, or that look like images and are none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a name says.
+
+    path: the camera. said: words of what is shown. onto: of what it is aligned to. leaf: the last chunk.
+    before: how many words stand between the camera and the leaf.
+    """
+
+    path: Path
+    said: frozenset[str]
+    onto: frozenset[str]
+    leaf: str
+    before: int
+
+
+def read(name: str) -> Reading | None:
+    """Read a topic's name, or return None when it is not one of a camera's."""
+    chunks = name.strip("/").split("/")
+    if any(NO_PICTURE.fullmatch(word) for chunk in chunks for word in chunk.lower().split("_")):
+        return None
+    leaf = chunks[-1]
+    if not _split(leaf)[1]:
+        return _device(chunks)
+    found: list[list[str]] = []
+    rest = ""
+    while chunks and not rest:
+        rest, words = _split(chunks.pop())
+        found.append(words)
+    path = (*chunks, rest) if rest else ()
+    said, onto = _directed(found)
+    return Reading(path, said, onto, leaf, sum(len(words) for words in found[1:]))
+
+
+def _device(chunks: list[str]) -> Reading | None:
+    if not DEVICES & {word.rstrip("0123456789") for word in chunks[-1].lower().split("_")}:
+        return None
+    return Reading(tuple(chunks), frozenset(), frozenset(), "", 0)
+
+
+def _split(chunk: str) -> tuple[str, list[str]]:
+    """Return what is before the last words of pictures, and these."""
+    parts = chunk.split("_")
+    at = len(parts)
+    while at and parts[at - 1].lower() in WORDS:
+        at -= 1
+    return "_".join(parts[:at]).strip("_"), [part.lower() for part in parts[at:]]
+
+
+def _directed(found: list[list[str]]) -> tuple[frozenset[str], frozenset[str]]:
+    said: set[str] = set()
+    onto: set[str] = set()
+    for words in found:
+        at = words.index(TO) if TO in words else len(words)
+        said.update(words[:at])
+        onto.update(words[at + 1 :])
+    return frozenset(said), frozenset(onto)

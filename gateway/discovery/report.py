@@ -1,0 +1,51 @@
+"""What is said of a plan, in lines for people. Pure."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from gateway.discovery.plan import NOTHING, Plan, Source
+from gateway.discovery.topics import is_topic
+from schemas.keys import SensorKey, StreamKey
+
+MAX_LISTED: Final = 12
+MAX_SHOWN: Final = 80
+
+
+def changes(now: Plan, before: Plan = NOTHING) -> list[str]:
+    """Return a line for each stream that is new, changed or gone, and for each reason why topics are left out now."""
+    return [*_streams(now.streams, before.streams), *_left_out(now.left_out, before.left_out)]
+
+
+def _streams(now: Mapping[SensorKey, Source], before: Mapping[SensorKey, Source]) -> Iterator[str]:
+    for key, source in now.items():
+        old = before.get(key)
+        if old is None:
+            yield f"{_name(key)}: {_said(source)}"
+        elif old.topic != source.topic:
+            yield f"{_name(key)}: {_said(source)} now, no longer {old.topic}"
+        elif old.type != source.type:
+            yield f"{_name(key)}: {_said(source)} now"
+    for key in sorted(before.keys() - now.keys(), key=str):
+        yield f"{_name(key)}: no longer offered, {before[key].topic} is gone"
+
+
+def _name(key: SensorKey) -> str:
+    return f"{key.camera.camera}/{key.stream}" if isinstance(key, StreamKey) else key.stream
+
+
+def _said(source: Source) -> str:
+    return f"{source.topic} ({source.type[:MAX_SHOWN] or 'not known to the ROS master yet'})"
+
+
+def _left_out(now: Mapping[str, str], before: Mapping[str, str]) -> Iterator[str]:
+    by_reason: dict[str, list[str]] = {}
+    for topic, reason in now.items():
+        if before.get(topic) != reason:
+            by_reason.setdefault(reason, []).append(topic)
+    for reason, topics in sorted(by_reason.items()):
+        more = f" and {len(topics) - MAX_LISTED} more" if len(topics) > MAX_LISTED else ""
+        yield f"left out, {reason}: {', '.join(map(_shown, topics[:MAX_LISTED]))}{more}"
+
+
+def _shown(topic: str) -> str:
+    return topic if is_topic(topic) else repr(topic[:MAX_SHOWN])

@@ -1,0 +1,88 @@
+"""Follow the ROS graph: what is published there decides what is offered."""
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from typing import Final
+
+from gateway.discovery import Plan, Wishes, plan
+from gateway.discovery.report import changes
+from gateway.discovery.sightings import Sightings
+from gateway.discovery.topics import Topic, topics_of
+from gateway.offers import Offers
+from gateway.ros1.errors import Ros1Error
+from gateway.ros1.node import Node
+from gateway.ros1.registrar import Look
+
+log = logging.getLogger(__name__)
+
+TYPES_EVERY: Final = 10
+"""Looks after which types are asked for although nothing else has changed: a node may come back with another type."""
+
+
+class Explorer:
+    """Keeps the plan current, and says in the log what it takes, what not, and every change."""
+
+    def __init__(self, node: Node, wishes: Wishes, sightings: Sightings | None = None) -> None:
+        self.plan = plan([], wishes)
+        self._node = node
+        self._wishes = wishes
+        self._sightings = sightings or Sightings()
+        self._publishers: Mapping[str, tuple[str, ...]] | None = None
+        self._types: dict[str, str] = {}
+        self._planned: list[Topic] = []
+        self._said = ""
+        self._pid = 0
+
+    @property
+    def waiting_for(self) -> str:
+        """What there must be before anything can be offered, in words, or nothing."""
+        return "" if self.plan.streams else "a camera, a lidar or transforms on the ROS graph"
+
+    async def begin(self, offers: Offers) -> None:
+        """Offer what the settings name, whether there is a master or not."""
+        await self._follow(self.plan, offers, changes(self.plan))
+
+    async def run(self, offers: Offers) -> None:
+        """Let `offers` follow the plan, for ever."""
+        async for look in self._node.looks():
+            try:
+                await self._see(look)
+            except Ros1Error as error:
+                log.warning("%s: what is published has changed, but not its types: %s", self._node.master_uri, error)
+                continue
+            topics = self._sightings.topics()
+            if topics != self._planned:
+                now = plan(topics, self._wishes, self.plan)
+                await self._follow(now, offers, changes(now, self.plan))
+                self._planned = topics
+
+    async def _see(self, look: Look) -> None:
+        publishers = _without(self._node.name, look.state.publishers)
+        if (
+            publishers != self._publishers
+            or look.number % TYPES_EVERY == 0
+            or not publishers.keys() <= self._types.keys()
+        ):
+            types = await self._node.master.get_topic_types()
+            self._pid = await self._node.master.get_pid()
+            # What a new master does not know yet stays what it was.
+            self._types = {name: types.get(name, self._types.get(name, "")) for name in publishers}
+            self._publishers = publishers
+        topics = topics_of(publishers, self._types)
+        self._sightings.see(topics, asyncio.get_running_loop().time(), (self._pid, look.restarts))
+
+    async def _follow(self, now: Plan, offers: Offers, lines: list[str]) -> None:
+        self.plan = now
+        for line in lines:
+            log.info("%s", line)
+        if self.waiting_for != self._said:
+            self._said = self.waiting_for
+            log.info("waiting for %s", self._said or "nothing more")
+        await offers.change(now)
+
+
+def _without(node: str, publishers: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    """Leave out what only the node itself publishes, whatever its settings call it."""
+    others = {topic: tuple(name for name in names if name != node) for topic, names in publishers.items()}
+    return {topic: names for topic, names in others.items() if names}

@@ -1,0 +1,156 @@
+"""The streams that are offered on the bus, and the results that are offered on ROS: a set that changes."""
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from bus import Bus
+from gateway.discovery.plan import NOTHING, Plan
+from gateway.forward import Forward, offering
+from gateway.outgoing.returning import Return
+from gateway.outgoing.stream import StreamReturn
+from gateway.outgoing.topics import result_root
+from gateway.ros1.node import Node
+from gateway.ros1.tasks import cancel_and_wait
+from gateway.shaping.shaping import Shaping
+from gateway.stream import StreamForward
+from gateway.translators import kind_of
+from schemas.keys import CameraKey, SensorKey
+from schemas.status import ReturnStatus, StreamStatus
+
+log = logging.getLogger(__name__)
+
+MAX_RETURNED: Final = 100
+"""Cameras whose results are returned at a time: a status lists MAX_STREAMS returns, several for each camera."""
+
+
+@dataclass(slots=True)
+class _Offer:
+    """One stream on the bus. forward: there from when it is offered until it is withdrawn."""
+
+    task: asyncio.Task[None]
+    topic: str
+    offered: asyncio.Event = field(default_factory=asyncio.Event)
+    forward: Forward | None = None
+
+
+@dataclass(slots=True)
+class _Results:
+    """One camera's results on ROS."""
+
+    returns: list[Return[Any]]
+    tasks: set[asyncio.Task[None]]
+
+
+class Offers:
+    """What a gateway offers now.
+
+    A stream that is withdrawn and offered again counts on, whatever its topic: its numbers identify frames.
+
+    group: runs the streams until it is cancelled or `close` is called. returned: tells what is returned for a camera,
+        given the namespace of its results on ROS.
+    """
+
+    def __init__(
+        self,
+        group: asyncio.TaskGroup,
+        bus: Bus,
+        node: Node,
+        *,
+        boot_id: str,
+        shaping: Shaping,
+        returned: Callable[[CameraKey, str], list[StreamReturn[Any]]],
+    ) -> None:
+        self._group = group
+        self._bus = bus
+        self._node = node
+        self._boot_id = boot_id
+        self._shaping = shaping
+        self._returned_for = returned
+        self._offers: dict[SensorKey, _Offer] = {}
+        self._streams: dict[SensorKey, StreamForward] = {}
+        self._results: dict[CameraKey, _Results] = {}
+        self._returned: dict[CameraKey, list[StreamReturn[Any]]] = {}
+
+    def streams(self) -> list[StreamStatus]:
+        """Account for the streams that are offered."""
+        return [offer.forward.status() for _, offer in sorted(self._offers.items(), key=_by_key) if offer.forward]
+
+    def withdrawn(self) -> Counter[str]:
+        """Return the messages of streams that are no longer offered which were dropped, by reason."""
+        gone = (stream for key, stream in self._streams.items() if key not in self._offers)
+        return sum((stream.dropped() for stream in gone), Counter())
+
+    def returns(self) -> list[ReturnStatus]:
+        """Account for the results that are returned."""
+        return [returned.status() for _, results in sorted(self._results.items()) for returned in results.returns]
+
+    async def change(self, plan: Plan) -> None:
+        """Withdraw what is not planned, then offer what is; returns when that is done. One call at a time."""
+        await self._withdraw(
+            key
+            for key, offer in self._offers.items()
+            if key not in plan.streams or plan.streams[key].topic != offer.topic
+        )
+        await self._end_results(self._results.keys() - set(plan.cameras))
+        for key, source in plan.streams.items():
+            if key not in self._offers:
+                self._offer(key, source.topic)
+        self._begin_results(plan)
+        for offer in self._offers.values():
+            await offer.offered.wait()
+
+    async def close(self) -> None:
+        """Withdraw everything."""
+        await self.change(NOTHING)
+
+    def _offer(self, key: SensorKey, topic: str) -> None:
+        if key not in self._streams:
+            self._streams[key] = StreamForward(key, topic, kind_of(key), self._boot_id, self._shaping.thinning(key))
+        stream = self._streams[key]
+        stream.topic = topic
+        offered = asyncio.Event()
+        self._offers[key] = _Offer(self._group.create_task(self._run(key, stream, offered)), topic, offered)
+
+    async def _run(self, key: SensorKey, stream: StreamForward, offered: asyncio.Event) -> None:
+        async with offering(self._bus, stream, self._shaping.outlet) as forward:
+            self._offers[key].forward = forward
+            offered.set()
+            await forward.run(self._node)
+
+    async def _withdraw(self, keys: Iterable[SensorKey]) -> None:
+        ending = {key: self._offers[key] for key in keys}
+        await cancel_and_wait({offer.task for offer in ending.values()})
+        for key, offer in ending.items():
+            if offer.forward is not None:
+                said = offer.forward.status()
+                offer.forward.retire()
+                log.info("%s: withdrawn after %d messages, %d forwarded", key, said.received, said.forwarded)
+            del self._offers[key]
+
+    def _begin_results(self, plan: Plan) -> None:
+        new = [camera for camera in plan.cameras if camera not in self._results]
+        room = max(0, MAX_RETURNED - len(self._results))
+        for camera in new[:room]:
+            self._return(camera, result_root(camera.camera, first=camera.camera == plan.first))
+        if left := len(new[room:]):
+            log.warning("results are returned for %d cameras, not for %d more", MAX_RETURNED, left)
+
+    def _return(self, camera: CameraKey, root: str) -> None:
+        if camera not in self._returned:
+            self._returned[camera] = self._returned_for(camera, root)
+        streams = self._returned[camera]
+        returns = [Return(stream) for stream in streams]
+        tasks = {self._group.create_task(returned.run(self._node, self._bus)) for returned in returns}
+        self._results[camera] = _Results(returns, tasks)
+
+    async def _end_results(self, cameras: Iterable[CameraKey]) -> None:
+        ending = [self._results.pop(camera) for camera in cameras]
+        await cancel_and_wait({task for results in ending for task in results.tasks})
+
+
+def _by_key(item: tuple[SensorKey, _Offer]) -> str:
+    return str(item[0])

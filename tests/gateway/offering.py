@@ -1,0 +1,24 @@
+"""What a gateway offers, for tests: nothing is shaped, and everything is returned."""
+
+import asyncio
+
+from bus import Bus
+from gateway.offers import Offers
+from gateway.outgoing.returned import camera_returns
+from gateway.ros1.node import Node
+from gateway.shaping.consumers import Consumers
+from gateway.shaping.settings import ShapingSettings
+from gateway.shaping.shaping import Shaping
+from tests.gateway.outgoing.namespaces import IN_ROOT
+
+
+def new_offers(group: asyncio.TaskGroup, bus: Bus, node: Node) -> Offers:
+    shaping = Shaping(ShapingSettings.model_validate({"compression": "raw"}), Consumers("r1", "here", near=True))
+    return Offers(
+        group,
+        bus,
+        node,
+        boot_id="boot",
+        shaping=shaping,
+        returned=lambda camera, root: camera_returns(camera, root, IN_ROOT),
+    )

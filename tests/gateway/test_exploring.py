@@ -1,0 +1,156 @@
+"""An explorer at an embedded ROS master: what is published there is offered on a fake bus."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+
+import pytest
+
+from bus.fake import FakeNetwork
+from gateway.discovery import Wishes
+from gateway.discovery.sightings import Sightings
+from gateway.exploring import Explorer
+from gateway.nodes import node_name
+from gateway.offers import Offers
+from gateway.ros1.image import TYPE_NAME
+from gateway.ros1.node import Node
+from gateway.ros1.rosmaster import RosMaster
+from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
+from services.toolbox.demo.ports import free_ports
+from tests.gateway.offering import new_offers
+from tests.gateway.ros1.waiting import until
+
+FRONT = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
+FRONT_TOPIC, REAR_TOPIC = "/front/color/image_raw", "/rear/color/image_raw"
+POINTS = "sensor_msgs/PointCloud2"
+
+
+class Rig:
+    def __init__(self, node: Node, explorer: Explorer, offers: Offers) -> None:
+        self.node = node
+        self.explorer = explorer
+        self.offers = offers
+
+    async def until_offered(self, *topics: str) -> None:
+        """Wait until exactly these topics are offered."""
+        await until(lambda: {stream.topic for stream in self.offers.streams()} == set(topics), f"offered: {topics}")
+
+
+@asynccontextmanager
+async def exploring(
+    master_uri: str, named: dict[SensorKey, str] | None = None, hold_s: float = 0.3
+) -> AsyncIterator[Rig]:
+    async with (
+        FakeNetwork().open_bus() as bus,
+        Node(f"/{node_name('r1', '0')}", master_uri=master_uri, poll_interval=0.05) as node,
+        asyncio.TaskGroup() as group,
+    ):
+        offers = new_offers(group, bus, node)
+        explorer = Explorer(node, Wishes("r1", named or {}), Sightings(hold_s))
+        await explorer.begin(offers)
+        task = group.create_task(explorer.run(offers))
+        yield Rig(node, explorer, offers)
+        task.cancel()
+        await asyncio.wait([task])
+        await offers.close()
+
+
+@pytest.fixture
+async def master() -> AsyncIterator[RosMaster]:
+    async with RosMaster() as running:
+        yield running
+
+
+async def test_what_appears_is_offered_and_what_stays_away_withdrawn(
+    master: RosMaster, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    async with exploring(master.uri) as rig, Node("/camera", master_uri=master.uri) as camera:
+        assert rig.explorer.waiting_for == "a camera, a lidar or transforms on the ROS graph"
+        async with camera.advertise(FRONT_TOPIC, TYPE_NAME):
+            await rig.until_offered(FRONT_TOPIC)
+            assert rig.explorer.waiting_for == ""
+            async with camera.advertise(REAR_TOPIC, TYPE_NAME):
+                await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
+            await rig.until_offered(FRONT_TOPIC)
+        await rig.until_offered()
+    for line in (
+        "front/color: /front/color/image_raw (sensor_msgs/Image)",
+        "rear/color: no longer offered, /rear/color/image_raw is gone",
+        "waiting for a camera, a lidar or transforms on the ROS graph",
+    ):
+        assert line in caplog.messages
+
+
+async def test_a_node_that_restarts_keeps_its_streams(master: RosMaster) -> None:
+    async with exploring(master.uri, hold_s=600) as rig, Node("/rear", master_uri=master.uri) as rear:
+        for _ in range(2):
+            async with Node("/front", master_uri=master.uri) as front, front.advertise(FRONT_TOPIC, TYPE_NAME):
+                await rig.until_offered(FRONT_TOPIC)
+        async with rear.advertise(REAR_TOPIC, TYPE_NAME):
+            await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
+
+
+async def test_a_topic_of_another_type_is_planned_anew(master: RosMaster) -> None:
+    async with (
+        exploring(master.uri) as rig,
+        Node("/camera", master_uri=master.uri) as camera,
+        camera.advertise("/front/image_raw", TYPE_NAME),
+        camera.advertise(FRONT_TOPIC, TYPE_NAME),
+    ):
+        await rig.until_offered(FRONT_TOPIC)
+        async with Node("/other", master_uri=master.uri) as other, other.advertise(FRONT_TOPIC, POINTS):
+            await rig.until_offered("/front/image_raw")
+
+
+async def test_a_node_that_comes_back_at_once_with_another_type_is_noticed(master: RosMaster) -> None:
+    async with exploring(master.uri) as rig, Node("/camera", master_uri=master.uri) as camera:
+        await camera.master.register_publisher(FRONT_TOPIC, TYPE_NAME, camera.uri)
+        await rig.until_offered(FRONT_TOPIC)
+        await camera.master.register_publisher(FRONT_TOPIC, POINTS, camera.uri)
+        await rig.until_offered()
+
+
+async def test_gateways_publications_are_nobodys_sensors(master: RosMaster) -> None:
+    async with (
+        exploring(master.uri) as rig,
+        Node(f"/{node_name('r2', '1')}", master_uri=master.uri) as gateway,
+        Node("/camera", master_uri=master.uri) as camera,
+        gateway.advertise("/seen/image_raw", TYPE_NAME),
+        camera.advertise(FRONT_TOPIC, TYPE_NAME),
+    ):
+        await rig.until_offered(FRONT_TOPIC)
+        await until(lambda: "/seen/image_raw" in rig.explorer.plan.left_out, "the other gateway's topic is seen")
+        assert rig.explorer.plan.left_out["/seen/image_raw"] == "published by gateways"
+
+
+async def test_what_is_named_is_offered_without_a_master_and_what_it_knows_with_one() -> None:
+    port = free_ports(1)
+    named: dict[SensorKey, str] = {FRONT: FRONT_TOPIC}
+    async with exploring(f"http://127.0.0.1:{port}", named) as rig:
+        await rig.until_offered(FRONT_TOPIC)
+        assert rig.explorer.waiting_for == ""
+        async with (
+            RosMaster(port=port) as master,
+            Node("/camera", master_uri=master.uri) as camera,
+            camera.advertise(REAR_TOPIC, TYPE_NAME),
+        ):
+            await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
+
+
+async def test_a_master_that_restarts_or_stays_away_withdraws_nothing() -> None:
+    port = free_ports(1)
+    async with AsyncExitStack() as stack:
+        async with RosMaster(port=port) as master:
+            camera = await stack.enter_async_context(Node("/camera", master_uri=master.uri, poll_interval=600))
+            await stack.enter_async_context(camera.advertise(FRONT_TOPIC, TYPE_NAME))
+            rig = await stack.enter_async_context(exploring(master.uri, hold_s=0.1))
+            await rig.until_offered(FRONT_TOPIC)
+            await until(lambda: rig.node.registered, "the master has taken the results' topics")
+        await asyncio.sleep(0.3)
+        await rig.until_offered(FRONT_TOPIC)
+        other = await stack.enter_async_context(RosMaster(port=port))
+        late = await stack.enter_async_context(Node("/late", master_uri=other.uri))
+        async with late.advertise(REAR_TOPIC, TYPE_NAME):
+            await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
+        await rig.until_offered(FRONT_TOPIC)

@@ -1,0 +1,25 @@
+import pytest
+
+from gateway.nodes import is_gateway, node_name, ros_chunk
+from gateway.ros1.names import validate_global
+
+
+@pytest.mark.parametrize("robot", ["r1", "forklift-7.b", "1"])
+def test_a_robots_name_makes_a_legal_node_name(robot: str) -> None:
+    name = node_name(robot, "0123456789")
+    for node in (f"/{name}", f"/r1/{name}"):
+        assert validate_global(node) == node
+        assert is_gateway(node)
+
+
+def test_robots_whose_names_look_alike_to_ros_have_different_nodes() -> None:
+    assert node_name("r-1", "0123456789") != node_name("r_1", "9876543210")
+
+
+@pytest.mark.parametrize("node", ["/camera", "/fleetsight_gateway_r1/camera", "/fleetsight_gateway"])
+def test_other_nodes_are_no_gateways(node: str) -> None:
+    assert not is_gateway(node)
+
+
+def test_what_ros_cannot_write_is_an_underscore() -> None:
+    assert ros_chunk("forklift-7.b_2") == "forklift_7_b_2"

@@ -1,0 +1,139 @@
+"""What is offered on a fake bus follows a plan, between an embedded ROS master and the test."""
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from contextlib import AsyncExitStack
+
+import pytest
+
+from bus import QUEUE, Bus
+from bus.fake import FakeNetwork
+from gateway.discovery.plan import NOTHING, Plan, Source
+from gateway.offers import MAX_RETURNED, Offers
+from gateway.ros1.image import TYPE_NAME
+from gateway.ros1.node import Node
+from gateway.ros1.rosmaster import RosMaster
+from gateway.stream import MALFORMED
+from schemas import codec
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
+from tests.gateway.offering import new_offers
+from tests.gateway.ros1.waiting import until
+from tests.gateway.test_forward import message
+
+FRONT, REAR = (CameraKey("r1", name) for name in ("front", "rear"))
+COLOR, DEPTH = StreamKey(FRONT, Stream.COLOR), StreamKey(FRONT, Stream.DEPTH)
+TOPIC, OTHER = "/front/color/image_raw", "/front/image_raw"
+
+
+class Rig:
+    def __init__(self, bus: Bus, camera: Node, offers: Offers) -> None:
+        self.bus = bus
+        self.camera = camera
+        self.offers = offers
+
+    async def offer(self, topics: Mapping[SensorKey, str], first: str | None = None) -> None:
+        """Change to a plan."""
+        await self.offers.change(Plan({key: Source(topic) for key, topic in topics.items()}, first=first))
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    network = FakeNetwork()
+    async with AsyncExitStack() as stack:
+        theirs = await stack.enter_async_context(network.open_bus())
+        ours = await stack.enter_async_context(network.open_bus())
+        master = await stack.enter_async_context(RosMaster())
+        camera = await stack.enter_async_context(Node("/camera", master_uri=master.uri))
+        node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
+        async with asyncio.TaskGroup() as group:
+            offers = new_offers(group, ours, node)
+            yield Rig(theirs, camera, offers)
+            await offers.close()
+
+
+async def test_what_is_planned_is_present_and_what_is_not_no_longer_is(rig: Rig) -> None:
+    async with rig.bus.watch("fleet/**/alive") as watch:
+        await rig.offer({COLOR: TOPIC, DEPTH: "/depth"})
+        assert {(await anext(watch)).key, (await anext(watch)).key} == {COLOR.alive, DEPTH.alive}
+        await rig.offer({COLOR: TOPIC})
+        gone = await anext(watch)
+        assert (gone.key, gone.alive) == (DEPTH.alive, False)
+        assert [status.stream for status in rig.offers.streams()] == ["color"]
+        await rig.offers.change(NOTHING)
+        assert rig.offers.streams() == []
+        assert not (await anext(watch)).alive
+
+
+async def frame_from(rig: Rig, topic: str) -> ImageFrame:
+    """Subscribe to the stream as a detector does, publish garbage and an image on the topic, return what arrives."""
+    async with (
+        rig.camera.advertise(topic, TYPE_NAME) as publication,
+        rig.bus.subscribe(str(COLOR), QUEUE(9)) as frames,
+    ):
+        await until(lambda: publication.subscriber_count, f"{topic} is subscribed")
+        before = rig.offers.streams()[0].received
+        publication.publish(b"garbage")
+        await until(lambda: rig.offers.streams()[0].received > before, "the garbage has come")
+        publication.publish(message(0))
+        async with asyncio.timeout(20):
+            sample = await anext(frames)
+    return codec.decode(ImageFrame, sample.payload, sample.encoding)
+
+
+async def test_a_stream_counts_on_when_it_has_another_topic_or_was_withdrawn(rig: Rig) -> None:
+    await rig.offer({COLOR: TOPIC})
+    assert (await frame_from(rig, TOPIC)).header.seq == 0
+    await rig.offer({COLOR: OTHER})
+    assert (await frame_from(rig, OTHER)).header.seq == 1
+    (status,) = rig.offers.streams()
+    assert (status.topic, status.received, status.forwarded, status.dropped) == (OTHER, 4, 2, {MALFORMED: 2})
+    assert rig.offers.withdrawn() == {}
+    broken = status.broken_links
+    await rig.offers.change(NOTHING)
+    assert rig.offers.withdrawn() == {MALFORMED: 2}
+    await rig.offer({COLOR: TOPIC})
+    assert rig.offers.withdrawn() == {}
+    assert sum(rig.offers.streams()[0].broken_links.values()) >= sum(broken.values())
+    assert (await frame_from(rig, TOPIC)).header.seq == 2
+
+
+async def test_results_follow_the_cameras_and_the_first_ones_topic_stays(rig: Rig) -> None:
+    rear = StreamKey(REAR, Stream.COLOR)
+
+    def topics() -> set[str]:
+        return {returned.topic for returned in rig.offers.returns()}
+
+    await rig.offer({COLOR: TOPIC, rear: "/rear"}, first="rear")
+    assert {"/ultralytics/detection/classes", "/ultralytics/front/detection/classes"} <= topics()
+    both = topics()
+    await rig.offer({COLOR: TOPIC, DEPTH: "/depth"}, first="rear")
+    assert "/ultralytics/detection/classes" not in topics()
+    assert {returned.camera for returned in rig.offers.returns()} == {"front"}
+    await rig.offer({COLOR: TOPIC, rear: "/rear"}, first="rear")
+    assert topics() == both
+    await rig.offers.change(NOTHING)
+    assert rig.offers.returns() == []
+
+
+async def test_withdrawing_ends_the_subscription(rig: Rig) -> None:
+    await rig.offer({COLOR: TOPIC})
+    async with (
+        rig.camera.advertise(TOPIC, TYPE_NAME) as publication,
+        rig.bus.subscribe(str(COLOR), QUEUE(9)),
+    ):
+        await until(lambda: publication.subscriber_count == 1, "it is subscribed")
+        await rig.offers.change(NOTHING)
+        await until(lambda: publication.subscriber_count == 0, "it is subscribed no longer")
+        await rig.offer({COLOR: TOPIC})
+        await until(lambda: publication.subscriber_count == 1, "it is subscribed again")
+
+
+async def test_results_are_returned_for_no_more_cameras_than_a_status_lists(
+    rig: Rig, caplog: pytest.LogCaptureFixture
+) -> None:
+    cameras = [CameraKey("r1", f"camera_{n:03}") for n in range(MAX_RETURNED + 2)]
+    topics: dict[SensorKey, str] = {StreamKey(camera, Stream.COLOR): f"/{camera.camera}" for camera in cameras}
+    await rig.offer(topics)
+    assert len({returned.camera for returned in rig.offers.returns()}) == MAX_RETURNED
+    assert f"results are returned for {MAX_RETURNED} cameras, not for 2 more" in caplog.text
