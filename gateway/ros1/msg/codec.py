@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
@@ -59,7 +60,7 @@ def compiled(definitions: Definitions, name: str) -> Codec:
         MessageError: it has an array of messages without fields.
 
     """
-    kinds = {each.name: _made(each) for each in _with_needed(definitions, name)}
+    kinds = {each.name: message_class(each) for each in _with_needed(definitions, name)}
     return Codec(
         kinds[name], _function(Reading(definitions), name, kinds), _function(Writing(definitions), name, kinds)
     )
@@ -88,7 +89,9 @@ def _with_needed(definitions: Definitions, name: str) -> Iterator[Definition]:
             yield from _with_needed(definitions, field.type)
 
 
-def _made(definition: Definition) -> type[msgspec.Struct]:
+@cache
+def message_class(definition: Definition) -> type[msgspec.Struct]:
+    """Return what a type's messages are instances of, alone and in others."""
     return msgspec.defstruct(definition.name.partition("/")[2], [(field.name, Any) for field in definition.fields])
 
 

@@ -45,10 +45,9 @@ def whole_text(definitions: Definitions, name: str) -> str:
         KeyError: one of them has no definition.
 
     """
-    parts = [definitions[name].text]
-    for needed in dict.fromkeys(_needed(definitions, definitions[name])):
-        parts.append(f"{_SEPARATOR}\nMSG: {needed}\n{definitions[needed].text}")
-    return "\n".join(parts)
+    needed = dict.fromkeys(_needed(definitions, definitions[name]))
+    parts = [f"{_SEPARATOR}\nMSG: {each}\n{definitions[each].text}" for each in needed]
+    return "\n".join([definitions[name].text, *parts])
 
 
 def _needed(definitions: Definitions, definition: Definition) -> Iterator[str]:
