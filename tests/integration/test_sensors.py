@@ -99,7 +99,7 @@ def holds_battery(sent: RawMessage) -> None:
     assert sent.md5 == "4ddae7f048e32fda22cac764685e3974"
     assert "float32 percentage" in sent.definition
     assert "MSG: std_msgs/Header" in sent.definition
-    battery = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(bytes(sent.data), "sensor_msgs/msg/BatteryState")
+    battery: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(bytes(sent.data), "sensor_msgs/msg/BatteryState")
     assert (battery.percentage, battery.location, battery.header.frame_id) == (0.5, "left", "sensor")
 
 

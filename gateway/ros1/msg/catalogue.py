@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from gateway.ros1.msg.definition import parse
 
 if TYPE_CHECKING:
-    from gateway.ros1.msg.definition import Definitions
+    from gateway.ros1.msg.definition import Definition, Definitions
 
 _MESSAGES: Final = """\
 MSG: std_msgs/Header
@@ -152,7 +152,7 @@ REQUEST: Final = "Request"
 RESPONSE: Final = "Response"
 
 
-def _parsed(text: str) -> Definitions:
+def _parsed(text: str) -> dict[str, Definition]:
     named = (entry.partition("\n") for entry in text.removeprefix("MSG: ").split("\nMSG: "))
     return {name: parse(name, definition.strip()) for name, _, definition in named}
 
