@@ -90,8 +90,8 @@ class ServerExchange(_Side):
         return self._respond(200, body)
 
     def refuse(self, status: int) -> bytes:
-        """Return the bytes of an answer without a body."""
-        return self._respond(status, b"")
+        """Return the bytes of an answer without a body; none where nothing was asked."""
+        return b"" if self._http.our_state is h11.MUST_CLOSE else self._respond(status, b"")
 
     def _respond(self, status: int, body: bytes) -> bytes:
         headers = [_TEXT, ("Content-Length", str(len(body))), _CLOSE]

@@ -139,8 +139,10 @@ def test_request_that_ends_early(sent: bytes) -> None:
 
 
 def test_stream_that_ends_before_it_begins() -> None:
+    exchange = server()
     with pytest.raises(HttpError, match="before anything came"):
-        server().receive_data(b"")
+        exchange.receive_data(b"")
+    assert exchange.refuse(400) == b""
 
 
 @pytest.mark.parametrize(("host", "target"), [("a\r\nb", "/"), ("ä", "/"), ("x", "/a b"), ("x", "/\n")])
