@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from gateway.ros1.wire.xmlrpc import Body
 
-_CHUNK_BYTES: Final = 64 << 10
+_PIECE_BYTES: Final = 16 << 10
 _MAX_CONNECTIONS: Final = 64
 _HTTP_PORT: Final = 80
 
@@ -68,8 +68,10 @@ class XmlRpcClient:
         reader, writer = await asyncio.open_connection(address.hostname, address.port or _HTTP_PORT)
         try:
             writer.write(exchange.opening)
-            while (body := exchange.receive_data(await reader.read(_CHUNK_BYTES))) is None:
-                pass
+            # What is here already is read without a pause, which others need.
+            while (body := exchange.receive_data(await reader.read(_PIECE_BYTES))) is None:  # noqa: ASYNC110
+                await asyncio.sleep(0)
         finally:
+            exchange.close()
             writer.transport.abort()
         return body

@@ -92,6 +92,7 @@ class ServerConnection(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - however it ended
         if self._deadline is not None:
             self._deadline.cancel()
+        self._exchange.close()
         self._connections.forget(self)
         self.lost.set()
 

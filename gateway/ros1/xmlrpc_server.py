@@ -6,7 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from gateway.ros1.errors import StatusError, XmlRpcError
-from gateway.ros1.hosts import listen, uri_host
+from gateway.ros1.hosts import BACKLOG, listen, uri_host
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Body, Fault, MethodResponse, encode
 from gateway.ros1.xmlrpc_connection import Connections, ServerConnection
 
@@ -68,7 +68,7 @@ class XmlRpcServer:
         self._port = listener.getsockname()[1]
         # Whoever is cancelled while a server starts cannot close it, unless it is made first and started then.
         loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(self._connection, sock=listener, start_serving=False)
+        self._server = await loop.create_server(self._connection, sock=listener, backlog=BACKLOG, start_serving=False)
         try:
             await self._server.start_serving()
         except BaseException:

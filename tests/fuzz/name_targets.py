@@ -1,4 +1,4 @@
-"""Names and keys, which come out of other peers' messages too."""
+"""Names, keys and other texts, which come out of other peers' messages too."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from bus.errors import BusError
 from bus.keys import key_expression, single_key
 from gateway.ros1.addresses import validate_host, validate_master_uri
-from gateway.ros1.errors import InvalidNameError
+from gateway.ros1.errors import InvalidNameError, MessageError
+from gateway.ros1.msg.definition import parse
 from gateway.ros1.names import resolve, validate_global, validate_type
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, RobotStreamKey, parse_robot, parse_stream, parse_worker, sensor_key
@@ -28,6 +29,8 @@ KEYS = [
     b"tf_static",
 ]
 NAMES = [b"/ns/camera/image_raw", b"relative", b"~private", b"sensor_msgs/Image", b"http://robot:11311/", b"[::1]"]
+
+DEFINITIONS = [b"uint8 A=5 # five\nHeader header\na/B[3] some\n\nstring S= a # b\ntime[] at", b"float64[9] K"]
 
 
 def feed(parse: Callable[[str], object], data: bytes, _rng: Random) -> None:
@@ -52,4 +55,5 @@ TARGETS = [
     target("ROS type", NAMES, validate_type, InvalidNameError),
     target("master's address", NAMES, validate_master_uri, InvalidNameError),
     target("host", NAMES, validate_host, InvalidNameError),
+    target("message definition", DEFINITIONS, partial(parse, "a/B"), MessageError),
 ]

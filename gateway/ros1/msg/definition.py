@@ -30,9 +30,9 @@ NUMBERS: Final = {
 """The struct module's code of each number; `byte` has a sign and `char` has none, whatever their names say."""
 
 _HEADER: Final = "std_msgs/Header"
-_CONSTANT: Final = re.compile(r"(?P<type>\w+)\s+(?P<name>[A-Za-z]\w*)\s*=\s*(?P<value>.*)")
+_CONSTANT: Final = re.compile(r"(?P<type>\w+)\s+(?P<name>[A-Za-z]\w*)\s*=\s*(?P<value>.*)", re.ASCII)
 _FIELD: Final = re.compile(
-    r"(?P<type>[A-Za-z]\w*(/[A-Za-z]\w*)?)(?P<array>\[(?P<length>\d*)\])?\s+(?P<name>[A-Za-z]\w*)"
+    r"(?P<type>[A-Za-z]\w*(/[A-Za-z]\w*)?)(?P<array>\[(?P<length>\d*)\])?\s+(?P<name>[A-Za-z]\w*)", re.ASCII
 )
 
 

@@ -28,6 +28,10 @@ class _Side:
         self._max_body_bytes = max_body_bytes
         self._decoder = Decoder(max_body_bytes)
 
+    def close(self) -> None:
+        """Let go of what was received; the connection has ended."""
+        self._decoder.discard()
+
     def _receive(self, data: bytes) -> bool:
         """Take received bytes; return whether the peer's part is whole."""
         try:
@@ -83,6 +87,9 @@ class ServerExchange(_Side):
     def _check(self, head: h11.Request | h11.Response) -> None:
         if isinstance(head, h11.Request) and head.method != b"POST":
             raise HttpError("no POST", status=405)
+        # No ROS node sends chunks, and many small ones cost far more time than bytes.
+        if any(name == b"transfer-encoding" for name, _ in head.headers):
+            raise HttpError("a length is needed", status=411)
         super()._check(head)
 
     def answer(self, body: bytes) -> bytes:

@@ -52,6 +52,8 @@ def test_nothing_at_all(text: str) -> None:
         "a/b/c d",
         "/Thing a",
         "uint8 class",
+        "uint8 \u00e4",
+        "uint8 a\u00e4",
         "uint8 a; import os",
         "Thing A=1",
         "time A=1",

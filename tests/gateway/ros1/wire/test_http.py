@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from weakref import ref
 from xmlrpc.client import dumps
 
 import pytest
@@ -72,10 +73,14 @@ def test_what_ros_nodes_send(head: str) -> None:
     assert answer.endswith(b"\r\nContent-Type: text/xml\r\nContent-Length: 4\r\nConnection: close\r\n\r\n<x/>")
 
 
-def test_body_in_chunks() -> None:
-    exchange = server()
-    chunks = b"".join(b"%x\r\n%s\r\n" % (len(piece), piece) for piece in (BODY[:10], BODY[10:])) + b"0\r\n\r\n"
-    assert exchange.receive_data(b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n" + chunks) == CALL
+def chunked(*pieces: bytes) -> bytes:
+    chunks = b"".join(b"%x\r\n%s\r\n" % (len(piece), piece) for piece in pieces)
+    return b"Transfer-Encoding: chunked\r\n\r\n" + chunks
+
+
+def test_answer_in_chunks() -> None:
+    answer = encode(ANSWER)
+    assert client().receive_data(b"HTTP/1.1 200 OK\r\n" + chunked(answer[:10], answer[10:], b"")) == ANSWER
 
 
 @pytest.mark.parametrize(
@@ -88,9 +93,9 @@ def test_body_in_chunks() -> None:
         (b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: " + b"9" * 30 + b"\r\n\r\n", 400),
         (b"POST / HTTP/1.1\r\nHost: x\r\n" + b"A: b\r\n" * MAX_HEAD_BYTES, 431),
         (b"POST / HTTP/1.1\r\nHost: " + b"x" * 2 * MAX_HEAD_BYTES, 431),
-        (b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n-1\r\n", 400),
+        (b"POST / HTTP/1.1\r\nHost: x\r\n" + chunked(BODY, b""), 411),
     ],
-    ids=["GET", "nonsense", "no host", "two lengths", "no number", "many fields", "long field", "no chunk"],
+    ids=["GET", "nonsense", "no host", "two lengths", "no number", "many fields", "long field", "chunks"],
 )
 def test_what_is_no_request(request_bytes: bytes, status: int) -> None:
     exchange = server()
@@ -122,12 +127,10 @@ def test_announcing_too_much_is_enough() -> None:
 
 
 def test_chunks_over_the_limit() -> None:
-    exchange = server()
-    chunk = b"3e8\r\n" + b" " * 1000 + b"\r\n"
-    head = b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
-    assert exchange.receive_data(head + 4 * chunk) is None
+    exchange = client()
+    assert exchange.receive_data(b"HTTP/1.1 200 OK\r\n" + chunked(*[b" " * 1000] * 4)) is None
     with pytest.raises(XmlRpcError, match="limit"):
-        exchange.receive_data(chunk)
+        exchange.receive_data(b"3e8\r\n" + b" " * 1000 + b"\r\n")
 
 
 @pytest.mark.parametrize("sent", [b"P", b"POST / HT", request(BODY)[:-1]], ids=["byte", "half a line", "half a body"])
@@ -170,6 +173,15 @@ def test_answer_that_only_its_end_ends() -> None:
     exchange = client()
     assert exchange.receive_data(b"HTTP/1.0 200 OK\r\n\r\n" + encode(ANSWER)) is None
     assert exchange.receive_data(b"") == ANSWER
+
+
+def test_what_is_discarded_is_freed_at_once() -> None:
+    exchange = server()
+    exchange.receive_data(request(BODY)[:-1])
+    decoder = ref(exchange._decoder._target)
+    exchange.close()
+    del exchange
+    assert decoder() is None
 
 
 def test_answer_after_a_provisional_one() -> None:
