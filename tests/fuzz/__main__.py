@@ -11,14 +11,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tests.fuzz import campaign, message_targets, name_targets, wire_targets
+from tests.fuzz import campaign, message_targets, name_targets, return_targets, wire_targets
 
 if TYPE_CHECKING:
     from tests.fuzz.campaign import Report
 
 HEADROOM_BYTES = 512 << 20
 PROGRESS_EVERY = 20_000
-TARGETS = [*wire_targets.TARGETS, *message_targets.TARGETS, *name_targets.TARGETS]
+TARGETS = [*wire_targets.TARGETS, *message_targets.TARGETS, *return_targets.TARGETS, *name_targets.TARGETS]
 
 
 def main() -> int:

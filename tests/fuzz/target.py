@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from random import Random
 
 
+class LeftOutError(Exception):
+    """A stream counted a message as one that it cannot carry."""
+
+
 @dataclass(frozen=True, slots=True)
 class Target:
     """One parser. `feed` may cut its input as the generator says.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tests.fuzz import campaign, message_targets, name_targets, wire_targets
+from tests.fuzz import campaign, message_targets, name_targets, return_targets, wire_targets
 from tests.fuzz.target import Target
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ INPUTS = 10_000
 
 
 def test_every_parser_survives_spoilt_inputs() -> None:
-    targets = [*wire_targets.TARGETS, *message_targets.TARGETS, *name_targets.TARGETS]
+    targets = [*wire_targets.TARGETS, *message_targets.TARGETS, *return_targets.TARGETS, *name_targets.TARGETS]
     report = campaign.run(targets, inputs=INPUTS, seed=7)
     assert not report.findings
     assert report.inputs.total() == INPUTS
