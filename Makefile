@@ -4,7 +4,7 @@ BIN := .venv/bin
 SECONDS ?=
 ROBOTS ?= 3
 
-.PHONY: demo test lint types tests ros bench clean help
+.PHONY: demo test lint types tests ros bench fuzz clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -32,6 +32,9 @@ ros:
 
 bench: .venv/.test ros  ## measure the gateway against a rospy one, side by side
 	@$(BIN)/python -m benchmarks.gateway
+
+fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000000 for more)
+	@$(BIN)/python -m tests.fuzz --inputs $(or $(INPUTS),1000000)
 
 clean:  ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

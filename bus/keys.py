@@ -14,7 +14,7 @@ def key_expression(text: str) -> str:
     """
     try:
         return str(zenoh.KeyExpr(text))
-    except zenoh.ZError as error:
+    except (zenoh.ZError, UnicodeEncodeError) as error:
         raise BusError(f"{text!r} is no key expression") from error
 
 

@@ -5,6 +5,7 @@ Ros1Error
 ├── WireError               bytes that are not the protocol
 │   ├── HeaderError         a connection header
 │   ├── TcprosError         a TCPROS stream after or around its header
+│   ├── HttpError           HTTP under XML-RPC
 │   └── XmlRpcError         an XML-RPC body, or a value that cannot become one
 ├── MessageError            bytes that are not a message of the given type, or the reverse
 │   └── UnknownTypeError    a message type without a known definition
@@ -41,6 +42,17 @@ class HeaderError(WireError):
 
 class TcprosError(WireError):
     """A TCPROS stream that is malformed or over a limit."""
+
+
+class HttpError(WireError):
+    """HTTP that is malformed or over a limit, or that does not say what was asked for.
+
+    status: what a server answers to it.
+    """
+
+    def __init__(self, reason: str, status: int = 400) -> None:
+        super().__init__(reason)
+        self.status = status
 
 
 class XmlRpcError(WireError):

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import ipaddress
 import socket
+from typing import Final
+
+BACKLOG: Final = 1024
+"""Connections that may wait to be accepted; whoever finds this full waits a second before it tries again."""
 
 
 def listen_address(host: str) -> str:
@@ -28,7 +32,7 @@ def listen(host: str, port: int = 0) -> socket.socket:
     """
     address = listen_address(host)
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    listener = socket.create_server((address, port), family=family, backlog=128)
+    listener = socket.create_server((address, port), family=family, backlog=BACKLOG)
     listener.settimeout(0)
     return listener
 

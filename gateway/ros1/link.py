@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
 
-from gateway.ros1.errors import Ros1Error, UnreachableError
+from gateway.ros1.errors import Ros1Error, TcprosError, UnreachableError
 from gateway.ros1.keepalive import notice_dead_peer
 
 if TYPE_CHECKING:
@@ -14,17 +15,22 @@ if TYPE_CHECKING:
     from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent
 
 
+MESSAGE_TIMEOUT_S: Final = 30.0
+
+
 async def run_link(
     address: tuple[str, int],
     connection: SubscriberConnection,
     on_event: Callable[[SubscriberEvent], None],
     *,
     handshake_timeout: float,
+    message_timeout: float = MESSAGE_TIMEOUT_S,
 ) -> None:
     """Connect and hand over events until the publisher closes the stream.
 
     Raises:
         UnreachableError: no connection, or no header, within `handshake_timeout` seconds.
+        TcprosError: a message is not whole `message_timeout` to twice as many seconds after it began.
         Ros1Error: what the connection or `on_event` raised.
 
     """
@@ -41,11 +47,21 @@ async def run_link(
         await link.abort()
         raise
     try:
-        await link.lost.wait()
+        await _until_lost(link, connection, message_timeout)
     finally:
         await link.abort()
     if link.error is not None:
         raise link.error
+
+
+async def _until_lost(link: _Link, connection: SubscriberConnection, message_timeout: float) -> None:
+    while not link.lost.is_set():
+        before = connection.message_under_way
+        with suppress(TimeoutError):
+            async with asyncio.timeout(message_timeout):
+                await link.lost.wait()
+        if before is not None and connection.message_under_way == before and not link.lost.is_set():
+            raise TcprosError(f"a message is not whole after {message_timeout} s")
 
 
 class _Link(asyncio.BufferedProtocol):
@@ -72,6 +88,7 @@ class _Link(asyncio.BufferedProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         if self.error is None and not self.first_event.is_set():
             self.error = UnreachableError(f"the connection ended before the header did: {exc or 'end of stream'}")
+        self._connection.close()
         self.lost.set()
         self.first_event.set()
 

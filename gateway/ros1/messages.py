@@ -1,22 +1,30 @@
-"""Message types by their ROS 1 name (`sensor_msgs/Image`): definition, md5sum, bytes to object and back."""
+"""Message and service types by their ROS 1 name (`sensor_msgs/Image`): definition, md5sum, bytes to object and back."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
-
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from typing import Any, Final
 
 from gateway.ros1.errors import InvalidNameError, MessageError, UnknownTypeError
+from gateway.ros1.msg.catalogue import DEFINITIONS, REQUEST, RESPONSE, SERVICES
+from gateway.ros1.msg.codec import NOT_SUCH_A_MESSAGE, Codec, Duration, Time, compiled
+from gateway.ros1.msg.digest import md5sum, whole_text
 from gateway.ros1.names import validate_type
 from gateway.ros1.wire.tcpros import ANY, TopicType
 
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
-
-# Of ROS 1's common types, those that rosbags does not have.
-_FURTHER_TYPES = {"tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms"}
+__all__ = [
+    "ANY_TYPE",
+    "Duration",
+    "MessageType",
+    "ServiceType",
+    "Time",
+    "deserialise",
+    "message_type",
+    "new_message",
+    "serialise",
+    "service_type",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,36 +40,22 @@ class MessageType:
         return TopicType(self.name, self.md5sum)
 
 
-ANY_TYPE = MessageType(ANY, ANY, "")
+@dataclass(frozen=True, slots=True)
+class ServiceType:
+    """A service type; its messages are serialised by their own names."""
+
+    name: str
+    md5sum: str
+    request: MessageType
+    response: MessageType
 
 
-@cache
-def _store() -> Typestore:
-    store = get_typestore(Stores.ROS1_NOETIC)
-    for name, definition in _FURTHER_TYPES.items():
-        store.register(get_types_from_msg(definition, _spelt(name)))
-    return store
-
-
-def _spelt(name: str) -> str:
-    """Return a legal type name as rosbags spells it."""
-    package, _, short = name.partition("/")
-    return f"{package}/msg/{short}"
-
-
-def _internal(name: str) -> str:
-    try:
-        internal = _spelt(validate_type(name))
-    except InvalidNameError as error:
-        raise UnknownTypeError(str(error)) from error
-    if internal not in _store().types:
-        raise UnknownTypeError(f"no definition of the message type {name}")
-    return internal
+ANY_TYPE: Final = MessageType(ANY, ANY, "")
 
 
 @cache
 def message_type(name: str) -> MessageType:
-    """Return a type of ROS 1 Noetic's common packages, or `ANY_TYPE` for `*`.
+    """Return a message type, or `ANY_TYPE` for `*`.
 
     Raises:
         UnknownTypeError: no such type.
@@ -69,8 +63,35 @@ def message_type(name: str) -> MessageType:
     """
     if name == ANY:
         return ANY_TYPE
-    definition, md5sum = _store().generate_msgdef(_internal(name), ros_version=1)
-    return MessageType(name, md5sum, definition)
+    _check_known(name, name in DEFINITIONS)
+    return MessageType(name, md5sum(DEFINITIONS, name), whole_text(DEFINITIONS, name))
+
+
+@cache
+def service_type(name: str) -> ServiceType:
+    """Return a service type.
+
+    Raises:
+        UnknownTypeError: no such type.
+
+    """
+    _check_known(name, name in SERVICES)
+    request, response = name + REQUEST, name + RESPONSE
+    return ServiceType(name, md5sum(DEFINITIONS, request, response), message_type(request), message_type(response))
+
+
+def _check_known(name: str, known: bool) -> None:  # noqa: FBT001 - what it checks
+    try:
+        validate_type(name)
+    except InvalidNameError as error:
+        raise UnknownTypeError(str(error)) from error
+    if not known:
+        raise UnknownTypeError(f"no definition of the type {name}")
+
+
+@cache
+def _codec(name: str) -> Codec:
+    return compiled(DEFINITIONS, message_type(name).name)
 
 
 def new_message(name: str, /, **fields: Any) -> Any:
@@ -82,7 +103,7 @@ def new_message(name: str, /, **fields: Any) -> Any:
 
     """
     try:
-        return _store().types[_internal(name)](**fields)
+        return _codec(name).make(**fields)
     except TypeError as error:
         raise MessageError(f"{name}: {error}") from error
 
@@ -95,24 +116,23 @@ def serialise(name: str, message: Any) -> bytes:
         MessageError: a field's value does not fit its type.
 
     """
-    internal = _internal(name)
+    write = _codec(name).write
     try:
-        return bytes(_store().serialize_ros1(message, internal))
-    except Exception as error:
+        return write(message)
+    except (MessageError, *NOT_SUCH_A_MESSAGE) as error:
         raise MessageError(f"cannot serialise a {name}: {error}") from error
 
 
 def deserialise(name: str, data: bytes | bytearray | memoryview) -> Any:
-    """Return the message object that the bytes are; fastest from `bytes`.
+    """Return the message object that the bytes are; its arrays of numbers are views of them.
 
     Raises:
         UnknownTypeError: no such type.
         MessageError: the bytes are not such a message.
 
     """
-    internal = _internal(name)
-    whole = data if isinstance(data, bytes) else bytes(data)
+    read = _codec(name).read
     try:
-        return _store().deserialize_ros1(whole, internal)
-    except Exception as error:
-        raise MessageError(f"{len(whole)} bytes are not a {name}: {error!r}") from error
+        return read(data)
+    except (MessageError, *NOT_SUCH_A_MESSAGE) as error:
+        raise MessageError(f"{len(data)} bytes are not a {name}: {error}") from error

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 _log = logging.getLogger(__name__)
+MAX_CALL_BYTES = 256 << 10  # of a call of the slave API; the longest is a list of publishers
 
 
 class Node:
@@ -71,7 +72,7 @@ class Node:
         self._subscriptions: dict[str, Subscription] = {}
         self._publications: dict[str, Publication] = {}
         self._registrar = Registrar(master=self.master, node=name, lists=self, interval=poll_interval)
-        self._slave = XmlRpcServer(SlaveApi(self), host=host, timeout=timeout)
+        self._slave = XmlRpcServer(SlaveApi(self), host=host, timeout=timeout, max_body_bytes=MAX_CALL_BYTES)
         self._tcpros = TcprosServer(
             callerid=name, host=host, publications=self._publications, scope=self._scope, timeout=timeout
         )

@@ -75,7 +75,9 @@ class SlaveApi:
         host, port = self._state.tcpros_address
         return f"ready on {host}:{port}", ["TCPROS", host, port]
 
-    def _publisher_update(self, topic: str, publishers: Any) -> tuple[str, Any]:
+    def _publisher_update(self, topic: Any, publishers: Any) -> tuple[str, Any]:
+        if not isinstance(topic, str):
+            raise StatusError(ERROR, "the topic must be a name")
         if not isinstance(publishers, list) or not all(isinstance(uri, str) for uri in publishers):
             raise StatusError(ERROR, "publishers must be a list of URIs")
         self._state.publishers_updated(topic, publishers)

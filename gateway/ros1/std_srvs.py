@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
-from hashlib import md5
-from typing import Final
+from typing import Any, Final
 
 from gateway.ros1.errors import MessageError
+from gateway.ros1.messages import deserialise, new_message, serialise, service_type
 from gateway.ros1.wire.tcpros import TopicType
 
-_ANSWER: Final = "bool success\nstring message"
-_HEAD: Final = struct.Struct("<?I")
+
+def _type(name: str) -> TopicType:
+    return TopicType(name, service_type(name).md5sum)
 
 
-def _type(name: str, request: str, response: str) -> TopicType:
-    """Return a type; its md5sum is that of the two texts, one after the other."""
-    return TopicType(name, md5((request + response).encode(), usedforsecurity=False).hexdigest())
-
-
-EMPTY: Final = _type("std_srvs/Empty", "", "")
-TRIGGER: Final = _type("std_srvs/Trigger", "", _ANSWER)
-SET_BOOL: Final = _type("std_srvs/SetBool", "bool data", _ANSWER)
+EMPTY: Final = _type("std_srvs/Empty")
+TRIGGER: Final = _type("std_srvs/Trigger")
+SET_BOOL: Final = _type("std_srvs/SetBool")
 ALL: Final = (EMPTY, TRIGGER, SET_BOOL)
 
 
@@ -43,7 +38,8 @@ def serialise_request(kind: TopicType, *, argument: bool | None) -> bytes:
     if kind == SET_BOOL:
         if argument is None:
             raise MessageError(f"{kind.name} needs to be told true or false")
-        return bytes([argument])
+        request = service_type(kind.name).request.name
+        return serialise(request, new_message(request, data=argument))
     if argument is not None:
         raise MessageError(f"{kind.name} takes no argument")
     return b""
@@ -56,11 +52,5 @@ def deserialise_response(kind: TopicType, data: bytes) -> Answer | None:
         MessageError: the bytes are not such a response.
 
     """
-    if kind == EMPTY and not data:
-        return None
-    if kind == EMPTY or len(data) < _HEAD.size:
-        raise MessageError(f"{len(data)} bytes are not a response of {kind.name}")
-    success, length = _HEAD.unpack_from(data)
-    if len(data) != _HEAD.size + length:
-        raise MessageError(f"{len(data)} bytes are not a response of {kind.name}")
-    return Answer(success, data[_HEAD.size :].decode(errors="replace"))
+    found: Any = deserialise(service_type(kind.name).response.name, data)
+    return None if kind == EMPTY else Answer(found.success, found.message)

@@ -19,6 +19,8 @@ from gateway.ros1.errors import (
     UnreachableError,
 )
 from gateway.ros1.link import run_link
+from gateway.ros1.wire.budget import FrameBudget
+from gateway.ros1.wire.header import MAX_HEADER_BYTES
 from gateway.ros1.wire.tcpros import (
     DEFAULT_MAX_MESSAGE_BYTES,
     MessageReceived,
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 MAX_PUBLISHERS = 256
+_UNFINISHED_MESSAGES = 2  # of the largest size, of all publishers together
 
 
 class LinkFailure(StrEnum):
@@ -115,6 +118,7 @@ class Subscription:
         self._accepted = accepted
         self._on_gone = on_gone
         self._max_message_bytes = max_message_bytes
+        self._budget = FrameBudget(_UNFINISHED_MESSAGES * max(max_message_bytes, MAX_HEADER_BYTES))
         self._callerid = callerid
         self._on_message = on_message
         self._client = client
@@ -205,6 +209,7 @@ class Subscription:
                 topic=self.topic,
                 expected=self._expected,
                 max_message_bytes=self._max_message_bytes,
+                budget=self._budget,
             )
             sink = _Sink(self, uri, counters)
             await run_link(address, connection, sink, handshake_timeout=self._timeout)

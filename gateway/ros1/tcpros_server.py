@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
+from contextlib import closing
 from typing import TYPE_CHECKING, Self
 
 from gateway.ros1.errors import TcprosError, WireError
 from gateway.ros1.hosts import listen
 from gateway.ros1.keepalive import notice_dead_peer
 from gateway.ros1.tasks import cancel_and_wait
+from gateway.ros1.wire.budget import FrameBudget
+from gateway.ros1.wire.header import MAX_HEADER_BYTES
 from gateway.ros1.wire.tcpros import PublisherConnection, SubscriberRefused
 
 if TYPE_CHECKING:
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _MAX_CONNECTIONS = 256
+_UNFINISHED_HEADERS = 4  # of the largest size, of all subscribers together
 _RETRY_ACCEPT_S = 0.5
 
 
@@ -43,6 +47,7 @@ class TcprosServer:
         self._publications = publications
         self._scope = scope
         self._timeout = timeout
+        self._budget = FrameBudget(_UNFINISHED_HEADERS * MAX_HEADER_BYTES)
         self._connections: set[asyncio.Task[None]] = set()
         self._listener: socket.socket | None = None
         self._accepting: asyncio.Task[None] | None = None
@@ -112,11 +117,12 @@ class TcprosServer:
         """Return how the subscriber's header is answered; a refusal is sent already."""
         loop = asyncio.get_running_loop()
         offers = {topic: publication.offer for topic, publication in self._publications.items()}
-        protocol = PublisherConnection(callerid=self._callerid, offers=offers)
-        while data := await loop.sock_recv(connection, 4096):
-            event = protocol.receive_data(data)
-            if isinstance(event, SubscriberRefused):
-                await loop.sock_sendall(connection, event.reply)
-            if event is not None:
-                return event
+        protocol = PublisherConnection(callerid=self._callerid, offers=offers, budget=self._budget)
+        with closing(protocol):
+            while data := await loop.sock_recv(connection, 4096):
+                event = protocol.receive_data(data)
+                if isinstance(event, SubscriberRefused):
+                    await loop.sock_sendall(connection, event.reply)
+                if event is not None:
+                    return event
         raise TcprosError("the connection ended before the header did")

@@ -3,39 +3,39 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
+from urllib.parse import urlsplit
 
-import aiohttp
-
-from gateway.ros1.errors import UnreachableError, XmlRpcError
-from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Decoder, MethodCall, encode, result_of
+from gateway.ros1.errors import HttpError, UnreachableError
+from gateway.ros1.wire.http import ClientExchange
+from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, MethodCall, result_of
 
 if TYPE_CHECKING:
     from types import TracebackType
 
-_HEADERS = {"Content-Type": "text/xml", "Accept-Encoding": "identity"}
-_CHUNK_BYTES = 64 << 10
+    from gateway.ros1.wire.xmlrpc import Body
+
+_PIECE_BYTES: Final = 16 << 10
+_MAX_CONNECTIONS: Final = 64
+_HTTP_PORT: Final = 80
 
 
 class XmlRpcClient:
-    """One HTTP client for all peers; enter it before calling."""
+    """One client for all peers; enter it before calling. Leaving it ends no call: whoever calls is its owner."""
 
     def __init__(self, *, timeout: float = 5.0, max_body_bytes: int = DEFAULT_MAX_BODY_BYTES) -> None:
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
-        self._session: aiohttp.ClientSession | None = None
+        self._places: asyncio.Semaphore | None = None
 
     async def __aenter__(self) -> Self:
-        # A peer may restart on the same port at any time: no connection is kept for a second call.
-        connector = aiohttp.TCPConnector(force_close=True, limit=64)
-        self._session = aiohttp.ClientSession(connector=connector, auto_decompress=False)
+        self._places = asyncio.Semaphore(_MAX_CONNECTIONS)
         return self
 
     async def __aexit__(
         self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
     ) -> None:
-        if self._session is not None:
-            await self._session.close()
+        self._places = None
 
     async def call(self, uri: str, method: str, *params: Any) -> Any:
         """Return the value out of the peer's `[code, message, value]`.
@@ -46,25 +46,32 @@ class XmlRpcClient:
             XmlRpcError: the answer, or a parameter, is not XML-RPC.
 
         """
-        body = encode(MethodCall(method, params))
+        if self._places is None:
+            raise RuntimeError("XmlRpcClient is used before it is entered")
         try:
-            async with asyncio.timeout(self._timeout):
-                decoder = await self._post(uri, body)
+            async with asyncio.timeout(self._timeout), self._places:
+                body = await self._exchange(uri, MethodCall(method, params))
         except TimeoutError as error:
             raise UnreachableError(f"{uri} {method}: no answer within {self._timeout} s") from error
-        except (aiohttp.ClientError, OSError, ValueError) as error:
+        except (HttpError, OSError, ValueError) as error:
             raise UnreachableError(f"{uri} {method}: {error}") from error
-        return result_of(decoder.close())
+        return result_of(body)
 
-    async def _post(self, uri: str, body: bytes) -> Decoder:
-        if self._session is None:
-            raise RuntimeError("XmlRpcClient is used before it is entered")
-        decoder = Decoder(self._max_body_bytes)
-        async with self._session.post(uri, data=body, headers=_HEADERS, allow_redirects=False) as response:
-            if response.status != 200:
-                raise UnreachableError(f"{uri} answers with HTTP status {response.status}")
-            if (response.content_length or 0) > self._max_body_bytes:
-                raise XmlRpcError(f"{uri} announces {response.content_length} bytes")
-            async for chunk in response.content.iter_chunked(_CHUNK_BYTES):
-                decoder.feed(chunk)
-        return decoder
+    async def _exchange(self, uri: str, call: MethodCall) -> Body:
+        address = urlsplit(uri)
+        if address.scheme != "http" or not address.hostname:
+            raise HttpError("not the address of an HTTP server")
+        exchange = ClientExchange(
+            host=address.netloc, target=address.path or "/", call=call, max_body_bytes=self._max_body_bytes
+        )
+        # A peer may restart on the same port at any time: no connection is kept for a second call.
+        reader, writer = await asyncio.open_connection(address.hostname, address.port or _HTTP_PORT)
+        try:
+            writer.write(exchange.opening)
+            # What is here already is read without a pause, which others need.
+            while (body := exchange.receive_data(await reader.read(_PIECE_BYTES))) is None:  # noqa: ASYNC110
+                await asyncio.sleep(0)
+        finally:
+            exchange.close()
+            writer.transport.abort()
+        return body

@@ -57,8 +57,8 @@ def stamped(header: Header, stamp_ns: int, frame_id: str) -> Header:
 
 
 def stamp_of(header: Any) -> int:
-    """Return the stamp of a deserialised std_msgs/Header in nanoseconds; ROS's seconds have no sign."""
-    return int(header.stamp.sec % 2**32) * 1_000_000_000 + int(header.stamp.nanosec)
+    """Return the stamp of a deserialised std_msgs/Header in nanoseconds."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def label(what: str, text: str) -> str:

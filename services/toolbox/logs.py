@@ -106,4 +106,3 @@ def configure(level: str) -> None:
     handler.setFormatter(logging.Formatter(FORMAT))
     handler.addFilter(RateLimitFilter(RateLimit()))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
-    logging.getLogger("aiohttp.access").setLevel(logging.WARNING)

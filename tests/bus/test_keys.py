@@ -11,6 +11,8 @@ def test_a_single_key_has_no_wildcard() -> None:
         single_key("fleet/*/front/color")
     with pytest.raises(BusError, match="no key expression"):
         key_expression("fleet//r1")
+    with pytest.raises(BusError, match="no key expression"):
+        key_expression("fleet/\udc80")
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.ros1.messages import message_type, new_message, serialise
+from gateway.ros1.messages import Time, message_type, new_message, serialise
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted
 
@@ -19,7 +19,7 @@ def received(name: str, data: bytes, callerid: str = "/camera", *, latching: boo
 
 
 def stamp() -> Any:
-    return new_message("builtin_interfaces/Time", sec=1_700_000_000, nanosec=5)
+    return Time(1_700_000_000, 5)
 
 
 def ros_header(frame_id: str = "lens") -> Any:

@@ -7,8 +7,13 @@ memory: that buffer grows with what arrives, and is whole from the start where t
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from gateway.ros1.errors import TcprosError
 from gateway.ros1.wire.header import LENGTH
+
+if TYPE_CHECKING:
+    from gateway.ros1.wire.budget import FrameBudget
 
 SCRATCH_BYTES = 16 << 10
 FIRST_STEP_BYTES = 64 << 10
@@ -17,10 +22,11 @@ FIRST_STEP_BYTES = 64 << 10
 class FrameReceiver:
     """Cuts a byte stream into frames of at most `max_frame_bytes`; the cap is checked before a frame is allocated.
 
-    Holds, besides the scratch buffer, at most FIRST_STEP_BYTES or twice what arrived of this frame or of the last one.
+    Holds, besides the scratch buffer, at most FIRST_STEP_BYTES or twice what arrived of this frame or of the last one;
+    more than FIRST_STEP_BYTES only where the budget, which it may share with others, has them.
     """
 
-    def __init__(self, max_frame_bytes: int) -> None:
+    def __init__(self, max_frame_bytes: int, budget: FrameBudget | None = None) -> None:
         self.max_frame_bytes = max_frame_bytes
         self._scratch = bytearray(SCRATCH_BYTES)
         self._start = 0
@@ -29,6 +35,9 @@ class FrameReceiver:
         self._length = 0
         self._filled = 0
         self._last_length = 0
+        self._whole_frames = 0
+        self._budget = budget
+        self._taken = 0
 
     def get_buffer(self) -> memoryview:
         """Return where the next received bytes belong; never empty once `next_frame` has returned None."""
@@ -43,11 +52,21 @@ class FrameReceiver:
         else:
             self._end += count
 
+    @property
+    def frame_under_way(self) -> int | None:
+        """The number of the frame whose beginning is here and whose end is not."""
+        return None if self._body is None else self._whole_frames
+
+    def close(self) -> None:
+        """Let go of the frame under way; nothing can be received after that."""
+        self._body = None
+        self._take_from_budget(0)
+
     def next_frame(self) -> bytearray | None:
         """Return the next whole frame, or None: then more bytes are needed.
 
         Raises:
-            TcprosError: the frame's length is over the cap.
+            TcprosError: the frame's length is over the cap, or the budget is used up.
 
         """
         if self._body is None:
@@ -56,11 +75,22 @@ class FrameReceiver:
         if body is None or self._filled < len(body):
             return None
         if self._filled < self._length:
-            self._body = bytearray(min(self._length, 2 * self._filled))
+            self._body = self._buffer(min(self._length, 2 * self._filled))
             self._body[: self._filled] = body
             return None
         self._body, self._filled, self._last_length = None, 0, self._length
+        self._whole_frames += 1
+        self._take_from_budget(0)
         return body
+
+    def _buffer(self, size: int) -> bytearray:
+        self._take_from_budget(size if size > FIRST_STEP_BYTES else 0)
+        return bytearray(size)
+
+    def _take_from_budget(self, count: int) -> None:
+        if self._budget is not None and count != self._taken:
+            self._budget.take(count - self._taken)
+            self._taken = count
 
     def _begin_body(self) -> None:
         """Start the next frame with what the scratch buffer holds of it."""
@@ -74,7 +104,7 @@ class FrameReceiver:
             raise TcprosError(f"frame of {length} bytes, over the limit of {self.max_frame_bytes}")
         self._start += LENGTH.size
         self._length = length
-        self._body = bytearray(min(length, max(FIRST_STEP_BYTES, 2 * self._last_length)))
+        self._body = self._buffer(min(length, max(FIRST_STEP_BYTES, 2 * self._last_length)))
         taken = min(length, self._end - self._start)
         self._body[:taken] = self._scratch[self._start : self._start + taken]
         self._filled = taken

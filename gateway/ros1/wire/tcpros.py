@@ -15,6 +15,8 @@ from gateway.ros1.wire.header import LENGTH, MAX_HEADER_BYTES, decode_header, en
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from gateway.ros1.wire.budget import FrameBudget
+
 ANY = "*"
 DEFAULT_MAX_MESSAGE_BYTES = 64 << 20
 
@@ -89,6 +91,7 @@ class SubscriberConnection:
         topic: str,
         expected: TopicType,
         max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+        budget: FrameBudget | None = None,
     ) -> None:
         self.opening = encode_header(
             {
@@ -103,7 +106,7 @@ class SubscriberConnection:
         self._expected = expected
         self._max_message_bytes = max_message_bytes
         self._accepted = False
-        self._frames = FrameReceiver(MAX_HEADER_BYTES)
+        self._frames = FrameReceiver(MAX_HEADER_BYTES, budget)
 
     def get_buffer(self) -> memoryview:
         """Return where the next received bytes belong; never empty once `next_event` has returned None."""
@@ -112,6 +115,15 @@ class SubscriberConnection:
     def buffer_updated(self, count: int) -> None:
         """Take `count` bytes written to the start of the last `get_buffer`."""
         self._frames.buffer_updated(count)
+
+    @property
+    def message_under_way(self) -> int | None:
+        """The number of the message whose beginning is here and whose end is not."""
+        return self._frames.frame_under_way
+
+    def close(self) -> None:
+        """Let go of what was received; the connection has ended."""
+        self._frames.close()
 
     def next_event(self) -> SubscriberEvent | None:
         """Return the next event, or None: then more bytes are needed.
@@ -159,11 +171,15 @@ def _fits(expected: TopicType, found: TopicType) -> bool:
 class PublisherConnection:
     """The publisher's side: feed what arrives until one event comes; later bytes are ignored."""
 
-    def __init__(self, *, callerid: str, offers: Mapping[str, Offer]) -> None:
+    def __init__(self, *, callerid: str, offers: Mapping[str, Offer], budget: FrameBudget | None = None) -> None:
         self._callerid = callerid
         self._offers = offers
         self._answered = False
-        self._frames = FrameReceiver(MAX_HEADER_BYTES)
+        self._frames = FrameReceiver(MAX_HEADER_BYTES, budget)
+
+    def close(self) -> None:
+        """Let go of what was received; the connection has ended, or its header has come."""
+        self._frames.close()
 
     def receive_data(self, data: bytes) -> PublisherEvent | None:
         """Take received bytes.

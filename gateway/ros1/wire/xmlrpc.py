@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import xmlrpc.client
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -89,6 +90,11 @@ class Decoder:
             self._parser.feed(data)
         except Exception as error:
             raise XmlRpcError(f"not XML-RPC: {error!r}") from error
+
+    def discard(self) -> None:
+        """Let go of what was taken: the parser, its target and all values refer to each other."""
+        with suppress(Exception):
+            self._parser.close()
 
     def close(self) -> Body:
         """Return the body after its last piece.

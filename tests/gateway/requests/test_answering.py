@@ -103,7 +103,7 @@ async def test_every_error_names_its_cause() -> None:
             error = await refusal(bus, "/reset", ServiceRequest(timeout_s=0.1))
             assert "/reset did not answer within 0.1 s" in error
         async with fake_service(node.master, "/reset", service_header(), answer(b"\1")):
-            assert "1 bytes are not a response of std_srvs/Trigger" in await refusal(bus, "/reset")
+            assert "1 bytes are not a std_srvs/TriggerResponse" in await refusal(bus, "/reset")
         asked_otherwise = ServiceRequest(type="std_srvs/Empty", timeout_s=20)
         assert "/typed is listed as std_srvs/Trigger, not as std_srvs/Empty" in await refusal(
             bus, "/typed", asked_otherwise

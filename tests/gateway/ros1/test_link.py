@@ -8,6 +8,7 @@ import pytest
 
 from gateway.ros1.errors import HeaderError, Ros1Error, TcprosError, UnreachableError
 from gateway.ros1.link import run_link
+from gateway.ros1.wire.budget import FrameBudget
 from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent, TopicType
 from tests.gateway.ros1.goldens import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, TOPIC
 
@@ -32,11 +33,17 @@ async def publisher(data: bytes, *, hang: bool = False) -> AsyncIterator[tuple[s
         done.set()
 
 
-async def receive(address: tuple[str, int], timeout_s: float = 5.0) -> list[SubscriberEvent]:
+async def receive(
+    address: tuple[str, int],
+    timeout_s: float = 5.0,
+    *,
+    message_timeout: float = 30.0,
+    budget: FrameBudget | None = None,
+) -> list[SubscriberEvent]:
     events: list[SubscriberEvent] = []
     expected = TopicType("sensor_msgs/Image", IMAGE_MD5)
-    connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=expected)
-    await run_link(address, connection, events.append, handshake_timeout=timeout_s)
+    connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=expected, budget=budget)
+    await run_link(address, connection, events.append, handshake_timeout=timeout_s, message_timeout=message_timeout)
     return events
 
 
@@ -91,3 +98,25 @@ async def test_error_of_the_receiver_ends_the_link() -> None:
     async with publisher(PUBLISHER_HEADER + IMAGE, hang=True) as address:
         with pytest.raises(Ros1Error, match="not mine"):
             await run_link(address, connection, refuse, handshake_timeout=5.0)
+
+
+@pytest.mark.parametrize("held", [4, 5, len(IMAGE) - 1])
+async def test_message_that_never_ends_is_given_up(held: int) -> None:
+    async with publisher(PUBLISHER_HEADER + IMAGE + IMAGE[:held], hang=True) as address:
+        with pytest.raises(TcprosError, match="not whole after"):
+            await receive(address, message_timeout=0.05)
+
+
+async def test_publisher_that_says_nothing_for_long_is_kept() -> None:
+    async with publisher(PUBLISHER_HEADER + IMAGE, hang=True) as address:
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.3):
+                await receive(address, message_timeout=0.02)
+
+
+async def test_what_a_message_held_is_given_back_when_the_link_ends() -> None:
+    budget = FrameBudget(10 << 20)
+    announced = (1 << 20).to_bytes(4, "little")
+    async with publisher(PUBLISHER_HEADER + announced + bytes(1 << 19)) as address:
+        await receive(address, budget=budget)
+    assert budget.held_bytes == 0

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.ros1.errors import InvalidNameError, MessageError, UnknownTypeError
-from gateway.ros1.messages import ANY_TYPE, deserialise, message_type, new_message, serialise
+from gateway.ros1.messages import ANY_TYPE, Time, deserialise, message_type, new_message, serialise, service_type
 from gateway.ros1.wire.header import decode_header
 from tests.gateway.ros1.goldens import IMAGE, PUBLISHER_HEADER
 
@@ -23,7 +23,7 @@ def test_md5sums_are_those_of_ros(name: str, md5sum: str) -> None:
 
 
 def test_definition_is_whole_as_rospys_is() -> None:
-    theirs = decode_header(PUBLISHER_HEADER[4:])["message_definition"].replace("\nHeader ", "\nstd_msgs/Header ")
+    theirs = decode_header(PUBLISHER_HEADER[4:])["message_definition"]
     assert code_of(message_type("sensor_msgs/Image").definition) == code_of(theirs)
 
 
@@ -72,3 +72,36 @@ def test_what_does_not_fit_a_field_is_refused() -> None:
         serialise("std_msgs/String", new_message("std_msgs/String", data=5))
     with pytest.raises(MessageError):
         new_message("std_msgs/String", text="x")
+
+
+@pytest.mark.parametrize(
+    ("name", "md5sum"),
+    [
+        ("std_srvs/Empty", "d41d8cd98f00b204e9800998ecf8427e"),
+        ("std_srvs/Trigger", "937c9679a518e3a18d831e57125ea522"),
+        ("std_srvs/SetBool", "09fb03525b03e7ea1fd3992bafd87e16"),
+    ],
+)
+def test_service_types_are_those_of_ros(name: str, md5sum: str) -> None:
+    service = service_type(name)
+    assert (service.name, service.md5sum) == (name, md5sum)
+    assert (service.request, service.response) == (message_type(f"{name}Request"), message_type(f"{name}Response"))
+
+
+@pytest.mark.parametrize("name", ["std_srvs/Nothing", "std_msgs/String", "std_srvs/SetBoolRequest", "*", ""])
+def test_unknown_service(name: str) -> None:
+    with pytest.raises(UnknownTypeError):
+        service_type(name)
+
+
+def test_answer_of_a_service_there_and_back() -> None:
+    name = service_type("std_srvs/SetBool").response.name
+    data = serialise(name, new_message(name, success=True, message="done"))
+    assert data == b"\x01\x04\x00\x00\x00done"
+    assert deserialise(name, data) == new_message(name, success=True, message="done")
+
+
+@pytest.mark.parametrize("seconds", [-1, 2**32])
+def test_seconds_without_a_place_on_the_wire_are_refused(seconds: int) -> None:
+    with pytest.raises(MessageError, match="cannot serialise a rosgraph_msgs/Clock"):
+        serialise("rosgraph_msgs/Clock", new_message("rosgraph_msgs/Clock", clock=Time(seconds, 0)))

@@ -87,10 +87,12 @@ def test_whole_lists_of_publishers_are_passed_on(node: FakeNode) -> None:
     assert node.updates == [("/color", ["http://a/"]), ("/color", [])]
 
 
-@pytest.mark.parametrize("publishers", ["http://a/", [1], {}])
-def test_list_of_publishers_that_is_none(node: FakeNode, publishers: Any) -> None:
+@pytest.mark.parametrize(
+    ("topic", "publishers"), [("/color", "http://a/"), ("/color", [1]), ("/color", {}), (False, []), ([], []), (5, [])]
+)
+def test_update_without_a_topic_and_a_list_of_publishers(node: FakeNode, topic: Any, publishers: Any) -> None:
     with pytest.raises(StatusError):
-        ask(node, "publisherUpdate", "/color", publishers)
+        ask(node, "publisherUpdate", topic, publishers)
     assert node.updates == []
 
 

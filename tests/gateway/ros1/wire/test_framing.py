@@ -7,6 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.ros1.errors import TcprosError
+from gateway.ros1.wire.budget import FrameBudget
 from gateway.ros1.wire.framing import FIRST_STEP_BYTES, SCRATCH_BYTES, FrameReceiver
 
 
@@ -85,3 +86,41 @@ def test_frame_of_the_largest_size_is_taken_and_one_byte_more_is_not() -> None:
 def test_cap_is_checked_before_the_body_comes() -> None:
     with pytest.raises(TcprosError):
         feed(FrameReceiver(1 << 20), b"\xff\xff\xff\xff")
+
+
+def test_frames_under_way_share_a_budget() -> None:
+    size = 4 * FIRST_STEP_BYTES
+    budget = FrameBudget(2 * size)
+    first, second, third = (FrameReceiver(size, budget) for _ in range(3))
+    for receiver in (first, second):
+        assert feed(receiver, struct.pack("<I", size) + bytes(size - 1)) == []
+    assert budget.held_bytes == 2 * size
+    with pytest.raises(TcprosError, match=f"hold {2 * size} bytes"):
+        feed(third, struct.pack("<I", size) + bytes(size))
+    assert feed(first, b"x") == [bytes(size - 1) + b"x"]
+    second.close()
+    assert budget.held_bytes == 0
+    assert feed(FrameReceiver(size, budget), framed(bytes(size))) == [bytes(size)]
+    assert budget.held_bytes == 0
+
+
+def test_small_frames_need_no_budget() -> None:
+    receiver = FrameReceiver(1 << 20, FrameBudget(0))
+    assert feed(receiver, framed(bytes(FIRST_STEP_BYTES))) == [bytes(FIRST_STEP_BYTES)]
+    with pytest.raises(TcprosError):
+        feed(receiver, framed(bytes(FIRST_STEP_BYTES + 1)))
+
+
+def test_frame_under_way_is_numbered() -> None:
+    receiver = FrameReceiver(1 << 20)
+    assert receiver.frame_under_way is None
+    feed(receiver, framed(b"a", b"b") + b"\x05\x00\x00\x00")
+    assert receiver.frame_under_way == 2
+    feed(receiver, b"1234")
+    assert receiver.frame_under_way == 2
+    feed(receiver, b"5")
+    assert receiver.frame_under_way is None
+    feed(receiver, b"\x05\x00\x00\x00")
+    assert receiver.frame_under_way == 3
+    receiver.close()
+    assert receiver.frame_under_way is None

@@ -1,0 +1,163 @@
+"""The message and service types that are spoken here, in ROS's own language."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from gateway.ros1.msg.definition import parse
+
+if TYPE_CHECKING:
+    from gateway.ros1.msg.definition import Definition, Definitions
+
+_MESSAGES: Final = """\
+MSG: std_msgs/Header
+uint32 seq
+time stamp
+string frame_id
+
+MSG: std_msgs/String
+string data
+
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+
+MSG: geometry_msgs/Transform
+Vector3 translation
+Quaternion rotation
+
+MSG: geometry_msgs/TransformStamped
+Header header
+string child_frame_id
+Transform transform
+
+MSG: tf2_msgs/TFMessage
+geometry_msgs/TransformStamped[] transforms
+
+MSG: sensor_msgs/Image
+Header header
+uint32 height
+uint32 width
+string encoding
+uint8 is_bigendian
+uint32 step
+uint8[] data
+
+MSG: sensor_msgs/CompressedImage
+Header header
+string format
+uint8[] data
+
+MSG: sensor_msgs/RegionOfInterest
+uint32 x_offset
+uint32 y_offset
+uint32 height
+uint32 width
+bool do_rectify
+
+MSG: sensor_msgs/CameraInfo
+Header header
+uint32 height
+uint32 width
+string distortion_model
+float64[] D
+float64[9] K
+float64[9] R
+float64[12] P
+uint32 binning_x
+uint32 binning_y
+RegionOfInterest roi
+
+MSG: sensor_msgs/PointField
+uint8 INT8=1
+uint8 UINT8=2
+uint8 INT16=3
+uint8 UINT16=4
+uint8 INT32=5
+uint8 UINT32=6
+uint8 FLOAT32=7
+uint8 FLOAT64=8
+string name
+uint32 offset
+uint8 datatype
+uint32 count
+
+MSG: sensor_msgs/PointCloud2
+Header header
+uint32 height
+uint32 width
+PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] data
+bool is_dense
+
+MSG: stereo_msgs/DisparityImage
+Header header
+sensor_msgs/Image image
+float32 f
+float32 T
+sensor_msgs/RegionOfInterest valid_window
+float32 min_disparity
+float32 max_disparity
+float32 delta_d
+
+MSG: rosgraph_msgs/Clock
+time clock
+
+MSG: rosgraph_msgs/Log
+byte DEBUG=1
+byte INFO=2
+byte WARN=4
+byte ERROR=8
+byte FATAL=16
+Header header
+byte level
+string name
+string msg
+string file
+string function
+uint32 line
+string[] topics
+"""
+
+_SERVICES: Final = """\
+MSG: std_srvs/EmptyRequest
+
+MSG: std_srvs/EmptyResponse
+
+MSG: std_srvs/TriggerRequest
+
+MSG: std_srvs/TriggerResponse
+bool success
+string message
+
+MSG: std_srvs/SetBoolRequest
+bool data
+
+MSG: std_srvs/SetBoolResponse
+bool success
+string message
+"""
+
+REQUEST: Final = "Request"
+RESPONSE: Final = "Response"
+
+
+def _parsed(text: str) -> dict[str, Definition]:
+    named = (entry.partition("\n") for entry in text.removeprefix("MSG: ").split("\nMSG: "))
+    return {name: parse(name, definition.strip()) for name, _, definition in named}
+
+
+DEFINITIONS: Final[Definitions] = _parsed(_MESSAGES) | _parsed(_SERVICES)
+"""By name; a service has two entries, its name with `Request` and with `Response` behind it."""
+
+SERVICES: Final = frozenset(name.removesuffix(REQUEST) for name in _parsed(_SERVICES) if name.endswith(REQUEST))

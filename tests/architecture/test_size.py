@@ -1,0 +1,47 @@
+"""What a robot installs, the gateway and the command line without extras, stays small."""
+
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[2]
+MAX_BYTES = 120_000_000
+COMPILED = ".pyc"
+
+
+def installed_with(requirement: Requirement, done: set[tuple[str, frozenset[str]]]) -> Iterator[str]:
+    """Yield the distributions that a requirement brings with it, itself included, some of them twice."""
+    name, extras = canonicalize_name(requirement.name), frozenset(requirement.extras)
+    if (name, extras) in done:
+        return
+    done.add((name, extras))
+    yield name
+    for needed in map(Requirement, distribution(name).requires or []):
+        if needed.marker is None or any(needed.marker.evaluate({"extra": extra}) for extra in {"", *extras}):
+            yield from installed_with(needed, done)
+
+
+def size_of_distribution(name: str) -> int:
+    files = distribution(name).files
+    assert files, f"{name} does not say what it installed"
+    return sum(file.size or 0 for file in files if file.suffix != COMPILED)
+
+
+def size_of_own(packages: list[str]) -> int:
+    files = (file for package in packages for file in (ROOT / package).rglob("*"))
+    return sum(file.stat().st_size for file in files if file.is_file() and file.suffix != COMPILED)
+
+
+def test_what_a_robot_installs_is_small() -> None:
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    done: set[tuple[str, frozenset[str]]] = set()
+    names = {name for each in declared["project"]["dependencies"] for name in installed_with(Requirement(each), done)}
+    sizes = {name: size_of_distribution(name) for name in names}
+    sizes["ours"] = size_of_own(declared["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
+    assert {"numpy", "pydantic-core"} < sizes.keys()
+    assert min(sizes.values()) > 0
+    assert sum(sizes.values()) <= MAX_BYTES, sorted(sizes.items(), key=lambda item: -item[1])

@@ -1,0 +1,61 @@
+"""Every message and service type that is spoken here, against Debian's genpy: md5sum, definition and bytes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+
+from gateway.ros1.messages import deserialise, message_type, serialise, service_type
+from gateway.ros1.msg.catalogue import DEFINITIONS, SERVICES
+from tests.gateway.ros1.msg.building import built, meaning, plain
+from tests.integration.ros import SYSTEM_PYTHON, require_ros
+
+SCRIPT = Path(__file__).with_name("genpy_codec.py")
+EXAMPLES = 5
+
+
+def drawn(name: str) -> list[bytes]:
+    """Return messages of a type with all kinds of values."""
+    found: list[bytes] = []
+
+    @settings(max_examples=EXAMPLES, phases=[Phase.generate], deadline=None, suppress_health_check=list(HealthCheck))
+    @given(plain(DEFINITIONS, name))
+    def draw(value: Any) -> None:
+        found.append(serialise(name, built(DEFINITIONS, name, value)))
+
+    draw()
+    return found
+
+
+def genpy(lines: list[str]) -> list[dict[str, str]]:
+    said = subprocess.run(
+        [SYSTEM_PYTHON, str(SCRIPT)], input="\n".join(lines), capture_output=True, text=True, timeout=60, check=True
+    )
+    return [json.loads(line) for line in said.stdout.splitlines()]
+
+
+@pytest.mark.usefixtures("ros_installed")
+def test_messages_are_those_of_genpy() -> None:
+    require_ros("stereo_msgs", "tf2_msgs", "rosgraph_msgs", "std_srvs")
+    sent = [(name, data) for name in DEFINITIONS for data in drawn(name)]
+    answers = genpy([f"{name} {data.hex()}" for name, data in sent])
+    assert [answer["name"] for answer in answers] == [name for name, _ in sent]
+    for (name, data), answer in zip(sent, answers, strict=True):
+        theirs = bytes.fromhex(answer["data"])
+        assert theirs == data
+        assert serialise(name, deserialise(name, theirs)) == data
+        assert answer["md5sum"] == message_type(name).md5sum
+        if not name.startswith("std_srvs/"):  # a service's whole text is that of both its messages
+            assert meaning(name, answer["definition"]) == meaning(name, message_type(name).definition)
+
+
+@pytest.mark.usefixtures("ros_installed")
+def test_services_are_those_of_genpy() -> None:
+    require_ros("std_srvs")
+    for answer in genpy([f"{name} service" for name in sorted(SERVICES)]):
+        assert answer["md5sum"] == service_type(answer["name"]).md5sum
