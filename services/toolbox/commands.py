@@ -54,6 +54,12 @@ COMMANDS: Final = (
         refusals=("bus:BusError", "gateway.process:HostError"),
     ),
     Command(
+        "doctor",
+        "on a robot: say in plain words why nothing flows, and what to do about it",
+        "gateway.doctor.settings:DoctorSettings",
+        "gateway.doctor.process:run",
+    ),
+    Command(
         "detector",
         "anywhere: run a YOLO model on the cameras whose results somebody wants",
         "services.detector.settings:DetectorSettings",

@@ -1,0 +1,57 @@
+"""The doctor's process: look, judge, tell."""
+
+import asyncio
+import logging
+import shutil
+import sys
+from typing import Final
+
+from gateway.doctor.diagnosis import diagnose, healthy
+from gateway.doctor.evidence import Evidence, MasterLook, StreamLook
+from gateway.doctor.fleet import look_at_bus
+from gateway.doctor.reaching import look_at_host
+from gateway.doctor.report import as_json, as_text
+from gateway.doctor.robot import RobotVisit
+from gateway.doctor.settings import DoctorSettings
+from gateway.doctor.topics import beside, mapped
+from gateway.ros1.xmlrpc_client import XmlRpcClient
+
+MAX_WIDTH: Final = 120
+UNWELL: Final = 1
+
+
+async def run(settings: DoctorSettings) -> int:
+    """Print what is wrong.
+
+    Returns:
+        The exit code: 0 when all is well.
+    """
+    for library in ("bus", "gateway.ros1"):
+        logging.getLogger(library).setLevel(logging.CRITICAL)  # what they would say is in the report
+    findings = diagnose(await examine(settings))
+    width = min(shutil.get_terminal_size().columns, MAX_WIDTH)
+    sys.stdout.write((as_json(findings) if settings.as_json else as_text(findings, width)) + "\n")
+    return 0 if healthy(findings) else UNWELL
+
+
+async def examine(settings: DoctorSettings) -> Evidence:
+    """Look at everything at the same time, for as long as the settings say."""
+    async with asyncio.TaskGroup() as group:
+        host = group.create_task(look_at_host(settings.ros_host, settings.patience_s))
+        bus = group.create_task(look_at_bus(settings, seconds=settings.seconds, patience_s=settings.patience_s))
+        robot = group.create_task(_visit(settings))
+    master, streams, further = robot.result()
+    return Evidence(settings.robot, settings.seconds, master, host.result(), bus.result(), streams, further)
+
+
+async def _visit(settings: DoctorSettings) -> tuple[MasterLook, tuple[StreamLook, ...], tuple[StreamLook, ...]]:
+    """Look at the master, then at the topics of the streams and at those that tell about them."""
+    async with XmlRpcClient(timeout=settings.patience_s) as client:
+        visit = RobotVisit(client, seconds=settings.seconds, patience_s=settings.patience_s)
+        master = await visit.look_at_master(settings.ros_master)
+        streams = mapped(settings)
+        if master.graph is None:
+            return master, tuple(StreamLook(key, topic) for key, topic in streams.items()), ()
+        further = beside(streams, master.graph, sim_time=master.sim_time)
+        looks = await visit.look_at_streams({**streams, **further}, master.graph)
+        return master, looks[: len(streams)], looks[len(streams) :]

@@ -1,0 +1,226 @@
+"""Topics and their publishers, each seen as a subscriber would see it. Pure."""
+
+import difflib
+from collections.abc import Iterator
+from statistics import median
+from typing import Final
+
+from gateway.doctor.evidence import Evidence, Failure, Graph, Heard, PublisherLook, StreamLook, Trouble
+from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.ros1.errors import UnknownTypeError
+from gateway.ros1.messages import message_type
+from gateway.ros1.wire.tcpros import ANY, TopicType
+from gateway.translators import kind_of
+from schemas.keys import StreamKey
+
+CLOCK: Final = "ros/clock"
+LATE_S: Final = 2.0
+"""How old a message may be on arrival before its stamps are talked about."""
+
+
+def check_sensors(evidence: Evidence) -> Iterator[Finding]:
+    """Say of every stream whether its topic could be forwarded."""
+    graph = evidence.master.graph
+    if graph is None:
+        return
+    if evidence.master.sim_time:
+        yield from _check_sim_clock(evidence)
+    for stream in evidence.streams:
+        yield from check_stream(stream, graph, evidence)
+
+
+def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterator[Finding]:
+    """Say whether a stream's topic could be forwarded."""
+    if stream.topic not in graph.topics:
+        yield _missing(stream, graph)
+    elif not stream.publishers:
+        yield problem(
+            Stage.SENSORS,
+            stream.subject,
+            "nobody publishes it",
+            "start the sensor's driver; `rosnode list` shows what runs",
+        )
+    elif not _carries(stream, stream.type):
+        yield _wrong_type(stream, stream.type)
+    else:
+        for publisher in stream.publishers:
+            yield from _check_publisher(stream, publisher, evidence)
+
+
+def _missing(stream: StreamLook, graph: Graph) -> Finding:
+    fitting = [topic for topic in graph.publishers if _carries(stream, graph.types.get(topic, ANY))]
+    close = difflib.get_close_matches(stream.topic, fitting, n=3, cutoff=0.5)
+    named = f"did you mean {' or '.join(close)}? " if close else ""
+    advice = f"{named}`rostopic list` shows all topics; --cameras and --topics say which become streams"
+    return problem(Stage.SENSORS, stream.subject, "no such topic exists", advice)
+
+
+def _carries(stream: StreamLook, type_name: str) -> bool:
+    translators = kind_of(stream.key).translators
+    return type_name in {"", ANY} or ANY in translators or type_name in translators
+
+
+def _wrong_type(stream: StreamLook, type_name: str) -> Finding:
+    carried = " or ".join(kind_of(stream.key).translators)
+    return problem(
+        Stage.SENSORS,
+        stream.subject,
+        f"is a {type_name}, which the stream cannot carry: it carries {carried}",
+        f"name a topic of such a type, or forward this one untranslated as ros{stream.topic}={stream.topic}",
+    )
+
+
+def _check_publisher(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Iterator[Finding]:
+    if publisher.trouble is not None:
+        what, advice = _publisher_trouble(publisher, publisher.trouble)
+        yield problem(Stage.SENSORS, stream.subject, what, advice)
+    elif publisher.type is not None and not _carries(stream, publisher.type.name):
+        yield _wrong_type(stream, publisher.type.name)
+    elif publisher.type is not None and (ours := _other_version(stream, publisher.type)):
+        yield problem(
+            Stage.SENSORS,
+            stream.subject,
+            f"{publisher.node} has another version of {publisher.type.name}: md5sum {publisher.type.md5sum}, "
+            f"ours is {ours}",
+            "build its package against the standard message, or forward it untranslated as "
+            f"ros{stream.topic}={stream.topic}",
+        )
+    else:
+        yield from _check_heard(stream, publisher, evidence)
+
+
+def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str, str]:
+    match trouble.failure:
+        case Failure.UNRESOLVED:
+            return (
+                f"{publisher.node} is to be reached at {trouble.host}, a name that does not resolve on this machine",
+                f"add {trouble.host} to /etc/hosts here, or start that node with ROS_IP set to its machine's address",
+            )
+        case Failure.DEAD:
+            return (
+                f"{publisher.node} is registered but dead: nothing listens at {trouble.where} (it was killed)",
+                "start it again; `rosnode cleanup` makes the master forget it",
+            )
+        case Failure.UNKNOWN:
+            return (f"{publisher.node} left the master just now", "start it again, or ask the doctor again")
+        case Failure.REFUSED | Failure.FOREIGN:
+            return (
+                f"{publisher.node} refuses its subscribers: {trouble.reason}",
+                "restart that node; another program may have taken its port",
+            )
+        case _:
+            return (
+                f"{publisher.node} does not answer at {trouble.where} ({trouble.reason or trouble.failure.value})",
+                "does it hang, or is a firewall between it and this machine? ROS nodes listen on any free port",
+            )
+
+
+def _other_version(stream: StreamLook, found: TopicType) -> str:
+    """Return our md5sum of the type where it is not the publisher's and the stream's translator needs it."""
+    if ANY in kind_of(stream.key).translators:
+        return ""
+    try:
+        ours = message_type(found.name)
+    except UnknownTypeError:
+        return ""
+    return "" if ours.md5sum == found.md5sum else ours.md5sum
+
+
+def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Iterator[Finding]:
+    heard, subject = publisher.heard, stream.subject
+    if not heard.arrivals_s:
+        yield _nothing_heard(stream, publisher, evidence)
+    elif heard.unreadable:
+        yield problem(
+            Stage.SENSORS,
+            subject,
+            f"{publisher.node} sends what cannot be forwarded: {heard.unreadable}",
+            f"correct the driver's settings, or forward it untranslated as ros{stream.topic}={stream.topic}",
+        )
+    else:
+        yield fine(Stage.SENSORS, subject, f"{publisher.node} sends {_pace(publisher)}, {_size(heard.size)} each")
+        if not publisher.latching:
+            yield from _check_stamps(subject, heard, evidence)
+
+
+def _nothing_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Finding:
+    what = f"{publisher.node} accepts subscribers but sent nothing in {evidence.seconds:g} s"
+    if publisher.latching or not isinstance(stream.key, StreamKey):
+        return note(Stage.SENSORS, stream.subject, what, "fine if it only speaks when there is something to say")
+    return problem(
+        Stage.SENSORS,
+        stream.subject,
+        what,
+        "is the sensor plugged in and the driver not paused or waiting? Its output (rosout, `rosnode info`) says more",
+    )
+
+
+def _pace(publisher: PublisherLook) -> str:
+    if publisher.latching and len(publisher.heard.arrivals_s) == 1:
+        return "one latched message"
+    rate = publisher.heard.rate_hz
+    return "one message" if rate is None else f"{rate:.1f} messages/s"
+
+
+def _size(size: int) -> str:
+    return f"{size} bytes" if size < 10_000 else f"{size / 1e6:.2f} MB"
+
+
+def _check_stamps(subject: str, heard: Heard, evidence: Evidence) -> Iterator[Finding]:
+    if not heard.stamps_ns:
+        return
+    if not any(heard.stamps_ns):
+        yield note(
+            Stage.SENSORS,
+            subject,
+            "its stamps are zero: nothing can be matched with it in time",
+            "have the driver fill header.stamp",
+        )
+        return
+    if evidence.master.sim_time:
+        yield from _check_against_clock(subject, heard, evidence)
+        return
+    late_s = median(heard.lags_ns) / 1e9
+    if abs(late_s) > LATE_S:
+        way = "behind" if late_s > 0 else "ahead of"
+        yield note(
+            Stage.SENSORS,
+            subject,
+            f"its stamps are {_span(late_s)} {way} this machine's clock",
+            "synchronise the clocks (chrony), or set use_sim_time and `rosbag play --clock` if a bag is played",
+        )
+
+
+def _check_against_clock(subject: str, heard: Heard, evidence: Evidence) -> Iterator[Finding]:
+    now_ns = sim_now_ns(evidence)
+    if now_ns is None:
+        return
+    late_s = (now_ns - heard.stamps_ns[-1]) / 1e9
+    if abs(late_s) > LATE_S + evidence.seconds:
+        way = "behind" if late_s > 0 else "ahead of"
+        what = f"its stamps are {_span(late_s)} {way} /clock, which use_sim_time makes the time"
+        yield note(Stage.SENSORS, subject, what, "do the driver and the simulation or bag use the same clock?")
+
+
+def _check_sim_clock(evidence: Evidence) -> Iterator[Finding]:
+    if sim_now_ns(evidence) is None:
+        yield problem(
+            Stage.SENSORS,
+            "/clock",
+            "use_sim_time is set, but nothing comes on /clock: time stands still for ROS nodes",
+            "start the simulation or `rosbag play --clock`, or `rosparam set use_sim_time false` and restart the nodes",
+        )
+
+
+def sim_now_ns(evidence: Evidence) -> int | None:
+    """Return the last time that was heard on /clock."""
+    clock = evidence.named(CLOCK)
+    return clock.heard.stamps_ns[-1] if clock and clock.heard.stamps_ns else None
+
+
+def _span(seconds: float) -> str:
+    size = abs(seconds)
+    for unit, length in (("days", 86_400), ("hours", 3_600), ("minutes", 60)):
+        if size >= 2 * length:
+            return f"{size / length:.0f} {unit}"
+    return f"{size:.1f} s"

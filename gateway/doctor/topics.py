@@ -1,0 +1,42 @@
+"""Which topics the doctor looks at. Pure."""
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from gateway.doctor.cameras import TF_STATIC
+from gateway.doctor.evidence import Graph
+from gateway.doctor.sensors import CLOCK
+from gateway.settings import GatewaySettings
+from gateway.translators.camera_info import TYPE_NAME as CAMERA_INFO
+from schemas.keys import SensorKey, Stream, StreamKey, sensor_key
+
+_INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
+_NAMESPACES: Final = 2
+"""How far above an image its camera_info may be: next to it, or next to what was compressed."""
+
+
+def mapped(settings: GatewaySettings) -> Mapping[SensorKey, str]:
+    """Return the topic of every stream, as the gateway would take them."""
+    return settings.streams()
+
+
+def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:
+    """Return further topics that tell about the streams: calibrations, static transforms, the simulation's clock."""
+    robot = next((key.camera.robot if isinstance(key, StreamKey) else key.robot for key in streams), "")
+    found: dict[SensorKey, str] = dict(_calibrations(streams, graph))
+    if "/tf_static" in graph.publishers and robot:
+        found[sensor_key(robot, TF_STATIC)] = "/tf_static"
+    if sim_time and robot:
+        found[sensor_key(robot, CLOCK)] = "/clock"
+    return {key: topic for key, topic in found.items() if key not in streams}
+
+
+def _calibrations(streams: Mapping[SensorKey, str], graph: Graph) -> Iterator[tuple[SensorKey, str]]:
+    for key, topic in streams.items():
+        if isinstance(key, StreamKey) and key.stream in _INFOS:
+            above = topic
+            for _ in range(_NAMESPACES):
+                above = above.rpartition("/")[0]
+                if graph.types.get(f"{above}/camera_info") == CAMERA_INFO:
+                    yield StreamKey(key.camera, _INFOS[key.stream]), f"{above}/camera_info"
+                    break
