@@ -2,9 +2,13 @@
 
 import ipaddress
 from collections.abc import Iterator
+from typing import Final
 
-from gateway.doctor.evidence import Failure, HostLook, MasterLook, Trouble
+from gateway.doctor.evidence import Failure, Graph, HostLook, MasterLook, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.outgoing.topics import is_result
+
+_LOGS: Final = frozenset({"/rosout", "/rosout_agg"})
 
 
 def check_master(look: MasterLook) -> Iterator[Finding]:
@@ -12,8 +16,20 @@ def check_master(look: MasterLook) -> Iterator[Finding]:
     if look.trouble is not None:
         what, advice = _master_trouble(look.trouble)
         yield problem(Stage.MASTER, look.uri, what, advice)
-    elif look.graph is not None:
-        yield fine(Stage.MASTER, look.uri, f"answers; {len(look.graph.publishers)} topics have publishers")
+    elif look.graph is not None and (topics := _topics(look.graph)):
+        yield fine(Stage.MASTER, look.uri, f"answers; {len(topics)} topics have publishers")
+    else:
+        yield note(
+            Stage.MASTER,
+            look.uri,
+            "answers, but no sensor publishes anything at it",
+            "start the drivers; if they run, is theirs another master? See ROS_MASTER_URI where they were started",
+        )
+
+
+def _topics(graph: Graph) -> list[str]:
+    """Return what is published besides ROS's own log and the results of gateways."""
+    return [topic for topic in graph.publishers if topic not in _LOGS and not is_result(topic)]
 
 
 def _master_trouble(trouble: Trouble) -> tuple[str, str]:

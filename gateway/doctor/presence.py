@@ -80,7 +80,7 @@ def _router_trouble(router: Router) -> tuple[str, str]:
         case Failure.DEAD:
             return (
                 "no router listens there",
-                "start it: `fleetsight monitor --listen tcp/0.0.0.0:7447` (else it is on its loopback only); or correct --connect",
+                "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
             )
         case _:
             return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import groupby
 from typing import Final
 
@@ -29,8 +29,9 @@ def as_text(findings: Sequence[Finding], width: int) -> str:
 def _lines(findings: Sequence[Finding], width: int) -> Iterator[str]:
     for stage, group in groupby(findings, key=lambda finding: finding.stage):
         yield str(stage)
-        for finding in group:
-            yield from _finding(finding, width)
+        for alike, several in groupby(group, key=lambda finding: replace(finding, subject="")):
+            subjects = ", ".join(finding.subject for finding in several)
+            yield from _finding(replace(alike, subject=subjects), width)
         yield ""
     yield _summary(findings)
 

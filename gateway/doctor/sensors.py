@@ -73,7 +73,8 @@ def _wrong_type(stream: StreamLook, type_name: str) -> Finding:
 def _check_publisher(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Iterator[Finding]:
     if publisher.trouble is not None:
         what, advice = _publisher_trouble(publisher, publisher.trouble)
-        yield problem(Stage.SENSORS, stream.subject, what, advice)
+        say = note if stream.heard.arrivals_s else problem  # another publisher is enough
+        yield say(Stage.SENSORS, stream.subject, what, advice)
     elif publisher.type is not None and not _carries(stream, publisher.type.name):
         yield _wrong_type(stream, publisher.type.name)
     elif publisher.type is not None and (ours := _other_version(stream, publisher.type)):
