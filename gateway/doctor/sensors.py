@@ -2,20 +2,15 @@
 
 import difflib
 from collections.abc import Iterator
-from statistics import median
-from typing import Final
 
-from gateway.doctor.evidence import Evidence, Failure, Graph, Heard, PublisherLook, StreamLook, Trouble
+from gateway.doctor.evidence import Evidence, Failure, Graph, PublisherLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.doctor.stamps import check_sim_clock, check_stamps
 from gateway.ros1.errors import UnknownTypeError
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import ANY, TopicType
 from gateway.translators import kind_of
 from schemas.keys import StreamKey
-
-CLOCK: Final = "ros/clock"
-LATE_S: Final = 2.0
-"""How old a message may be on arrival before its stamps are talked about."""
 
 
 def check_sensors(evidence: Evidence) -> Iterator[Finding]:
@@ -24,22 +19,15 @@ def check_sensors(evidence: Evidence) -> Iterator[Finding]:
     if graph is None:
         return
     if evidence.master.sim_time:
-        yield from _check_sim_clock(evidence)
+        yield from check_sim_clock(evidence)
     for stream in evidence.streams:
         yield from check_stream(stream, graph, evidence)
 
 
 def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterator[Finding]:
     """Say whether a stream's topic could be forwarded."""
-    if stream.topic not in graph.topics:
-        yield _missing(stream, graph)
-    elif not stream.publishers:
-        yield problem(
-            Stage.SENSORS,
-            stream.subject,
-            "nobody publishes it",
-            "start the sensor's driver; `rosnode list` shows what runs",
-        )
+    if not stream.publishers:
+        yield _unpublished(stream, graph)
     elif not _carries(stream, stream.type):
         yield _wrong_type(stream, stream.type)
     else:
@@ -47,12 +35,14 @@ def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterat
             yield from _check_publisher(stream, publisher, evidence)
 
 
-def _missing(stream: StreamLook, graph: Graph) -> Finding:
+def _unpublished(stream: StreamLook, graph: Graph) -> Finding:
+    """A topic is known to the master as soon as somebody, such as the gateway, subscribes to it."""
+    what = "nobody publishes it" if stream.topic in graph.topics else "no such topic exists"
     fitting = [topic for topic in graph.publishers if _carries(stream, graph.types.get(topic, ANY))]
     close = difflib.get_close_matches(stream.topic, fitting, n=3, cutoff=0.5)
     named = f"did you mean {' or '.join(close)}? " if close else ""
-    advice = f"{named}`rostopic list` shows all topics; --cameras and --topics say which become streams"
-    return problem(Stage.SENSORS, stream.subject, "no such topic exists", advice)
+    advice = f"{named}Start the sensor's driver, or name another topic: `rostopic list` shows all there are"
+    return problem(Stage.SENSORS, stream.subject, what, advice)
 
 
 def _carries(stream: StreamLook, type_name: str) -> bool:
@@ -141,7 +131,7 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
     else:
         yield fine(Stage.SENSORS, subject, f"{publisher.node} sends {_pace(publisher)}, {_size(heard.size)} each")
         if not publisher.latching:
-            yield from _check_stamps(subject, heard, evidence)
+            yield from check_stamps(subject, heard, evidence)
 
 
 def _nothing_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Finding:
@@ -165,63 +155,3 @@ def _pace(publisher: PublisherLook) -> str:
 
 def _size(size: int) -> str:
     return f"{size} bytes" if size < 10_000 else f"{size / 1e6:.2f} MB"
-
-
-def _check_stamps(subject: str, heard: Heard, evidence: Evidence) -> Iterator[Finding]:
-    if not heard.stamps_ns:
-        return
-    if not any(heard.stamps_ns):
-        yield note(
-            Stage.SENSORS,
-            subject,
-            "its stamps are zero: nothing can be matched with it in time",
-            "have the driver fill header.stamp",
-        )
-        return
-    if evidence.master.sim_time:
-        yield from _check_against_clock(subject, heard, evidence)
-        return
-    late_s = median(heard.lags_ns) / 1e9
-    if abs(late_s) > LATE_S:
-        way = "behind" if late_s > 0 else "ahead of"
-        yield note(
-            Stage.SENSORS,
-            subject,
-            f"its stamps are {_span(late_s)} {way} this machine's clock",
-            "synchronise the clocks (chrony), or set use_sim_time and `rosbag play --clock` if a bag is played",
-        )
-
-
-def _check_against_clock(subject: str, heard: Heard, evidence: Evidence) -> Iterator[Finding]:
-    now_ns = sim_now_ns(evidence)
-    if now_ns is None:
-        return
-    late_s = (now_ns - heard.stamps_ns[-1]) / 1e9
-    if abs(late_s) > LATE_S + evidence.seconds:
-        way = "behind" if late_s > 0 else "ahead of"
-        what = f"its stamps are {_span(late_s)} {way} /clock, which use_sim_time makes the time"
-        yield note(Stage.SENSORS, subject, what, "do the driver and the simulation or bag use the same clock?")
-
-
-def _check_sim_clock(evidence: Evidence) -> Iterator[Finding]:
-    if sim_now_ns(evidence) is None:
-        yield problem(
-            Stage.SENSORS,
-            "/clock",
-            "use_sim_time is set, but nothing comes on /clock: time stands still for ROS nodes",
-            "start the simulation or `rosbag play --clock`, or `rosparam set use_sim_time false` and restart the nodes",
-        )
-
-
-def sim_now_ns(evidence: Evidence) -> int | None:
-    """Return the last time that was heard on /clock."""
-    clock = evidence.named(CLOCK)
-    return clock.heard.stamps_ns[-1] if clock and clock.heard.stamps_ns else None
-
-
-def _span(seconds: float) -> str:
-    size = abs(seconds)
-    for unit, length in (("days", 86_400), ("hours", 3_600), ("minutes", 60)):
-        if size >= 2 * length:
-            return f"{size / length:.0f} {unit}"
-    return f"{size:.1f} s"

@@ -5,14 +5,13 @@ from typing import Final
 
 from gateway.doctor.cameras import TF_STATIC
 from gateway.doctor.evidence import Graph
-from gateway.doctor.sensors import CLOCK
+from gateway.doctor.stamps import CLOCK
 from gateway.settings import GatewaySettings
 from gateway.translators.camera_info import TYPE_NAME as CAMERA_INFO
+from gateway.translators.compressed_image import TYPE_NAME as COMPRESSED_IMAGE
 from schemas.keys import SensorKey, Stream, StreamKey, sensor_key
 
 _INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
-_NAMESPACES: Final = 2
-"""How far above an image its camera_info may be: next to it, or next to what was compressed."""
 
 
 def mapped(settings: GatewaySettings) -> Mapping[SensorKey, str]:
@@ -32,11 +31,16 @@ def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) ->
 
 
 def _calibrations(streams: Mapping[SensorKey, str], graph: Graph) -> Iterator[tuple[SensorKey, str]]:
+    taken = set(streams.values())
     for key, topic in streams.items():
         if isinstance(key, StreamKey) and key.stream in _INFOS:
-            above = topic
-            for _ in range(_NAMESPACES):
-                above = above.rpartition("/")[0]
-                if graph.types.get(f"{above}/camera_info") == CAMERA_INFO:
-                    yield StreamKey(key.camera, _INFOS[key.stream]), f"{above}/camera_info"
-                    break
+            info = _calibration_of(topic, graph)
+            if graph.types.get(info) == CAMERA_INFO and info not in taken:
+                taken.add(info)
+                yield StreamKey(key.camera, _INFOS[key.stream]), info
+
+
+def _calibration_of(topic: str, graph: Graph) -> str:
+    """Return where ROS's conventions put the calibration of an image: beside it, or beside what was compressed."""
+    image = topic.rpartition("/")[0] if graph.types.get(topic) == COMPRESSED_IMAGE else topic
+    return f"{image.rpartition('/')[0]}/camera_info"
