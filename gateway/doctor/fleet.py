@@ -4,6 +4,7 @@ import asyncio
 import time
 from contextlib import suppress
 from dataclasses import replace
+from typing import Final
 
 from bus import QUEUE, Bus, BusSettings, open_bus
 from bus.clock import clock_id
@@ -14,27 +15,33 @@ from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.status import GatewayStatus
 
-MAX_ACCOUNTS = 16
-MAX_ROBOTS = 10_000
+MAX_ACCOUNTS: Final = 16
+MAX_ROBOTS: Final = 10_000
 
 
 async def look_at_bus(settings: GatewaySettings, *, seconds: float, patience_s: float) -> BusLook:
     """Look at the bus for so many seconds."""
-    joining = _joining(settings)
+    joining = beside_the_gateway(settings)
     routers = tuple(await asyncio.gather(*(look_at_router(endpoint, patience_s) for endpoint in joining.connect)))
-    if all(router.trouble for router in routers) and not joining.scouting:
+    if routers and all(router.trouble for router in routers) and not joining.scouting:
         return BusLook(routers)
+    async with open_bus(joining) as bus:
+        seen = await observe(bus, settings.robot, seconds)
+    return replace(seen, routers=routers)
+
+
+async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
+    """Return who is present on the bus, and what the robot's gateways say of themselves meanwhile."""
     robots: set[str] = set()
     accounts: dict[str, Account] = {}
-    async with open_bus(joining) as bus:
-        with suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                await asyncio.gather(_watch(bus, robots), _read(bus, settings.robot, accounts))
-    return BusLook(routers, frozenset(robots), tuple(accounts.values()))
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            await asyncio.gather(_watch(bus, robots), _read(bus, robot, accounts))
+    return BusLook((), frozenset(robots), tuple(accounts.values()))
 
 
-def _joining(settings: GatewaySettings) -> BusSettings:
-    """Return how to join the bus next to the gateway: where it listens is taken, but can be connected to."""
+def beside_the_gateway(settings: GatewaySettings) -> BusSettings:
+    """Return how to join the gateway's bus: where it listens is taken, but can be connected to."""
     own = [endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]") for endpoint in settings.listen]  # noqa: S104
     return BusSettings(
         mode="peer" if settings.mode == "peer" else "client",

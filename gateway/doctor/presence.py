@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from itertools import combinations
 from typing import Final
 
-from gateway.doctor.evidence import Account, BusLook, Evidence, Failure, Router
+from gateway.doctor.evidence import Account, BusLook, Evidence, Failure, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 
 SKEW_S: Final = 1.0
@@ -15,7 +15,7 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
     """Say whether the robot's gateway is on the bus, and alone under its name."""
     bus, robot = evidence.bus, evidence.robot
     yield from _check_routers(bus)
-    if all(router.trouble for router in bus.routers):
+    if _cut_off(bus):
         return
     if robot not in bus.robots and not bus.accounts:
         yield _absent(robot, bus.robots)
@@ -59,19 +59,20 @@ def _check_account(robot: str, account: Account) -> Iterator[Finding]:
 
 
 def _check_routers(bus: BusLook) -> Iterator[Finding]:
-    answering = [router.endpoint for router in bus.routers if router.trouble is None]
+    say = problem if _cut_off(bus) else note
     for router in bus.routers:
-        if router.trouble is None:
-            continue
-        what, advice = _router_trouble(router)
-        if answering:
-            yield note(Stage.GATEWAY, router.endpoint, f"{what}; {answering[0]} answers", advice)
-        else:
-            yield problem(Stage.GATEWAY, router.endpoint, what, advice)
+        if router.trouble is not None:
+            what, advice = _router_trouble(router.trouble)
+            yield say(Stage.GATEWAY, router.endpoint, what, advice)
 
 
-def _router_trouble(router: Router) -> tuple[str, str]:
-    match router.trouble.failure if router.trouble else None:
+def _cut_off(bus: BusLook) -> bool:
+    """Return whether no endpoint answers and nobody was found without one."""
+    return bool(bus.routers) and all(router.trouble for router in bus.routers) and not (bus.robots or bus.accounts)
+
+
+def _router_trouble(trouble: Trouble) -> tuple[str, str]:
+    match trouble.failure:
         case Failure.UNRESOLVED:
             return (
                 "the router's host name does not resolve on this machine",

@@ -4,8 +4,11 @@ import asyncio
 import logging
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
+from gateway.doctor.asking import PoliteClient
 from gateway.doctor.diagnosis import diagnose, healthy
 from gateway.doctor.evidence import Evidence, MasterLook, StreamLook
 from gateway.doctor.fleet import look_at_bus
@@ -14,7 +17,6 @@ from gateway.doctor.report import as_json, as_text
 from gateway.doctor.robot import RobotVisit
 from gateway.doctor.settings import DoctorSettings
 from gateway.doctor.topics import beside, mapped
-from gateway.ros1.xmlrpc_client import XmlRpcClient
 
 MAX_WIDTH: Final = 120
 UNWELL: Final = 1
@@ -26,12 +28,24 @@ async def run(settings: DoctorSettings) -> int:
     Returns:
         The exit code: 0 when all is well.
     """
-    for library in ("bus", "gateway.ros1"):
-        logging.getLogger(library).setLevel(logging.CRITICAL)  # what they would say is in the report
-    findings = diagnose(await examine(settings))
+    with _quiet("bus", "gateway.ros1"):  # what they would say is in the report
+        findings = diagnose(await examine(settings))
     width = min(shutil.get_terminal_size().columns, MAX_WIDTH)
     sys.stdout.write((as_json(findings) if settings.as_json else as_text(findings, width)) + "\n")
     return 0 if healthy(findings) else UNWELL
+
+
+@contextmanager
+def _quiet(*packages: str) -> Iterator[None]:
+    loggers = [logging.getLogger(package) for package in packages]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 async def examine(settings: DoctorSettings) -> Evidence:
@@ -46,7 +60,7 @@ async def examine(settings: DoctorSettings) -> Evidence:
 
 async def _visit(settings: DoctorSettings) -> tuple[MasterLook, tuple[StreamLook, ...], tuple[StreamLook, ...]]:
     """Look at the master, then at the topics of the streams and at those that tell about them."""
-    async with XmlRpcClient(timeout=settings.patience_s) as client:
+    async with PoliteClient(timeout=settings.patience_s) as client:
         visit = RobotVisit(client, seconds=settings.seconds, patience_s=settings.patience_s)
         master = await visit.look_at_master(settings.ros_master)
         streams = mapped(settings)

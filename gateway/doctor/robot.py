@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from typing import Any, Final
 from urllib.parse import urlsplit
 
+from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
 from gateway.doctor.listening import Ear, listen
-from gateway.doctor.reaching import is_ours, reach, uri_of
+from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
 from gateway.ros1.errors import CallError, LinkRefusedError, Ros1Error, StatusError, UnreachableError, XmlRpcError
 from gateway.ros1.master import MasterClient
-from gateway.ros1.xmlrpc_client import XmlRpcClient
 from schemas.keys import SensorKey
 
 MAX_PUBLISHERS: Final = 16
@@ -26,13 +26,14 @@ class RobotVisit:
     seconds: how long each publisher is listened to. patience_s: how long each step may take.
     """
 
-    def __init__(self, client: XmlRpcClient, *, seconds: float, patience_s: float) -> None:
+    def __init__(self, client: PoliteClient, *, seconds: float, patience_s: float) -> None:
         self._client = client
         self._seconds = seconds
         self._patience_s = patience_s
         self._name = f"/fleetsight_doctor_{uuid.uuid4().hex[:8]}"
         self._room = asyncio.Semaphore(MAX_AT_ONCE)
         self._master: MasterClient | None = None
+        self._reaching: dict[tuple[str, int], asyncio.Future[str | Trouble]] = {}
 
     async def look_at_master(self, uri: str) -> MasterLook:
         """Look at the master."""
@@ -43,10 +44,9 @@ class RobotVisit:
         remote = not is_ours(address)
         master = MasterClient(self._client, uri=uri_of(address, port), caller_id=self._name)
         try:
-            state, types, sim_time = await asyncio.gather(
-                master.get_system_state(), master.call("getTopicTypes"), _sim_time(master)
-            )
-            graph = Graph(state.publishers, state.subscribers, _types(types))
+            state = await master.get_system_state()
+            graph = Graph(state.publishers, state.subscribers, _types(await master.call("getTopicTypes")))
+            sim_time = await _sim_time(master)
         except Ros1Error as error:
             return MasterLook(uri, _trouble(error, host, port), remote=remote)
         self._master = master
@@ -63,36 +63,44 @@ class RobotVisit:
         return StreamLook(key, topic, graph.types.get(topic, ""), tuple(publishers))
 
     async def _look_at_publisher(self, key: SensorKey, topic: str, node: str) -> PublisherLook:
+        try:
+            host, port = _host_and_port(await self._registered(node))
+        except (Ros1Error, ValueError) as error:
+            return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error)))
         async with self._room:
-            if self._master is None:
-                raise RuntimeError("the master is looked at first")
-            try:
-                host, port = _host_and_port(await self._master.lookup_node(node))
-            except (Ros1Error, ValueError) as error:
-                return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error)))
             try:
                 return await self._listen(key, topic, node, (host, port))
             except Ros1Error as error:
                 return PublisherLook(node, _trouble(error, host, port))
 
+    async def _registered(self, node: str) -> str:
+        if self._master is None:
+            raise RuntimeError("the master is looked at first")
+        return await self._master.lookup_node(node)
+
     async def _listen(self, key: SensorKey, topic: str, node: str, slave: tuple[str, int]) -> PublisherLook:
-        address = await reach(*slave, self._patience_s)
+        address = await self._reached(*slave)
         if isinstance(address, Trouble):
             return PublisherLook(node, address)
         uri = uri_of(address, slave[1])
-        answer = await self._client.call(uri, "requestTopic", self._name, topic, [["TCPROS"]])
-        host, port = _offered(answer)
-        address = await reach(host, port, self._patience_s)
-        if isinstance(address, Trouble):
-            return PublisherLook(node, address)
+        host, port = _offered(await self._client.call(uri, "requestTopic", self._name, topic, [["TCPROS"]]))
+        found = await resolve(host, self._patience_s)
+        if not found:
+            return PublisherLook(node, Trouble(Failure.UNRESOLVED, host, port))
         ear = Ear(uri)
         await listen(
-            (address, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
+            (found[0], port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
         )
         if ear.publisher is None:
             return PublisherLook(node, Trouble(Failure.SILENT, host, port, "no connection header"))
         heard = ear.heard(key, time.time_ns())
         return PublisherLook(node, None, ear.publisher.type, ear.publisher.latching, heard)
+
+    async def _reached(self, host: str, port: int) -> str | Trouble:
+        """Return where a node answers; it is tried once, however many topics it publishes."""
+        if (host, port) not in self._reaching:
+            self._reaching[host, port] = asyncio.ensure_future(reach(host, port, self._patience_s))
+        return await self._reaching[host, port]
 
 
 async def _sim_time(master: MasterClient) -> bool:
@@ -125,8 +133,10 @@ def _offered(answer: Any) -> tuple[str, int]:
 
 
 def _trouble(error: Ros1Error, host: str, port: int) -> Trouble:
-    silent = isinstance(error, UnreachableError) and isinstance(error.__cause__, TimeoutError)
-    if silent:
-        return Trouble(Failure.SILENT, host, port, "it accepts connections but does not answer")
+    match error.__cause__ if isinstance(error, UnreachableError) else None:
+        case TimeoutError():
+            return Trouble(Failure.SILENT, host, port, "it accepts connections but does not answer")
+        case ConnectionRefusedError():
+            return Trouble(Failure.DEAD, host, port, "connection refused")
     refused = isinstance(error, LinkRefusedError | CallError) and not isinstance(error, UnreachableError)
     return Trouble(Failure.REFUSED if refused else Failure.FOREIGN, host, port, str(error))

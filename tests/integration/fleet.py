@@ -19,16 +19,16 @@ log = logging.getLogger(__name__)
 
 
 class FleetRig:
-    """A router, and `fleetsight` processes that connect to it."""
+    """A router at `endpoint`, and `fleetsight` processes that connect to it."""
 
     def __init__(self, bus: Bus, endpoint: str, stack: AsyncExitStack) -> None:
         self.bus = bus
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self._stack = stack
 
     async def start(self, command: str, *options: str) -> Child:
         """Start `fleetsight COMMAND OPTIONS` until the rig is taken down."""
-        arguments = [command, "--connect", self._endpoint, *options]
+        arguments = [command, "--connect", self.endpoint, *options]
         return await self._stack.enter_async_context(child(command, arguments, log.info))
 
     async def gateway(self, robot: str, master: str, cameras: Mapping[str, str], *options: str) -> Child:
