@@ -1,6 +1,6 @@
 """Colour and depth of one camera: whether a pixel of one is a pixel of the other. Pure.
 
-Judged by sizes, frames, calibrations and stamps, not by what the pixels show.
+Judged by sizes, frames, calibrations and stamps, and by what the pixels show where that is clear.
 """
 
 from collections.abc import Iterable, Iterator
@@ -9,7 +9,8 @@ from statistics import median
 from typing import Final
 
 from gateway.doctor.calibration import by, check_calibration, image_of, info_of, pixels, sent_pixels
-from gateway.doctor.evidence import Evidence
+from gateway.doctor.edges import Placement, placement
+from gateway.doctor.evidence import Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.doctor.frames import connected
 from schemas.camera_info import CameraInfo
@@ -20,6 +21,8 @@ from schemas.transforms import Transforms
 TF_STATIC: Final = "tf_static"
 SAME_K: Final = 1e-3
 """Focal lengths and centres, in pixels, that differ by less are equal."""
+SAME_INSTANT_NS: Final = 20_000_000
+"""Images stamped further apart may show a moving robot two views."""
 
 
 def check_cameras(evidence: Evidence) -> Iterator[Finding]:
@@ -43,30 +46,62 @@ def _check_alignment(camera: str, evidence: Evidence) -> Iterator[Finding]:
     if color is None or depth is None:
         return
     info, depth_info = info_of(camera, Stream.INFO, evidence), info_of(camera, Stream.DEPTH_INFO, evidence)
-    frames = (color.header.frame_id, depth.header.frame_id)
+    known = info is not None and depth_info is not None
+    differ = _infos_differ(info, depth_info) if info and depth_info else ""
     apart = _apart(color, depth)
-    if info is not None and depth_info is not None and not _infos_differ(info, depth_info):
-        if apart:
-            yield problem(
-                Stage.CAMERAS,
-                f"{camera}/depth",
-                f"not aligned with colour though their camera infos say so: {apart}",
-                "have the driver register depth to colour (align_depth, depth_registration), or publish depth's own "
-                "camera info: distances are wrong until then",
-            )
-        else:
-            yield fine(Stage.CAMERAS, f"{camera}/depth", "registered to colour, by camera infos, sizes and frames")
+    if differ or (apart and not known):
+        frames = (color.header.frame_id, depth.header.frame_id)
+        yield from _unregistered(camera, differ or apart, frames, evidence)
         return
-    what = apart or (_infos_differ(info, depth_info) if info and depth_info else "")
-    if what:
-        yield from _unregistered(camera, what, frames, evidence)
+    seen = _placed(camera, evidence) if not apart else None
+    elsewhere = f"the edges in both fit {_where(seen)}" if seen and not seen.aligned else ""
+    if apart or elsewhere:
+        yield _not_aligned(camera, apart or elsewhere, known=known)
     else:
-        yield note(
-            Stage.CAMERAS,
-            f"{camera}/depth",
-            "sizes and frames are those of colour; without both camera infos it is unknown whether they are aligned",
-            f"publish depth's camera info, and add --topics {camera}/depth_info=TOPIC",
-        )
+        yield _aligned(camera, known=known, seen=seen is not None)
+
+
+def _not_aligned(camera: str, how: str, *, known: bool) -> Finding:
+    return problem(
+        Stage.CAMERAS,
+        f"{camera}/depth",
+        f"not aligned with colour{' though their camera infos say so' if known else ''}: {how}",
+        "have the driver register depth to colour (align_depth, depth_registration), or publish depth's own camera "
+        "info: distances are wrong until then",
+    )
+
+
+def _aligned(camera: str, *, known: bool, seen: bool) -> Finding:
+    if known:
+        by = "by camera infos, sizes and frames"
+        shown = ", and its edges lie on colour's" if seen else "; whether its edges lie on colour's is not clear here"
+        return fine(Stage.CAMERAS, f"{camera}/depth", f"registered to colour {by}{shown}")
+    return note(
+        Stage.CAMERAS,
+        f"{camera}/depth",
+        "sizes and frames are those of colour"
+        + (", and so are its edges" if seen else "; without both camera infos it is unknown whether they are aligned"),
+        f"publish depth's camera info, and add --topics {camera}/depth_info=TOPIC",
+    )
+
+
+def _placed(camera: str, evidence: Evidence) -> Placement | None:
+    """Return how depth lies on colour, by two images of one instant."""
+    looks = [evidence.of(camera, stream) for stream in (Stream.COLOR, Stream.DEPTH)]
+    colors, depths = (_images(look) for look in looks)
+    pairs = [(color, depth) for color in colors for depth in depths]
+    apart_ns = [abs(color.header.stamp_ns - depth.header.stamp_ns) for color, depth in pairs]
+    if not pairs or min(apart_ns) > SAME_INSTANT_NS:
+        return None
+    return placement(*pairs[apart_ns.index(min(apart_ns))])
+
+
+def _images(look: StreamLook | None) -> list[ImageFrame]:
+    return [each for each in look.heard.messages if isinstance(each, ImageFrame)] if look else []
+
+
+def _where(seen: Placement) -> str:
+    return f"when depth is scaled by {seen.scale:.2f} and moved {seen.right} pixels right, {seen.down} down"
 
 
 def _apart(color: ImageFrame, depth: ImageFrame) -> str:
@@ -111,7 +146,7 @@ def _unregistered(camera: str, what: str, frames: tuple[str, str], evidence: Evi
 
 def _static_links(evidence: Evidence) -> Iterable[tuple[str, str]]:
     look = evidence.named(TF_STATIC)
-    messages = [each.heard.message for each in look.publishers] if look else []
+    messages = [message for each in look.publishers for message in each.heard.messages] if look else []
     for message in messages:
         if isinstance(message, Transforms):
             yield from ((each.frame_id, each.child_frame_id) for each in message.transforms)

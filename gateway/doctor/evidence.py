@@ -74,16 +74,20 @@ class Heard:
     """Messages of one publisher.
 
     arrivals_s: on a steady clock. size: bytes of the largest. stamps_ns and lags_ns (system clock at arrival, less the
-    stamp) are empty for types without a header. message: the first one as the gateway would send it; unreadable: why it
-    would not.
+    stamp) are empty for types without a header. messages: the first few as the gateway would send them; unreadable: why
+    it would not.
     """
 
     arrivals_s: tuple[float, ...] = ()
     size: int = 0
     stamps_ns: tuple[int, ...] = ()
     lags_ns: tuple[int, ...] = ()
-    message: codec.Message | None = None
+    messages: tuple[codec.Message, ...] = ()
     unreadable: str = ""
+
+    @property
+    def message(self) -> codec.Message | None:
+        return self.messages[0] if self.messages else None
 
     @property
     def rate_hz(self) -> float | None:

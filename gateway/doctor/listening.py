@@ -3,7 +3,7 @@
 import asyncio
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.doctor.evidence import Heard
@@ -22,15 +22,18 @@ from schemas.keys import SensorKey
 
 MAX_MESSAGES: Final = 200
 """How many messages of one publisher are enough."""
+KEPT: Final = 4
+KEPT_BYTES: Final = 32 << 20
+"""How many of the first messages are kept, so that those of two cameras can be matched; the very first always is."""
 
 
 @dataclass(slots=True)
 class Ear:
-    """Takes in what one connection brings; only the first message is kept."""
+    """Takes in what one connection brings; only the first few messages are kept."""
 
     uri: str
     publisher: PublisherAccepted | None = None
-    first: Message | None = None
+    kept: list[Message] = field(default_factory=list)
     arrivals_s: list[float] = field(default_factory=list)
     stamps_ns: list[int] = field(default_factory=list)
     lags_ns: list[int] = field(default_factory=list)
@@ -41,6 +44,10 @@ class Ear:
     def full(self) -> bool:
         return len(self.arrivals_s) >= MAX_MESSAGES
 
+    @property
+    def _kept_bytes(self) -> int:
+        return sum(len(message.data) for message in self.kept)
+
     def accepted(self, publisher: PublisherAccepted) -> None:
         self.publisher = publisher
         self._offset = stamp_offset(publisher.definition)
@@ -49,7 +56,8 @@ class Ear:
         """Note a message's arrival, on a steady clock and on the system's."""
         if self.publisher is None or self.full:
             return
-        self.first = self.first or Message(data, self.uri, self.publisher)
+        if not self.kept or (len(self.kept) < KEPT and self._kept_bytes + len(data) <= KEPT_BYTES):
+            self.kept.append(Message(data, self.uri, self.publisher))
         self.arrivals_s.append(now_s)
         self.size = max(self.size, len(data))
         stamp_ns = None if self._offset is None else stamp_at(data, self._offset)
@@ -58,12 +66,16 @@ class Ear:
             self.lags_ns.append(now_ns - stamp_ns)
 
     def heard(self, key: SensorKey, now_ns: int) -> Heard:
-        """Return all of it, the first message as the stream would carry it."""
-        heard = Heard(tuple(self.arrivals_s), self.size, tuple(self.stamps_ns), tuple(self.lags_ns))
-        if self.first is None:
-            return heard
-        found = translated(key, self.first, now_ns)
-        return replace(heard, unreadable=found) if isinstance(found, str) else replace(heard, message=found)
+        """Return all of it, what was kept as the stream would carry it."""
+        found = [translated(key, message, now_ns) for message in self.kept]
+        return Heard(
+            tuple(self.arrivals_s),
+            self.size,
+            tuple(self.stamps_ns),
+            tuple(self.lags_ns),
+            tuple(each for each in found if not isinstance(each, str)),
+            next((each for each in found if isinstance(each, str)), ""),
+        )
 
 
 async def listen(

@@ -68,7 +68,9 @@ def static(*links: tuple[str, str]) -> Transforms:
 def heard(message: codec.Message | None = None, *, late_ms: int = 20, first_ms: int = 0, count: int = 5) -> Heard:
     """Return messages at 10 Hz, the first stamp `first_ms` after NOW_NS."""
     stamps = tuple(NOW_NS + (first_ms + 100 * n) * MS for n in range(count))
-    return Heard(tuple(n / 10 for n in range(count)), 100, stamps, (late_ms * MS,) * count, message)
+    return Heard(
+        tuple(n / 10 for n in range(count)), 100, stamps, (late_ms * MS,) * count, (message,) if message else ()
+    )
 
 
 def publisher(type_name: str, said: Heard, **changes: Any) -> PublisherLook:

@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from gateway.doctor.asking import PoliteClient
-from gateway.ros1.errors import FaultError, UnreachableError
+from gateway.ros1.errors import StatusError, UnreachableError
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 from tests.gateway.ros1.fakes import FakeSlave
 from tests.integration.ros import free_port
@@ -19,12 +19,12 @@ async def test_answers_come_as_ever() -> None:
 
 async def test_who_said_no_is_asked_again() -> None:
     def answer(_method: str, _params: tuple[Any, ...]) -> Any:
-        raise ValueError
+        raise StatusError(0, "no")
 
     slave = FakeSlave(answer)
     async with XmlRpcServer(slave, host="127.0.0.1") as server, PoliteClient(timeout=5) as client:
         for _ in range(2):
-            with pytest.raises(FaultError):
+            with pytest.raises(StatusError):
                 await client.call(server.uri, "getPid", "/us")
     assert len(slave.calls) == 2
 

@@ -1,4 +1,4 @@
-from gateway.doctor.listening import MAX_MESSAGES, Ear
+from gateway.doctor.listening import KEPT, KEPT_BYTES, MAX_MESSAGES, Ear
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import PublisherAccepted
 from schemas.camera_info import CameraInfo
@@ -37,6 +37,22 @@ def test_what_is_kept_is_bounded() -> None:
         assert ear.full == (n >= MAX_MESSAGES)
         ear.hear(DATA, n / 10, STAMP_NS)
     assert len(ear.arrivals_s) == MAX_MESSAGES
+
+
+def test_the_first_few_messages_are_kept() -> None:
+    ear = Ear("http://robot:1/")
+    ear.accepted(ACCEPTED)
+    for n in range(KEPT + 1):
+        ear.hear(DATA, n / 10, STAMP_NS)
+    assert len(ear.heard(sensor_key("r1", "front/info"), 0).messages) == KEPT
+
+
+def test_of_large_messages_only_the_first_is_kept() -> None:
+    ear = Ear("http://robot:1/")
+    ear.accepted(ACCEPTED)
+    for n in range(2):
+        ear.hear(bytearray(KEPT_BYTES), n / 10, STAMP_NS)
+    assert len(ear.kept) == 1
 
 
 def test_a_message_too_short_for_its_stamp_is_heard_all_the_same() -> None:
