@@ -1,13 +1,19 @@
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 from gateway.doctor.cameras import check_cameras
+from gateway.doctor.edges import placement
 from gateway.doctor.evidence import Failure, MasterLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Severity, Stage
 from schemas.transforms import Transforms
+from services.simulator.world import Camera
+from tests.gateway.doctor import views
 from tests.gateway.doctor.seeing import (
     IMAGE,
+    MS,
+    NOW_NS,
     TF,
     color,
     color_info,
@@ -132,3 +138,45 @@ def test_without_a_master_nothing_is_said_of_cameras() -> None:
         evidence(color(), depth()), master=MasterLook("http://robot:11311", Trouble(Failure.DEAD, "robot", 11311))
     )
     assert not list(check_cameras(nothing))
+
+
+def pair(camera: Camera, apart_ms: int = 0) -> tuple[StreamLook, StreamLook]:
+    """Return a camera's two streams in the simulated warehouse, depth stamped so much later."""
+    place = next(n for n in range(views.PLACES) if placement(views.color(n), views.frame(views.depth(n), "16UC1")))
+    looks = []
+    for name, seen, late_ms in (
+        ("color", views.color(place), 0),
+        ("depth", views.frame(views.depth(place, camera), "16UC1"), apart_ms),
+    ):
+        stamped = msgspec.structs.replace(seen.header, stamp_ns=NOW_NS + late_ms * MS)
+        said_by = publisher(IMAGE, heard(msgspec.structs.replace(seen, header=stamped)))
+        looks.append(stream(f"front/{name}", f"/front/{name}", IMAGE, said_by))
+    return looks[0], looks[1]
+
+
+INFOS = (color_info(width=320, height=240), depth_info(width=320, height=240))
+WIDER = Camera(320, 240, 195, 195, 159.5, 119.5)
+
+
+def test_edges_tell_that_depth_is_aligned() -> None:
+    (finding,) = said(*pair(views.ALIGNED), *INFOS)
+    assert finding.severity is Severity.OK
+    assert finding.what.endswith("and its edges lie on colour's")
+    (finding,) = said(*pair(views.ALIGNED))
+    assert finding.what == "sizes and frames are those of colour, and so are its edges"
+
+
+def test_edges_tell_that_depth_is_not_aligned_though_camera_infos_say_so() -> None:
+    (finding,) = said(*pair(WIDER), *INFOS)
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what.startswith(
+        "not aligned with colour though their camera infos say so: the edges in both fit when depth is scaled by 1."
+    )
+    (finding,) = said(*pair(WIDER))
+    assert finding.what.startswith("not aligned with colour: the edges in both fit when depth is scaled by 1.")
+
+
+@pytest.mark.parametrize(("apart_ms", "severity"), [(20, Severity.PROBLEM), (21, Severity.OK)])
+def test_images_of_two_instants_are_not_compared(apart_ms: int, severity: Severity) -> None:
+    (finding,) = said(*pair(WIDER, apart_ms), *INFOS)
+    assert finding.severity is severity
