@@ -73,9 +73,9 @@ def _not_aligned(camera: str, how: str, *, known: bool) -> Finding:
 
 def _aligned(camera: str, *, known: bool, seen: bool) -> Finding:
     if known:
-        by = "by camera infos, sizes and frames"
         shown = ", and its edges lie on colour's" if seen else "; whether its edges lie on colour's is not clear here"
-        return fine(Stage.CAMERAS, f"{camera}/depth", f"registered to colour {by}{shown}")
+        what = f"registered to colour by camera infos, sizes and frames{shown}"
+        return fine(Stage.CAMERAS, f"{camera}/depth", what)
     return note(
         Stage.CAMERAS,
         f"{camera}/depth",

@@ -16,8 +16,11 @@ _DROPS: Final = {
 }
 _BY_WORD: Final = {
     "budget": "the uplink budget is used up: raise it, or ask less of this stream (rate, size, compression)",
-    "rate": "more comes than was asked for: nothing to do, unless the limit is too low",
+    "max_hz": "that is what max_hz is for: raise it if more is needed",
+    "before it was compressed": "this machine compresses slower than the camera sends: lower the rate or the size",
+    "scaled or compressed": "this stream's scaling or compression does not suit its images: change it",
 }
+"""By what a reason says, where it is a setting's."""
 _LINKS: Final = {
     LinkFailure.UNREACHABLE: "a publisher cannot be reached from the gateway: see the sensors above",
     LinkFailure.REFUSED: "a publisher refuses: restart it",

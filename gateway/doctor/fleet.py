@@ -2,13 +2,14 @@
 
 import asyncio
 import time
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager, suppress
 from dataclasses import replace
 from typing import Final
 
-from bus import QUEUE, Bus, BusSettings, open_bus
+from bus import QUEUE, Bus, BusError, BusSettings, open_bus
 from bus.clock import clock_id
-from gateway.doctor.evidence import Account, BusLook
+from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
 from gateway.doctor.reaching import look_at_router
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
@@ -19,15 +20,23 @@ MAX_ACCOUNTS: Final = 16
 MAX_ROBOTS: Final = 10_000
 
 
-async def look_at_bus(settings: GatewaySettings, *, seconds: float, patience_s: float) -> BusLook:
-    """Look at the bus for so many seconds."""
+Join = Callable[[BusSettings], AbstractAsyncContextManager[Bus]]
+
+
+async def look_at_bus(
+    settings: GatewaySettings, *, seconds: float, patience_s: float, join: Join = open_bus
+) -> BusLook:
+    """Look at the bus for so many seconds; joining it may take twice the patience."""
     joining = beside_the_gateway(settings)
     routers = tuple(await asyncio.gather(*(look_at_router(endpoint, patience_s) for endpoint in joining.connect)))
     if routers and all(router.trouble for router in routers) and not joining.scouting:
         return BusLook(routers)
-    async with open_bus(joining) as bus:
-        seen = await observe(bus, settings.robot, seconds)
-    return replace(seen, routers=routers)
+    try:
+        async with asyncio.timeout(seconds + 2 * patience_s), join(joining) as bus:
+            return replace(await observe(bus, settings.robot, seconds), routers=routers)
+    except (BusError, TimeoutError) as error:
+        trouble = Trouble(Failure.FOREIGN, "", 0, str(error) or "it takes too long")
+        return BusLook(tuple(Router(endpoint, trouble) for endpoint in joining.connect))
 
 
 async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:

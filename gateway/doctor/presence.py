@@ -83,6 +83,8 @@ def _router_trouble(trouble: Trouble) -> tuple[str, str]:
                 "no router listens there",
                 "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
             )
+        case Failure.FOREIGN:
+            return f"the bus cannot be joined: {trouble.reason}", "correct --mode, --connect or --listen"
         case _:
             return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"
 

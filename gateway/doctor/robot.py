@@ -87,9 +87,10 @@ class RobotVisit:
         found = await resolve(host, self._patience_s)
         if not found:
             return PublisherLook(node, Trouble(Failure.UNRESOLVED, host, port))
+        target = address if address in found else found[0]  # a name such as localhost has several
         ear = Ear(uri)
         await listen(
-            (found[0], port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
+            (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
         )
         if ear.publisher is None:
             return PublisherLook(node, Trouble(Failure.SILENT, host, port, "no connection header"))

@@ -20,6 +20,13 @@ def check_sensors(evidence: Evidence) -> Iterator[Finding]:
         return
     if evidence.master.sim_time:
         yield from check_sim_clock(evidence)
+    if not evidence.streams:
+        yield problem(
+            Stage.SENSORS,
+            evidence.robot,
+            "no topic becomes a stream",
+            "start the sensors' drivers, or name topics with --cameras and --topics",
+        )
     for stream in evidence.streams:
         yield from check_stream(stream, graph, evidence)
 
@@ -90,7 +97,7 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
         case Failure.DEAD:
             return (
                 f"{publisher.node} is registered but dead: nothing listens at {trouble.where} (it was killed)",
-                "start it again; `rosnode cleanup` makes the master forget it",
+                f"start it again; `rosnode cleanup` makes the master forget it{_elsewhere(trouble.host)}",
             )
         case Failure.UNKNOWN:
             return (f"{publisher.node} left the master just now", "start it again, or ask the doctor again")
@@ -104,6 +111,13 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
                 f"{publisher.node} does not answer at {trouble.where} ({trouble.reason or trouble.failure.value})",
                 "does it hang, or is a firewall between it and this machine? ROS nodes listen on any free port",
             )
+
+
+def _elsewhere(host: str) -> str:
+    """Return what else may be: every machine has a loopback of its own."""
+    if host != "localhost" and not host.startswith("127."):
+        return ""
+    return f". If it runs on another machine: it tells everybody {host}, so start it with ROS_IP set to its address"
 
 
 def _other_version(stream: StreamLook, found: TopicType) -> str:

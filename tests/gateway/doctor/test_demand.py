@@ -82,7 +82,9 @@ def test_wanted_and_silent() -> None:
         (MISMATCH, "ros/NAME"),
         (REPLACED_BEFORE_LINK, "the link is slower"),
         ("over the uplink budget", "raise it"),
-        ("above the rate limit", "nothing to do"),
+        ("thinned to max_hz", "raise it if more is needed"),
+        ("replaced by a newer frame before it was compressed", "slower than the camera sends"),
+        ("cannot be scaled or compressed as set", "change it"),
         ("something new", ""),
     ],
 )

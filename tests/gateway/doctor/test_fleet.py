@@ -1,12 +1,13 @@
 import asyncio
 from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 
 import pytest
 
-from bus import Bus, QoS
+from bus import Bus, BusError, BusSettings, QoS
 from bus.fake import FakeNetwork
-from gateway.doctor.evidence import BusLook
-from gateway.doctor.fleet import beside_the_gateway, look_at_bus, observe
+from gateway.doctor.evidence import BusLook, Failure, Router, Trouble
+from gateway.doctor.fleet import Join, beside_the_gateway, look_at_bus, observe
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
@@ -85,6 +86,32 @@ async def test_without_a_router_the_bus_is_not_opened() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     seen = await look_at_bus(settings(connect=[endpoint]), seconds=60, patience_s=5)
     assert [(router.endpoint, router.trouble is None) for router in seen.routers] == [(endpoint, False)]
+
+
+def refusing(_: BusSettings) -> AbstractAsyncContextManager[Bus]:
+    raise BusError("no such certificate")
+
+
+@asynccontextmanager
+async def hanging(_: BusSettings) -> AsyncIterator[Bus]:
+    async with FakeNetwork().open_bus() as bus:
+        await asyncio.Event().wait()
+        yield bus
+
+
+@pytest.mark.parametrize(("join", "reason"), [(refusing, "no such certificate"), (hanging, "it takes too long")])
+async def test_a_bus_that_cannot_be_joined(join: Join, reason: str) -> None:
+    endpoint = "udp/127.0.0.1:7447"
+    seen = await look_at_bus(settings(connect=[endpoint]), seconds=0.05, patience_s=0.05, join=join)
+    assert seen == BusLook((Router(endpoint, Trouble(Failure.FOREIGN, "", 0, reason)),))
+
+
+async def test_a_bus_that_is_joined() -> None:
+    network = FakeNetwork()
+    async with network.open_bus() as robots, robots.announce(keys.robot_alive("r1")):
+        endpoint = "udp/127.0.0.1:7447"
+        look = look_at_bus(settings(connect=[endpoint]), seconds=0.1, patience_s=5, join=lambda _: network.open_bus())
+        assert await look == BusLook((Router(endpoint),), frozenset({"r1"}))
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,7 @@ def test_a_gateway_that_is_there() -> None:
     [
         (Failure.UNRESOLVED, "host name does not resolve", "/etc/hosts"),
         (Failure.DEAD, "no router listens there", "fleetsight monitor"),
+        (Failure.FOREIGN, "the bus cannot be joined: ", "--connect"),
         (Failure.SILENT, "no answer", "firewall"),
         (Failure.OFF, "no answer", "firewall"),
     ],

@@ -132,6 +132,22 @@ async def test_a_first_message_that_cannot_be_read(client: PoliteClient, master:
     assert "not a std_msgs/String" in seen.heard.unreadable
 
 
+async def test_a_publisher_at_a_name_with_several_addresses(client: PoliteClient, master: RosMaster) -> None:
+    """Localhost is ::1 too, where it does not listen."""
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(chat(TEXT))
+        await reader.read()
+        writer.close()
+
+    async with await asyncio.start_server(serve, "127.0.0.1", 0) as listener:
+        slave = FakeSlave(lambda _method, _params: ["TCPROS", "localhost", listener.sockets[0].getsockname()[1]])
+        async with XmlRpcServer(slave, host="127.0.0.1") as server:
+            await register(client, master, server.uri)
+            (seen,) = await look(client, master)
+    assert isinstance(seen.heard.message, Text)
+
+
 @pytest.mark.parametrize(
     ("uri", "failure"),
     [

@@ -33,6 +33,11 @@ def test_without_a_master_nothing_is_said_of_topics() -> None:
     assert not list(check_sensors(nothing))
 
 
+def test_a_robot_without_any_stream() -> None:
+    (finding,) = check_sensors(evidence())
+    assert (finding.severity, finding.what) == (Severity.PROBLEM, "no topic becomes a stream")
+
+
 def test_a_missing_topic_is_told_with_the_nearest_that_the_stream_can_carry() -> None:
     missing = stream("front/color", "/frnt/color/image_raw", "")
     finding = found(missing, color(), sends("tf", "/frnt/color/image_raws", TF))
@@ -104,6 +109,12 @@ def test_a_publisher_that_cannot_be_heard(failure: Failure, what: str, advice: s
     assert alone.what.startswith("/arm ")
     assert what in alone.what
     assert advice in alone.advice
+
+
+@pytest.mark.parametrize(("host", "said"), [("localhost", True), ("127.0.1.1", True), ("robot", False)])
+def test_a_dead_publisher_at_the_loopback_may_be_on_another_machine(host: str, *, said: bool) -> None:
+    dead = PublisherLook("/arm", Trouble(Failure.DEAD, host, 40000))
+    assert ("ROS_IP" in found(stream("front/color", TOPIC, IMAGE, dead)).advice) is said
 
 
 def test_a_dead_publisher_beside_a_live_one_keeps_nothing_from_flowing() -> None:
