@@ -71,6 +71,13 @@ COMMANDS: Final = (
         arguments="gateway.arguments:options_of",
     ),
     Command(
+        "doctor",
+        "on a robot: say in plain words why nothing flows, and what to do about it",
+        "gateway.doctor.settings:DoctorSettings",
+        "gateway.doctor.process:run",
+        arguments="gateway.arguments:options_of",
+    ),
+    Command(
         "detector",
         "anywhere: run a YOLO model on the cameras whose results somebody wants",
         "services.detector.settings:DetectorSettings",

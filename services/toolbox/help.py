@@ -53,7 +53,7 @@ def _own_first(model: type[BaseModel]) -> list[str]:
 
 def _setting(name: str, model: type[BaseModel], width: int) -> list[str]:
     field = model.model_fields[name]
-    option = "--" + name.replace("_", "-")
+    option = "--" + (field.alias or name).replace("_", "-")
     if field.annotation is bool:
         option += f", --no-{option[2:]}"
     else:

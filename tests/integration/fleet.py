@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 class FleetRig:
-    """A router, and `fleetsight` processes that connect to it."""
+    """A router at `endpoint`, and `fleetsight` processes that connect to it."""
 
     def __init__(self, bus: Bus, endpoint: str, stack: AsyncExitStack) -> None:
         self.bus = bus

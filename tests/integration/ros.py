@@ -129,6 +129,11 @@ class RosEnvironment:
                 while not await _answers(api):  # noqa: ASYNC110 - another process
                     await asyncio.sleep(0.05)
 
+    @property
+    def master_pid(self) -> int:
+        assert self._master is not None
+        return self._master.pid
+
     async def end_master(self) -> None:
         """Kill the rosmaster; what it knew is lost."""
         assert self._master is not None

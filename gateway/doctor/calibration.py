@@ -1,0 +1,85 @@
+"""Camera infos: whether a pixel means something in space. Pure."""
+
+from collections.abc import Iterator
+
+from gateway.doctor.evidence import Evidence
+from gateway.doctor.finding import Finding, Stage, note, problem
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
+from schemas.keys import Stream
+
+
+def info_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
+    """Return the calibration that was heard on a camera's stream."""
+    look = evidence.of(camera, stream)
+    return look.heard.message if look and isinstance(look.heard.message, CameraInfo) else None
+
+
+def image_of(camera: str, stream: Stream, evidence: Evidence) -> ImageFrame | None:
+    """Return the first image that was heard on a camera's stream."""
+    look = evidence.of(camera, stream)
+    return look.heard.message if look and isinstance(look.heard.message, ImageFrame) else None
+
+
+def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidence) -> Iterator[Finding]:
+    """Say what the calibration on `stream` is good for, which is that of the images on `of`."""
+    info, image = info_of(camera, stream, evidence), image_of(camera, of, evidence)
+    if info is None:
+        yield _without_calibration(camera, stream, evidence)
+        return
+    subject = f"{camera}/{stream}"
+    if not (info.k[0] > 0 and info.k[4] > 0):
+        yield problem(
+            Stage.CAMERAS,
+            subject,
+            "the camera info has no focal length: the camera is not calibrated, so nothing can be measured with it",
+            "calibrate it (`rosrun camera_calibration cameracalibrator.py`) or have the driver load its calibration",
+        )
+    elif not evidence.is_mapped(camera, stream):
+        topic = getattr(evidence.of(camera, stream), "topic", "")
+        yield note(
+            Stage.CAMERAS,
+            subject,
+            f"{topic} has the calibration but is no stream, so distances cannot be measured off the robot",
+            f"add --topics {subject}={topic}",
+        )
+    if image is not None and sent_pixels(info) != pixels(image):
+        yield problem(
+            Stage.CAMERAS,
+            subject,
+            f"the camera info is for {by(sent_pixels(info))} pixels, {of} has {by(pixels(image))}",
+            "have the driver publish the calibration of the resolution it sends",
+        )
+
+
+def _without_calibration(camera: str, stream: Stream, evidence: Evidence) -> Finding:
+    subject, look = f"{camera}/{stream}", evidence.of(camera, stream)
+    if look is not None and look.publishers:
+        return problem(
+            Stage.CAMERAS,
+            subject,
+            f"no camera info came from {look.topic}",
+            "a driver sends one with every image: restart it if it does not, or correct what it sends",
+        )
+    return note(
+        Stage.CAMERAS,
+        subject,
+        "no camera info: what a pixel of depth means in space is unknown",
+        f"have the driver publish camera_info, and add --topics {subject}=TOPIC",
+    )
+
+
+def sent_pixels(info: CameraInfo) -> tuple[int, int]:
+    """Return width and height of the picture that the camera sends, after its region and its binning."""
+    width, height = (
+        (info.roi.width, info.roi.height) if info.roi.width and info.roi.height else (info.width, info.height)
+    )
+    return width // max(info.binning_x, 1), height // max(info.binning_y, 1)
+
+
+def pixels(image: ImageFrame) -> tuple[int, int]:
+    return image.width, image.height
+
+
+def by(size: tuple[int, int]) -> str:
+    return f"{size[0]}x{size[1]}"

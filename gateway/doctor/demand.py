@@ -1,0 +1,125 @@
+"""Who wants a stream, and whether the running gateway gets it through. Pure."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from gateway.doctor.evidence import Account, Evidence, StreamLook
+from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.ros1.subscriber import LinkFailure
+from gateway.stream import MALFORMED, MISMATCH, UNWANTED
+from schemas.status import (
+    OVER_BUDGET,
+    REPLACED_BEFORE_LINK,
+    REPLACED_BEFORE_SHAPING,
+    THINNED,
+    UNSHAPED,
+    StreamStatus,
+)
+
+_DROPS: Final = {
+    MALFORMED: "what its publishers send does not hold together: correct the driver; the gateway's log says what",
+    MISMATCH: "map the topic to a stream that carries its type, or to ros/NAME, which carries any",
+    REPLACED_BEFORE_LINK: "the link is slower than the camera: a lower rate or size at the camera, or a better link",
+    OVER_BUDGET: "the uplink budget is used up: raise it, or ask less of this stream (rate, size, compression)",
+    THINNED: "that is what max_hz is for: raise it if more is needed",
+    REPLACED_BEFORE_SHAPING: "this machine compresses slower than the camera sends: lower the rate or the size",
+    UNSHAPED: "this stream's scaling or compression does not suit its images: change it",
+    UNWANTED: "they came in the two seconds in which the topic stays subscribed; that is how it should be",
+}
+_LINKS: Final = {
+    LinkFailure.UNREACHABLE: "a publisher cannot be reached from the gateway: see the sensors above",
+    LinkFailure.REFUSED: "a publisher refuses: restart it",
+    LinkFailure.MISMATCH: "publishers of one topic have different types",
+    LinkFailure.PROTOCOL: "something answers that is no ROS node: restart the publisher",
+    LinkFailure.CLOSED: "a publisher ends its connections: it was restarted, or its network breaks",
+}
+
+
+def check_demand(evidence: Evidence) -> Iterator[Finding]:
+    """Say of every stream whether it is wanted, and what becomes of it then."""
+    account = max(evidence.bus.accounts, key=lambda each: each.count, default=None)
+    if account is None:
+        return
+    for stream in evidence.streams:
+        now = _status_of(account.last.streams, stream.name)
+        before = _status_of(account.first.streams, stream.name)
+        if now is None:
+            yield problem(
+                Stage.DEMAND,
+                stream.name,
+                "the running gateway does not offer this stream",
+                "it was started with other options: restart it with those given here, or give the doctor its options",
+            )
+        elif now.topic != stream.topic:
+            yield problem(
+                Stage.DEMAND,
+                stream.name,
+                f"the running gateway takes it from {now.topic}, not from {stream.topic}",
+                "it was started with other options: restart it with those given here, or give the doctor its options",
+            )
+        else:
+            yield from _check_stream(stream, account, before or now, now)
+
+
+def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:
+    return next(
+        (each for each in streams if name == (f"{each.camera}/{each.stream}" if each.camera else each.stream)), None
+    )
+
+
+def _check_stream(stream: StreamLook, account: Account, before: StreamStatus, now: StreamStatus) -> Iterator[Finding]:
+    came, went = now.received - before.received, now.forwarded - before.forwarded
+    if not now.wanted:
+        yield fine(Stage.DEMAND, stream.name, "nobody subscribes, so it is not forwarded; that is how it should be")
+    elif went > 0:
+        rate = f" at {went / account.seconds:.1f} messages/s" if account.seconds > 0 else ""
+        yield fine(Stage.DEMAND, stream.name, f"wanted, and flowing{rate}")
+    elif came > 0:
+        yield problem(
+            Stage.DEMAND,
+            stream.name,
+            f"wanted, but none of the {came} messages that came in {account.seconds:.1f} s got through",
+            "what was left out, and why, is listed next",
+        )
+    else:
+        yield _nothing_came(stream, now)
+    yield from _drops(stream, now)
+
+
+def _nothing_came(stream: StreamLook, now: StreamStatus) -> Finding:
+    if not now.publishers:
+        failures = ", ".join(f"{reason} {count} times" for reason, count in now.broken_links.items())
+        return problem(
+            Stage.DEMAND,
+            stream.name,
+            f"wanted, but the gateway has no connection to a publisher{f' ({failures})' if failures else ''}",
+            _link_advice(now),
+        )
+    if stream.heard.rate_hz is not None:
+        return problem(
+            Stage.DEMAND,
+            stream.name,
+            "wanted and published, but nothing arrives at the gateway",
+            "is the gateway at the same ROS master? Its log says what it connects to; restart it if it hangs",
+        )
+    if now.forwarded:
+        return fine(Stage.DEMAND, stream.name, f"wanted; {now.forwarded} messages so far, none just now")
+    return note(Stage.DEMAND, stream.name, "wanted, but its publisher has sent nothing yet", "see the sensors above")
+
+
+def _link_advice(now: StreamStatus) -> str:
+    for reason in LinkFailure:
+        if reason in now.broken_links:
+            return _LINKS[reason]
+    return "see the sensors above"
+
+
+def _drops(stream: StreamLook, now: StreamStatus) -> Iterator[Finding]:
+    for reason, count in now.dropped.items():
+        if count:
+            what = f"{count} of {now.received} messages since the gateway started: {reason}"
+            yield note(Stage.DEMAND, stream.name, what, _drop_advice(reason))
+
+
+def _drop_advice(reason: str) -> str:
+    return _DROPS.get(reason, "")

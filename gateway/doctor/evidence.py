@@ -1,0 +1,205 @@
+"""What was seen, as the checks are told it. Pure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from gateway.ros1.wire.tcpros import TopicType
+from schemas import codec
+from schemas.keys import SensorKey, Stream, StreamKey
+from schemas.status import GatewayStatus
+
+
+class Failure(Enum):
+    """Why a program could not be talked to."""
+
+    UNRESOLVED = "its host name does not resolve here"
+    DEAD = "nothing listens there"
+    SILENT = "no answer"
+    OFF = "it cannot be reached"
+    REFUSED = "it refuses"
+    FOREIGN = "it speaks another protocol"
+    UNKNOWN = "the master does not know it"
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """A failure where it happened; reason is the error in words."""
+
+    failure: Failure
+    host: str
+    port: int
+    reason: str = ""
+
+    @property
+    def where(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """What the master knows: node names by topic, and types by topic."""
+
+    publishers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    subscribers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    types: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def topics(self) -> frozenset[str]:
+        return frozenset({*self.publishers, *self.subscribers, *self.types})
+
+
+@dataclass(frozen=True, slots=True)
+class MasterLook:
+    """The ROS master. remote: it runs on another machine. graph: None unless it answered."""
+
+    uri: str
+    trouble: Trouble | None = None
+    graph: Graph | None = None
+    remote: bool = False
+    sim_time: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class HostLook:
+    """What other nodes are told to connect to. addresses: empty when it does not resolve. ours: can be listened at."""
+
+    host: str
+    addresses: tuple[str, ...] = ()
+    ours: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Messages of one publisher.
+
+    arrivals_s: on a steady clock. size: bytes of the largest. stamps_ns and lags_ns (system clock at arrival, less the
+    stamp) are empty for types without a header. messages: the first few as the gateway would send them; unreadable: why
+    it would not.
+    """
+
+    arrivals_s: tuple[float, ...] = ()
+    size: int = 0
+    stamps_ns: tuple[int, ...] = ()
+    lags_ns: tuple[int, ...] = ()
+    messages: tuple[codec.Message, ...] = ()
+    unreadable: str = ""
+
+    @property
+    def message(self) -> codec.Message | None:
+        return self.messages[0] if self.messages else None
+
+    @property
+    def rate_hz(self) -> float | None:
+        if len(self.arrivals_s) < 2 or self.arrivals_s[-1] <= self.arrivals_s[0]:
+            return None
+        return (len(self.arrivals_s) - 1) / (self.arrivals_s[-1] - self.arrivals_s[0])
+
+
+@dataclass(frozen=True, slots=True)
+class PublisherLook:
+    """One publisher of a topic. type: what it said, once connected."""
+
+    node: str
+    trouble: Trouble | None = None
+    type: TopicType | None = None
+    latching: bool = False
+    heard: Heard = Heard()
+
+
+@dataclass(frozen=True, slots=True)
+class StreamLook:
+    """One topic for one stream. type: what the master says, empty if nothing."""
+
+    key: SensorKey
+    topic: str
+    type: str = ""
+    publishers: tuple[PublisherLook, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The stream as the settings name it."""
+        return f"{self.key.camera.camera}/{self.key.stream}" if isinstance(self.key, StreamKey) else self.key.stream
+
+    @property
+    def subject(self) -> str:
+        return f"{self.name} ({self.topic})"
+
+    @property
+    def heard(self) -> Heard:
+        """What the first publisher sent that sent anything."""
+        return next((each.heard for each in self.publishers if each.heard.arrivals_s), Heard())
+
+
+@dataclass(frozen=True, slots=True)
+class Router:
+    """An endpoint of the bus, and why it cannot be connected to."""
+
+    endpoint: str
+    trouble: Trouble | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """What one gateway process said of itself: first and last while it was listened to, and how often.
+
+    skew_s: how far its clock is ahead of this machine's. since_s, until_s: when the two arrived, on a steady clock.
+    """
+
+    first: GatewayStatus
+    last: GatewayStatus
+    count: int
+    skew_s: float = 0.0
+    since_s: float = 0.0
+    until_s: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        return (self.last.sent_ns - self.first.sent_ns) / 1e9
+
+    def overlaps(self, other: "Account") -> bool:
+        """Return whether both spoke at the same time, rather than one after the other was restarted."""
+        return self.since_s < other.until_s and other.since_s < self.until_s
+
+
+@dataclass(frozen=True, slots=True)
+class BusLook:
+    """The bus. robots: those whose gateway is present. accounts: of the gateways of this robot's name."""
+
+    routers: tuple[Router, ...] = ()
+    robots: frozenset[str] = frozenset()
+    accounts: tuple[Account, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """All that was seen.
+
+    beside: topics that no stream is made of but that tell about the others. left_out: why, by topic, of those of a type
+    that sensors have.
+    """
+
+    robot: str
+    seconds: float
+    master: MasterLook
+    host: HostLook
+    bus: BusLook
+    streams: tuple[StreamLook, ...] = ()
+    beside: tuple[StreamLook, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, camera: str, stream: Stream) -> StreamLook | None:
+        """Return what was seen of a camera's stream; one that is mapped comes first."""
+        for each in (*self.streams, *self.beside):
+            if isinstance(each.key, StreamKey) and (each.key.camera.camera, each.key.stream) == (camera, stream):
+                return each
+        return None
+
+    def is_mapped(self, camera: str, stream: Stream) -> bool:
+        """Return whether a camera's stream is forwarded, rather than looked at for what it tells of others."""
+        found = self.of(camera, stream)
+        return found is not None and found in self.streams
+
+    def named(self, name: str) -> StreamLook | None:
+        """Return what was seen of a stream by its name; one that is mapped comes first."""
+        return next((each for each in (*self.streams, *self.beside) if each.name == name), None)

@@ -1,0 +1,90 @@
+"""Looks at the bus: routers, presence and what gateways say of themselves; no stream is subscribed to."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager, suppress
+from dataclasses import replace
+from typing import Final
+
+from bus import QUEUE, Bus, BusError, BusSettings, open_bus
+from bus.clock import clock_id
+from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
+from gateway.doctor.reaching import look_at_router
+from gateway.settings import GatewaySettings
+from schemas import codec, keys
+from schemas.errors import SchemaError
+from schemas.status import GatewayStatus
+
+MAX_ACCOUNTS: Final = 16
+MAX_ROBOTS: Final = 10_000
+
+
+Join = Callable[[BusSettings], AbstractAsyncContextManager[Bus]]
+
+
+async def look_at_bus(
+    settings: GatewaySettings, *, seconds: float, patience_s: float, join: Join = open_bus
+) -> BusLook:
+    """Look at the bus for so many seconds; joining it may take twice the patience."""
+    joining = beside_the_gateway(settings)
+    routers = tuple(await asyncio.gather(*(look_at_router(endpoint, patience_s) for endpoint in joining.connect)))
+    if routers and all(router.trouble for router in routers) and not joining.scouting:
+        return BusLook(routers)
+    try:
+        async with asyncio.timeout(seconds + 2 * patience_s), join(joining) as bus:
+            return replace(await observe(bus, settings.robot, seconds), routers=routers)
+    except (BusError, TimeoutError) as error:
+        trouble = Trouble(Failure.FOREIGN, "", 0, str(error) or "it takes too long")
+        return BusLook(tuple(Router(endpoint, trouble) for endpoint in joining.connect))
+
+
+async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
+    """Return who is present on the bus, and what the robot's gateways say of themselves meanwhile."""
+    robots: set[str] = set()
+    accounts: dict[str, Account] = {}
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            await asyncio.gather(_watch(bus, robots), _read(bus, robot, accounts))
+    return BusLook((), frozenset(robots), tuple(accounts.values()))
+
+
+def beside_the_gateway(settings: GatewaySettings) -> BusSettings:
+    """Return how to join the gateway's bus: where it listens is taken, but can be connected to."""
+    own = [endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]") for endpoint in settings.listen]  # noqa: S104
+    return BusSettings(
+        mode="peer" if settings.mode == "peer" else "client",
+        connect=[*settings.connect, *own],
+        scouting=settings.scouting,
+        shared_memory=False,
+        lease_s=settings.lease_s,
+    )
+
+
+async def _watch(bus: Bus, robots: set[str]) -> None:
+    async with bus.watch(keys.EVERY_ROBOT_ALIVE) as watch:
+        async for presence in watch:
+            with suppress(SchemaError):
+                robot = keys.parse_robot(presence.key)
+                if not presence.alive:
+                    robots.discard(robot)
+                elif len(robots) < MAX_ROBOTS:
+                    robots.add(robot)
+
+
+async def _read(bus: Bus, robot: str, accounts: dict[str, Account]) -> None:
+    same_clock = clock_id()
+    async with bus.subscribe(keys.gateway_status(robot), QUEUE(100)) as samples:
+        async for sample in samples:
+            with suppress(SchemaError):
+                status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
+                skew_s = 0.0 if status.clock_id == same_clock else (status.sent_ns - sample.received_ns) / 1e9
+                _note(accounts, status, skew_s, time.monotonic())
+
+
+def _note(accounts: dict[str, Account], status: GatewayStatus, skew_s: float, now_s: float) -> None:
+    known = accounts.get(status.boot_id)
+    if known is not None:
+        accounts[status.boot_id] = replace(known, last=status, count=known.count + 1, skew_s=skew_s, until_s=now_s)
+    elif len(accounts) < MAX_ACCOUNTS:
+        accounts[status.boot_id] = Account(status, status, 1, skew_s, since_s=now_s, until_s=now_s)

@@ -1,0 +1,104 @@
+"""Listens to one publisher of one topic as a subscriber would, for a bounded time; the master is told nothing of it."""
+
+import asyncio
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from gateway.doctor.evidence import Heard
+from gateway.doctor.reading import stamp_at, stamp_offset, translated
+from gateway.ros1.link import run_link
+from gateway.ros1.subscriber import Message
+from gateway.ros1.wire.tcpros import (
+    ANY,
+    MessageReceived,
+    PublisherAccepted,
+    SubscriberConnection,
+    SubscriberEvent,
+    TopicType,
+)
+from schemas.keys import SensorKey
+
+MAX_MESSAGES: Final = 200
+"""How many messages of one publisher are enough."""
+KEPT: Final = 4
+KEPT_BYTES: Final = 32 << 20
+"""How many of the first messages are kept, so that those of two cameras can be matched; the very first always is."""
+
+
+@dataclass(slots=True)
+class Ear:
+    """Takes in what one connection brings; only the first few messages are kept."""
+
+    uri: str
+    publisher: PublisherAccepted | None = None
+    kept: list[Message] = field(default_factory=list)
+    arrivals_s: list[float] = field(default_factory=list)
+    stamps_ns: list[int] = field(default_factory=list)
+    lags_ns: list[int] = field(default_factory=list)
+    size: int = 0
+    _offset: int | None = None
+
+    @property
+    def full(self) -> bool:
+        return len(self.arrivals_s) >= MAX_MESSAGES
+
+    @property
+    def _kept_bytes(self) -> int:
+        return sum(len(message.data) for message in self.kept)
+
+    def accepted(self, publisher: PublisherAccepted) -> None:
+        self.publisher = publisher
+        self._offset = stamp_offset(publisher.definition)
+
+    def hear(self, data: bytearray, now_s: float, now_ns: int) -> None:
+        """Note a message's arrival, on a steady clock and on the system's."""
+        if self.publisher is None or self.full:
+            return
+        if not self.kept or (len(self.kept) < KEPT and self._kept_bytes + len(data) <= KEPT_BYTES):
+            self.kept.append(Message(data, self.uri, self.publisher))
+        self.arrivals_s.append(now_s)
+        self.size = max(self.size, len(data))
+        stamp_ns = None if self._offset is None else stamp_at(data, self._offset)
+        if stamp_ns is not None:
+            self.stamps_ns.append(stamp_ns)
+            self.lags_ns.append(now_ns - stamp_ns)
+
+    def heard(self, key: SensorKey, now_ns: int) -> Heard:
+        """Return all of it, what was kept as the stream would carry it."""
+        found = [translated(key, message, now_ns) for message in self.kept]
+        return Heard(
+            tuple(self.arrivals_s),
+            self.size,
+            tuple(self.stamps_ns),
+            tuple(self.lags_ns),
+            tuple(each for each in found if not isinstance(each, str)),
+            next((each for each in found if isinstance(each, str)), ""),
+        )
+
+
+async def listen(
+    address: tuple[str, int], topic: str, ear: Ear, *, callerid: str, seconds: float, patience_s: float
+) -> None:
+    """Listen for so many seconds after the publisher has accepted us, or until it ends the connection.
+
+    Raises:
+        Ros1Error: there is no such connection, or the publisher does not speak TCPROS.
+    """
+    loop = asyncio.get_running_loop()
+    connection = SubscriberConnection(callerid=callerid, topic=topic, expected=TopicType(ANY, ANY))
+    with suppress(TimeoutError):
+        async with asyncio.timeout(2 * patience_s) as deadline:
+
+            def take(event: SubscriberEvent) -> None:
+                match event:
+                    case PublisherAccepted():
+                        ear.accepted(event)
+                        deadline.reschedule(loop.time() + seconds)
+                    case MessageReceived(data):
+                        ear.hear(data, loop.time(), time.time_ns())
+                        if ear.full:
+                            deadline.reschedule(loop.time())
+
+            await run_link(address, connection, take, handshake_timeout=patience_s)

@@ -1,0 +1,108 @@
+"""The bus: routers, the robot's gateway, and what it says of itself. Pure."""
+
+import difflib
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Final
+
+from gateway.doctor.evidence import Account, BusLook, Evidence, Failure, Trouble
+from gateway.doctor.finding import Finding, Stage, fine, note, problem
+
+SKEW_S: Final = 1.0
+
+
+def check_presence(evidence: Evidence) -> Iterator[Finding]:
+    """Say whether the robot's gateway is on the bus, and alone under its name."""
+    bus, robot = evidence.bus, evidence.robot
+    yield from _check_routers(bus)
+    if _cut_off(bus):
+        return
+    if robot not in bus.robots and not bus.accounts:
+        yield _absent(robot, bus.robots)
+        return
+    if any(one.overlaps(other) for one, other in combinations(bus.accounts, 2)):
+        yield problem(
+            Stage.GATEWAY,
+            robot,
+            "more than one gateway runs under this name: their frames get mixed up",
+            "give each robot's gateway its own --robot, or end the one that is too many",
+        )
+    if not bus.accounts:
+        yield problem(
+            Stage.GATEWAY,
+            robot,
+            f"its gateway is present but said nothing of itself in {evidence.seconds:g} s",
+            "restart the gateway; if the network has access rules, they must let fleet/*/status through",
+        )
+    for account in bus.accounts:
+        yield from _check_account(robot, account)
+
+
+def _check_account(robot: str, account: Account) -> Iterator[Finding]:
+    if account.last.waiting_for:
+        yield problem(
+            Stage.GATEWAY,
+            robot,
+            f"the running gateway waits for {account.last.waiting_for}",
+            "start what it waits for, or restart the gateway with the right --ros-master",
+        )
+    else:
+        yield fine(Stage.GATEWAY, robot, "its gateway is on the bus and waits for nothing")
+    if abs(account.skew_s) > SKEW_S:
+        way = "ahead of" if account.skew_s > 0 else "behind"
+        yield note(
+            Stage.GATEWAY,
+            robot,
+            f"the robot's clock is {abs(account.skew_s):.1f} s {way} this machine's",
+            "synchronise the clocks (chrony)",
+        )
+
+
+def _check_routers(bus: BusLook) -> Iterator[Finding]:
+    say = problem if _cut_off(bus) else note
+    for router in bus.routers:
+        if router.trouble is not None:
+            what, advice = _router_trouble(router.trouble)
+            yield say(Stage.GATEWAY, router.endpoint, what, advice)
+
+
+def _cut_off(bus: BusLook) -> bool:
+    """Return whether no endpoint answers and nobody was found without one."""
+    return bool(bus.routers) and all(router.trouble for router in bus.routers) and not (bus.robots or bus.accounts)
+
+
+def _router_trouble(trouble: Trouble) -> tuple[str, str]:
+    match trouble.failure:
+        case Failure.UNRESOLVED:
+            return (
+                "the router's host name does not resolve on this machine",
+                "add it to /etc/hosts here, or give its IP address with --connect",
+            )
+        case Failure.DEAD:
+            return (
+                "no router listens there",
+                "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
+            )
+        case Failure.FOREIGN:
+            return f"the bus cannot be joined: {trouble.reason}", "correct --mode, --connect or --listen"
+        case _:
+            return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"
+
+
+def _absent(robot: str, robots: frozenset[str]) -> Finding:
+    if not robots:
+        return problem(
+            Stage.GATEWAY,
+            robot,
+            "something answers there, but no gateway of any robot is on this bus",
+            f"start `fleetsight gateway --robot {robot}`; if it runs, do its --connect and the doctor's name the same "
+            "router, and is that a Zenoh router?",
+        )
+    close = difflib.get_close_matches(robot, sorted(robots), n=1, cutoff=0.5)
+    others = ", ".join(sorted(robots)[:10])
+    return problem(
+        Stage.GATEWAY,
+        robot,
+        f"no gateway of this name is on the bus; there are those of {others}",
+        f"did you mean --robot {close[0]}?" if close else f"start `fleetsight gateway --robot {robot}`",
+    )

@@ -1,0 +1,79 @@
+"""The doctor's process: look, judge, tell."""
+
+import asyncio
+import logging
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Final
+
+from gateway.doctor.asking import PoliteClient
+from gateway.doctor.diagnosis import diagnose, healthy
+from gateway.doctor.evidence import BusLook, Evidence, HostLook, StreamLook
+from gateway.doctor.fleet import look_at_bus
+from gateway.doctor.reaching import look_at_host
+from gateway.doctor.report import as_json, as_text
+from gateway.doctor.robot import RobotVisit
+from gateway.doctor.settings import DoctorSettings
+from gateway.doctor.topics import beside, left_out, planned
+
+MAX_WIDTH: Final = 120
+UNWELL: Final = 1
+
+
+async def run(settings: DoctorSettings) -> int:
+    """Print what is wrong.
+
+    Returns:
+        The exit code: 0 when all is well.
+    """
+    with _quiet("bus", "gateway.ros1"):  # what they would say is in the report
+        findings = diagnose(await examine(settings))
+    width = min(shutil.get_terminal_size().columns, MAX_WIDTH)
+    sys.stdout.write((as_json(findings) if settings.as_json else as_text(findings, width)) + "\n")
+    return 0 if healthy(findings) else UNWELL
+
+
+@contextmanager
+def _quiet(*packages: str) -> Iterator[None]:
+    loggers = [logging.getLogger(package) for package in packages]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+async def examine(settings: DoctorSettings) -> Evidence:
+    """Look at everything at the same time, for as long as the settings say."""
+    async with asyncio.TaskGroup() as group:
+        host = group.create_task(look_at_host(settings.ros_host, settings.patience_s))
+        bus = group.create_task(look_at_bus(settings, seconds=settings.seconds, patience_s=settings.patience_s))
+        robot = group.create_task(_visit(settings))
+    return replace(robot.result(), host=host.result(), bus=bus.result())
+
+
+async def _visit(settings: DoctorSettings) -> Evidence:
+    """Look at the master, then at the topics of the streams and at those that tell about them."""
+    async with PoliteClient(timeout=settings.patience_s) as client:
+        visit = RobotVisit(client, seconds=settings.seconds, patience_s=settings.patience_s)
+        master = await visit.look_at_master(settings.ros_master)
+        evidence = Evidence(settings.robot, settings.seconds, master, HostLook(settings.ros_host), BusLook())
+        if master.graph is None:
+            named = tuple(StreamLook(key, topic) for key, topic in settings.streams().items())
+            return replace(evidence, streams=named)
+        found = planned(settings, master.graph)
+        streams = {key: source.topic for key, source in found.streams.items()}
+        further = beside(streams, master.graph, sim_time=master.sim_time)
+        looks = await visit.look_at_streams({**streams, **further}, master.graph)
+        return replace(
+            evidence,
+            streams=looks[: len(streams)],
+            beside=looks[len(streams) :],
+            left_out=left_out(found, master.graph),
+        )

@@ -1,0 +1,62 @@
+"""The findings, for a person and for a program. Pure."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
+from itertools import groupby
+from typing import Final
+
+import msgspec
+
+from gateway.doctor.diagnosis import healthy
+from gateway.doctor.finding import Finding, Severity
+
+_INDENT: Final = 11
+_ADVICE: Final = "-> "
+
+
+def as_json(findings: Sequence[Finding]) -> str:
+    """Return one JSON object: whether all is well, and the findings."""
+    report = {"ok": healthy(findings), "findings": [asdict(finding) for finding in findings]}
+    return msgspec.json.format(msgspec.json.encode(report)).decode()
+
+
+def as_text(findings: Sequence[Finding], width: int) -> str:
+    """Return lines of at most `width` characters where words allow it; problems are in capitals."""
+    return "\n".join(_lines(findings, max(width, 40)))
+
+
+def _lines(findings: Sequence[Finding], width: int) -> Iterator[str]:
+    for stage, group in groupby(findings, key=lambda finding: finding.stage):
+        yield str(stage)
+        for alike, several in groupby(group, key=lambda finding: replace(finding, subject="")):
+            subjects = ", ".join(finding.subject for finding in several)
+            yield from _finding(replace(alike, subject=subjects), width)
+        yield ""
+    yield _summary(findings)
+
+
+def _finding(finding: Finding, width: int) -> Iterator[str]:
+    severity = finding.severity.upper() if finding.severity is Severity.PROBLEM else str(finding.severity)
+    yield from _wrapped(f"{finding.subject}: {finding.what}", f"  {severity}", width)
+    if finding.advice:
+        yield from _wrapped(_ADVICE + finding.advice, "", width, hanging=len(_ADVICE))
+
+
+def _wrapped(text: str, head: str, width: int, hanging: int = 0) -> list[str]:
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent=head.ljust(_INDENT),
+        subsequent_indent=" " * (_INDENT + hanging),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _summary(findings: Sequence[Finding]) -> str:
+    problems = [finding for finding in findings if finding.severity is Severity.PROBLEM]
+    if not problems:
+        return "All is well: what somebody wants can flow."
+    number = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+    return f"{number}; the first to solve: {problems[0].subject}: {problems[0].what}"

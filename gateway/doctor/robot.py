@@ -1,0 +1,143 @@
+"""Looks at the robot's ROS graph: the master, and every publisher of the topics that matter, side by side."""
+
+import asyncio
+import time
+import uuid
+from collections.abc import Mapping
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from gateway.doctor.asking import PoliteClient
+from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
+from gateway.doctor.listening import Ear, listen
+from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
+from gateway.ros1.errors import CallError, LinkRefusedError, Ros1Error, StatusError, UnreachableError, XmlRpcError
+from gateway.ros1.master import MasterClient
+from schemas.keys import SensorKey
+
+MAX_PUBLISHERS: Final = 16
+"""How many publishers of one topic are looked at."""
+MAX_AT_ONCE: Final = 64
+
+
+class RobotVisit:
+    """One look at a robot's ROS graph, under a name of its own that is never registered.
+
+    seconds: how long each publisher is listened to. patience_s: how long each step may take.
+    """
+
+    def __init__(self, client: PoliteClient, *, seconds: float, patience_s: float) -> None:
+        self._client = client
+        self._seconds = seconds
+        self._patience_s = patience_s
+        self._name = f"/fleetsight_doctor_{uuid.uuid4().hex[:8]}"
+        self._room = asyncio.Semaphore(MAX_AT_ONCE)
+        self._master: MasterClient | None = None
+        self._reaching: dict[tuple[str, int], asyncio.Future[str | Trouble]] = {}
+
+    async def look_at_master(self, uri: str) -> MasterLook:
+        """Look at the master."""
+        host, port = _host_and_port(uri)
+        address = await reach(host, port, self._patience_s)
+        if isinstance(address, Trouble):
+            return MasterLook(uri, address)
+        remote = not is_ours(address)
+        master = MasterClient(self._client, uri=uri_of(address, port), caller_id=self._name)
+        try:
+            state = await master.get_system_state()
+            graph = Graph(state.publishers, state.subscribers, _types(await master.call("getTopicTypes")))
+            sim_time = await _sim_time(master)
+        except Ros1Error as error:
+            return MasterLook(uri, _trouble(error, host, port), remote=remote)
+        self._master = master
+        return MasterLook(uri, None, graph, remote, sim_time)
+
+    async def look_at_streams(self, streams: Mapping[SensorKey, str], graph: Graph) -> tuple[StreamLook, ...]:
+        """Look at all publishers of all these topics."""
+        looks = (self._look_at_stream(key, topic, graph) for key, topic in streams.items())
+        return tuple(await asyncio.gather(*looks))
+
+    async def _look_at_stream(self, key: SensorKey, topic: str, graph: Graph) -> StreamLook:
+        nodes = graph.publishers.get(topic, ())[:MAX_PUBLISHERS]
+        publishers = await asyncio.gather(*(self._look_at_publisher(key, topic, node) for node in nodes))
+        return StreamLook(key, topic, graph.types.get(topic, ""), tuple(publishers))
+
+    async def _look_at_publisher(self, key: SensorKey, topic: str, node: str) -> PublisherLook:
+        try:
+            host, port = _host_and_port(await self._registered(node))
+        except (Ros1Error, ValueError) as error:
+            return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error)))
+        async with self._room:
+            try:
+                return await self._listen(key, topic, node, (host, port))
+            except Ros1Error as error:
+                return PublisherLook(node, _trouble(error, host, port))
+
+    async def _registered(self, node: str) -> str:
+        if self._master is None:
+            raise RuntimeError("the master is looked at first")
+        return await self._master.lookup_node(node)
+
+    async def _listen(self, key: SensorKey, topic: str, node: str, slave: tuple[str, int]) -> PublisherLook:
+        address = await self._reached(*slave)
+        if isinstance(address, Trouble):
+            return PublisherLook(node, address)
+        uri = uri_of(address, slave[1])
+        host, port = _offered(await self._client.call(uri, "requestTopic", self._name, topic, [["TCPROS"]]))
+        found = await resolve(host, self._patience_s)
+        if not found:
+            return PublisherLook(node, Trouble(Failure.UNRESOLVED, host, port))
+        target = address if address in found else found[0]  # a name such as localhost has several
+        ear = Ear(uri)
+        await listen(
+            (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
+        )
+        if ear.publisher is None:
+            return PublisherLook(node, Trouble(Failure.SILENT, host, port, "no connection header"))
+        heard = ear.heard(key, time.time_ns())
+        return PublisherLook(node, None, ear.publisher.type, ear.publisher.latching, heard)
+
+    async def _reached(self, host: str, port: int) -> str | Trouble:
+        """Return where a node answers; it is tried once, however many topics it publishes."""
+        if (host, port) not in self._reaching:
+            self._reaching[host, port] = asyncio.ensure_future(reach(host, port, self._patience_s))
+        return await self._reaching[host, port]
+
+
+async def _sim_time(master: MasterClient) -> bool:
+    try:
+        return bool(await master.call("getParam", "/use_sim_time"))
+    except StatusError:
+        return False
+
+
+def _host_and_port(uri: str) -> tuple[str, int]:
+    """Raise ValueError unless the URI has both."""
+    parts = urlsplit(uri)
+    if parts.scheme != "http" or not parts.hostname or not parts.port:
+        raise ValueError(f"registered under {uri[:80]!r}, which is no address")
+    return parts.hostname, parts.port
+
+
+def _types(value: Any) -> dict[str, str]:
+    match value:
+        case [*pairs] if all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
+            return {str(topic): str(name) for topic, name in pairs}
+    raise XmlRpcError(f"topic types expected, not {str(value)[:80]!r}")
+
+
+def _offered(answer: Any) -> tuple[str, int]:
+    match answer:
+        case ["TCPROS", str(host), int(port)] if host and 0 < port < 65536:
+            return host, port
+    raise LinkRefusedError(f"it offers {str(answer)[:80]!r} instead of TCPROS")
+
+
+def _trouble(error: Ros1Error, host: str, port: int) -> Trouble:
+    match error.__cause__ if isinstance(error, UnreachableError) else None:
+        case TimeoutError():
+            return Trouble(Failure.SILENT, host, port, "it accepts connections but does not answer")
+        case ConnectionRefusedError():
+            return Trouble(Failure.DEAD, host, port, "connection refused")
+    refused = isinstance(error, LinkRefusedError | CallError) and not isinstance(error, UnreachableError)
+    return Trouble(Failure.REFUSED if refused else Failure.FOREIGN, host, port, str(error))

@@ -1,0 +1,173 @@
+"""Topics and their publishers, each seen as a subscriber would see it. Pure."""
+
+import difflib
+from collections.abc import Iterator
+
+from gateway.doctor.evidence import Evidence, Failure, Graph, PublisherLook, StreamLook, Trouble
+from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.doctor.stamps import check_sim_clock, check_stamps
+from gateway.ros1.errors import UnknownTypeError
+from gateway.ros1.messages import message_type
+from gateway.ros1.wire.tcpros import ANY, TopicType
+from gateway.translators import kind_of
+from schemas.keys import StreamKey
+
+
+def check_sensors(evidence: Evidence) -> Iterator[Finding]:
+    """Say of every stream whether its topic could be forwarded."""
+    graph = evidence.master.graph
+    if graph is None:
+        return
+    if evidence.master.sim_time:
+        yield from check_sim_clock(evidence)
+    if not evidence.streams:
+        yield problem(
+            Stage.SENSORS,
+            evidence.robot,
+            "no topic becomes a stream",
+            "start the sensors' drivers, or name topics with --cameras and --topics",
+        )
+    for stream in evidence.streams:
+        yield from check_stream(stream, graph, evidence)
+    for topic, why in sorted(evidence.left_out.items()):
+        yield note(Stage.SENSORS, topic, f"not taken: {why}")
+
+
+def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterator[Finding]:
+    """Say whether a stream's topic could be forwarded."""
+    if not stream.publishers:
+        yield _unpublished(stream, graph)
+    elif not _carries(stream, stream.type):
+        yield _wrong_type(stream, stream.type)
+    else:
+        for publisher in stream.publishers:
+            yield from _check_publisher(stream, publisher, evidence)
+
+
+def _unpublished(stream: StreamLook, graph: Graph) -> Finding:
+    """A topic is known to the master as soon as somebody, such as the gateway, subscribes to it."""
+    what = "nobody publishes it" if stream.topic in graph.topics else "no such topic exists"
+    fitting = [topic for topic in graph.publishers if _carries(stream, graph.types.get(topic, ANY))]
+    close = difflib.get_close_matches(stream.topic, fitting, n=3, cutoff=0.5)
+    named = f"did you mean {' or '.join(close)}? " if close else ""
+    advice = f"{named}Start the sensor's driver, or name another topic: `rostopic list` shows all there are"
+    return problem(Stage.SENSORS, stream.subject, what, advice)
+
+
+def _carries(stream: StreamLook, type_name: str) -> bool:
+    translators = kind_of(stream.key).translators
+    return type_name in {"", ANY} or ANY in translators or type_name in translators
+
+
+def _wrong_type(stream: StreamLook, type_name: str) -> Finding:
+    carried = " or ".join(kind_of(stream.key).translators)
+    return problem(
+        Stage.SENSORS,
+        stream.subject,
+        f"is a {type_name}, which the stream cannot carry: it carries {carried}",
+        f"name a topic of such a type, or forward this one untranslated as ros{stream.topic}={stream.topic}",
+    )
+
+
+def _check_publisher(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Iterator[Finding]:
+    if publisher.trouble is not None:
+        what, advice = _publisher_trouble(publisher, publisher.trouble)
+        say = note if stream.heard.arrivals_s else problem  # another publisher is enough
+        yield say(Stage.SENSORS, stream.subject, what, advice)
+    elif publisher.type is not None and not _carries(stream, publisher.type.name):
+        yield _wrong_type(stream, publisher.type.name)
+    elif publisher.type is not None and (ours := _other_version(stream, publisher.type)):
+        yield problem(
+            Stage.SENSORS,
+            stream.subject,
+            f"{publisher.node} has another version of {publisher.type.name}: md5sum {publisher.type.md5sum}, "
+            f"ours is {ours}",
+            "build its package against the standard message, or forward it untranslated as "
+            f"ros{stream.topic}={stream.topic}",
+        )
+    else:
+        yield from _check_heard(stream, publisher, evidence)
+
+
+def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str, str]:
+    match trouble.failure:
+        case Failure.UNRESOLVED:
+            return (
+                f"{publisher.node} is to be reached at {trouble.host}, a name that does not resolve on this machine",
+                f"add {trouble.host} to /etc/hosts here, or start that node with ROS_IP set to its machine's address",
+            )
+        case Failure.DEAD:
+            return (
+                f"{publisher.node} is registered but dead: nothing listens at {trouble.where} (it was killed)",
+                f"start it again; `rosnode cleanup` makes the master forget it{_elsewhere(trouble.host)}",
+            )
+        case Failure.UNKNOWN:
+            return (f"{publisher.node} left the master just now", "start it again, or ask the doctor again")
+        case Failure.REFUSED | Failure.FOREIGN:
+            return (
+                f"{publisher.node} refuses its subscribers: {trouble.reason}",
+                "restart that node; another program may have taken its port",
+            )
+        case _:
+            return (
+                f"{publisher.node} does not answer at {trouble.where} ({trouble.reason or trouble.failure.value})",
+                "does it hang, or is a firewall between it and this machine? ROS nodes listen on any free port",
+            )
+
+
+def _elsewhere(host: str) -> str:
+    """Return what else may be: every machine has a loopback of its own."""
+    if host != "localhost" and not host.startswith("127."):
+        return ""
+    return f". If it runs on another machine: it tells everybody {host}, so start it with ROS_IP set to its address"
+
+
+def _other_version(stream: StreamLook, found: TopicType) -> str:
+    """Return our md5sum of the type where it is not the publisher's and the stream's translator needs it."""
+    if ANY in kind_of(stream.key).translators:
+        return ""
+    try:
+        ours = message_type(found.name)
+    except UnknownTypeError:
+        return ""
+    return "" if ours.md5sum == found.md5sum else ours.md5sum
+
+
+def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Iterator[Finding]:
+    heard, subject = publisher.heard, stream.subject
+    if not heard.arrivals_s:
+        yield _nothing_heard(stream, publisher, evidence)
+    elif heard.unreadable:
+        yield problem(
+            Stage.SENSORS,
+            subject,
+            f"{publisher.node} sends what cannot be forwarded: {heard.unreadable}",
+            f"correct the driver's settings, or forward it untranslated as ros{stream.topic}={stream.topic}",
+        )
+    else:
+        yield fine(Stage.SENSORS, subject, f"{publisher.node} sends {_pace(publisher)}, {_size(heard.size)} each")
+        if not publisher.latching:
+            yield from check_stamps(subject, heard, evidence)
+
+
+def _nothing_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Finding:
+    what = f"{publisher.node} accepts subscribers but sent nothing in {evidence.seconds:g} s"
+    if publisher.latching or not isinstance(stream.key, StreamKey):
+        return note(Stage.SENSORS, stream.subject, what, "fine if it only speaks when there is something to say")
+    return problem(
+        Stage.SENSORS,
+        stream.subject,
+        what,
+        "is the sensor plugged in and the driver not paused or waiting? Its output (rosout, `rosnode info`) says more",
+    )
+
+
+def _pace(publisher: PublisherLook) -> str:
+    if publisher.latching and len(publisher.heard.arrivals_s) == 1:
+        return "one latched message"
+    rate = publisher.heard.rate_hz
+    return "one message" if rate is None else f"{rate:.1f} messages/s"
+
+
+def _size(size: int) -> str:
+    return f"{size} bytes" if size < 10_000 else f"{size / 1e6:.2f} MB"

@@ -1,0 +1,22 @@
+"""Settings of the doctor: the gateway's own, and how long it looks."""
+
+from typing import Annotated
+
+from pydantic import ConfigDict, Field
+
+from gateway.settings import GatewaySettings
+
+
+class DoctorSettings(GatewaySettings):
+    """Say in plain words why nothing flows, and what to do about it. Run it on the robot, with the gateway's options.
+
+    It looks for some seconds, next to the running gateway or without one, and ends with exit code 0 when all is well, 1
+    when something keeps data from flowing or makes it wrong. It changes nothing and wants nothing: the robot's topics
+    are listened to on ROS for these seconds, and no stream is subscribed to on Zenoh.
+    """
+
+    model_config = ConfigDict(validate_by_name=True, validate_by_alias=True)
+
+    seconds: Annotated[float, Field(ge=0.5, le=60, description="how long to listen to topics and to the gateway")] = 3.0
+    patience_s: Annotated[float, Field(ge=0.1, le=10, description="how long anything may take to answer")] = 1.5
+    as_json: Annotated[bool, Field(alias="json", description="print one JSON object instead of text")] = False

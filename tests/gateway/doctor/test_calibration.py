@@ -1,0 +1,78 @@
+import pytest
+
+from gateway.doctor.cameras import check_cameras
+from gateway.doctor.evidence import Heard, StreamLook
+from gateway.doctor.finding import Finding, Severity
+from schemas.camera_info import Region
+from tests.gateway.doctor.seeing import (
+    INFO,
+    color,
+    color_info,
+    depth,
+    depth_info,
+    evidence,
+    publisher,
+    stream,
+)
+
+
+def said(subject: str, *streams: StreamLook, beside: tuple[StreamLook, ...] = ()) -> list[Finding]:
+    return [each for each in check_cameras(evidence(*streams, beside=beside)) if each.subject == subject]
+
+
+def test_a_calibrated_camera_needs_no_word() -> None:
+    assert said("front/info", color(), color_info()) == []
+
+
+def test_colour_alone_needs_no_calibration() -> None:
+    assert said("front/info", color()) == []
+
+
+def test_depth_without_any_camera_info() -> None:
+    (finding,) = said("front/info", color(), depth())
+    assert finding.severity is Severity.NOTE
+    assert finding.what.startswith("no camera info: ")
+
+
+def test_a_camera_info_that_does_not_come() -> None:
+    mute = stream("front/info", "/front/color/camera_info", INFO, publisher(INFO, Heard()))
+    (finding,) = said("front/info", color(), mute)
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what == "no camera info came from /front/color/camera_info"
+
+
+@pytest.mark.parametrize("f", [0.0, -1.0, float("nan")])
+def test_a_camera_without_focal_length(f: float) -> None:
+    (finding,) = said("front/info", color(), color_info(f=f))
+    assert finding.severity is Severity.PROBLEM
+    assert "no focal length" in finding.what
+
+
+def test_a_depth_camera_without_focal_length() -> None:
+    (finding,) = said("front/depth_info", color(), depth(), depth_info(f=0.0))
+    assert "no focal length" in finding.what
+
+
+def test_a_calibration_that_is_there_but_no_stream() -> None:
+    (finding,) = said("front/info", color(), depth(), beside=(color_info(),))
+    assert finding.severity is Severity.NOTE
+    assert finding.advice == "add --topics front/info=/front/color/camera_info"
+
+
+def test_a_calibration_of_another_resolution() -> None:
+    (finding,) = said("front/info", color(), color_info(width=16, height=8))
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what == "the camera info is for 16x8 pixels, color has 8x4"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"width": 16, "height": 8, "binning_x": 2, "binning_y": 2},
+        {"width": 16, "height": 8, "roi": Region(x_offset=1, y_offset=1, width=8, height=4)},
+        {"width": 32, "height": 16, "binning_x": 2, "binning_y": 2, "roi": Region(width=16, height=8)},
+        {"width": 8, "height": 4, "binning_x": 1, "roi": Region(x_offset=3)},
+    ],
+)
+def test_binning_and_region_make_the_size(changes: dict[str, object]) -> None:
+    assert said("front/info", color(), color_info(**changes)) == []

@@ -1,0 +1,109 @@
+from typing import Any
+
+import pytest
+
+from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
+from gateway.doctor.finding import Finding, Severity, Stage
+from gateway.doctor.presence import check_presence
+from tests.gateway.doctor.seeing import account, evidence, status
+
+CENTRAL = "tcp/central:7447"
+
+
+def router(failure: Failure | None = None, endpoint: str = CENTRAL) -> Router:
+    return Router(endpoint, Trouble(failure, "central", 7447) if failure else None)
+
+
+def one(**changes: Any) -> Account:
+    return account(status(), status(sent_s=2.0), **changes)
+
+
+def said(
+    *accounts: Account, robots: frozenset[str] = frozenset({"r1"}), routers: tuple[Router, ...] = (router(),)
+) -> list[Finding]:
+    found = list(check_presence(evidence(bus=BusLook(routers, robots, accounts))))
+    assert {each.stage for each in found} <= {Stage.GATEWAY}
+    return found
+
+
+def test_a_gateway_that_is_there() -> None:
+    (finding,) = said(one())
+    assert (finding.severity, finding.what) == (Severity.OK, "its gateway is on the bus and waits for nothing")
+
+
+@pytest.mark.parametrize(
+    ("failure", "what", "advice"),
+    [
+        (Failure.UNRESOLVED, "host name does not resolve", "/etc/hosts"),
+        (Failure.DEAD, "no router listens there", "fleetsight monitor"),
+        (Failure.FOREIGN, "the bus cannot be joined: ", "--connect"),
+        (Failure.SILENT, "no answer", "firewall"),
+        (Failure.OFF, "no answer", "firewall"),
+    ],
+)
+def test_no_router(failure: Failure, what: str, advice: str) -> None:
+    (finding,) = said(routers=(router(failure),), robots=frozenset())
+    assert (finding.severity, finding.subject) == (Severity.PROBLEM, CENTRAL)
+    assert what in finding.what
+    assert advice in finding.advice
+
+
+def test_one_of_two_routers_is_enough() -> None:
+    findings = said(one(), routers=(router(Failure.DEAD), router(endpoint="tcp/other:7447")))
+    assert [each.severity for each in findings] == [Severity.NOTE, Severity.OK]
+    assert findings[0].subject == CENTRAL
+
+
+def test_who_is_found_by_scouting_needs_no_router() -> None:
+    assert [each.severity for each in said(one(), routers=(router(Failure.DEAD),))] == [Severity.NOTE, Severity.OK]
+
+
+def test_found_by_scouting_alone() -> None:
+    assert [each.severity for each in said(one(), routers=())] == [Severity.OK]
+
+
+def test_nobody_on_the_bus() -> None:
+    (finding,) = said(robots=frozenset())
+    assert finding.severity is Severity.PROBLEM
+    assert "no gateway of any robot" in finding.what
+
+
+@pytest.mark.parametrize(
+    ("robots", "advice"), [({"r2", "arm"}, "did you mean --robot r2?"), ({"arm"}, "start `fleetsight gateway")]
+)
+def test_other_robots_on_the_bus(robots: set[str], advice: str) -> None:
+    (finding,) = said(robots=frozenset(robots))
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what.endswith(", ".join(sorted(robots)))
+    assert finding.advice.startswith(advice)
+
+
+def test_a_gateway_that_says_nothing() -> None:
+    (finding,) = said()
+    assert finding.severity is Severity.PROBLEM
+    assert "said nothing of itself in 3 s" in finding.what
+
+
+def test_two_gateways_of_one_name() -> None:
+    findings = said(one(), one(since_s=0.5, until_s=2.5))
+    assert findings[0].severity is Severity.PROBLEM
+    assert "more than one gateway" in findings[0].what
+
+
+def test_a_gateway_that_was_restarted_is_one_at_a_time() -> None:
+    findings = said(one(), one(since_s=2.1, until_s=3.0))
+    assert {each.severity for each in findings} == {Severity.OK}
+
+
+def test_a_gateway_that_waits() -> None:
+    waiting = status(waiting_for="the ROS master at http://robot:11311")
+    (finding,) = said(account(waiting, waiting))
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what == "the running gateway waits for the ROS master at http://robot:11311"
+
+
+@pytest.mark.parametrize(("skew_s", "what"), [(1.0, ""), (-1.0, ""), (1.5, "1.5 s ahead of"), (-9.0, "9.0 s behind")])
+def test_clocks_that_differ(skew_s: float, what: str) -> None:
+    notes = [each for each in said(one(skew_s=skew_s)) if each.severity is Severity.NOTE]
+    assert len(notes) == bool(what)
+    assert all(what in each.what for each in notes)

@@ -1,0 +1,34 @@
+import json
+
+import pytest
+
+from gateway.doctor.process import UNWELL, run
+from gateway.doctor.settings import DoctorSettings
+from services.toolbox.settings import load
+from tests.integration.ros import free_port
+
+
+def settings(*options: str) -> DoctorSettings:
+    where = ["--ros-master", f"http://127.0.0.1:{free_port()}", "--connect", f"tcp/127.0.0.1:{free_port()}"]
+    options = ("--robot", "r1", "--ros-host", "no-such-host.invalid", *where, *options)
+    return load(DoctorSettings, options, prog="fleetsight doctor").settings
+
+
+async def test_nothing_there_at_all(capsys: pytest.CaptureFixture[str]) -> None:
+    assert await run(settings()) == UNWELL
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    assert [line for line in shown.out.splitlines() if line[:1].isalpha()] == [
+        "ROS master",
+        "this machine",
+        "gateway on the bus",
+    ]
+    assert shown.out.count("PROBLEM") == 3
+    assert "\n3 problems; the first to solve: http://127.0.0.1:" in shown.out
+
+
+async def test_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert await run(settings("--json")) == UNWELL
+    report = json.loads(capsys.readouterr().out)
+    assert report["ok"] is False
+    assert [each["severity"] for each in report["findings"]] == ["problem"] * 3

@@ -1,0 +1,271 @@
+"""The visit of a ROS graph of ours, with publishers that misbehave; real ones are in the integration tests."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Any
+
+import pytest
+
+from gateway.doctor.asking import PoliteClient
+from gateway.doctor.evidence import Failure, MasterLook, PublisherLook
+from gateway.doctor.robot import RobotVisit
+from gateway.ros1.messages import message_type, new_message, serialise
+from gateway.ros1.node import Node
+from gateway.ros1.rosmaster import RosMaster
+from gateway.ros1.wire.header import encode_header
+from gateway.ros1.wire.tcpros import message_prefix
+from gateway.ros1.xmlrpc_server import XmlRpcServer
+from schemas.keys import sensor_key
+from schemas.raw import Text
+from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
+from tests.gateway.ros1.waiting import until
+from tests.integration.ros import free_port
+
+STRING = "std_msgs/String"
+CHAT = {sensor_key("r1", "text/chat"): "/chat"}
+TEXT = serialise(STRING, new_message(STRING, data="hello"))
+
+
+@pytest.fixture
+async def master() -> AsyncIterator[RosMaster]:
+    async with RosMaster() as running:
+        yield running
+
+
+@pytest.fixture
+async def client() -> AsyncIterator[PoliteClient]:
+    async with PoliteClient(timeout=0.3) as entered:
+        yield entered
+
+
+def visit(client: PoliteClient) -> RobotVisit:
+    return RobotVisit(client, seconds=0.2, patience_s=0.3)
+
+
+async def register(client: PoliteClient, master: RosMaster, uri: str, name: str = "/talker") -> None:
+    await client.call(master.uri, "registerPublisher", name, "/chat", STRING, uri)
+
+
+async def look(client: PoliteClient, master: RosMaster) -> tuple[PublisherLook, ...]:
+    """Return what is seen of the chat's publishers."""
+    visiting = visit(client)
+    seen = await visiting.look_at_master(master.uri)
+    assert seen.graph is not None
+    (stream,) = await visiting.look_at_streams(CHAT, seen.graph)
+    assert stream.type == STRING
+    return stream.publishers
+
+
+def chat(*messages: bytes) -> bytes:
+    kind = message_type(STRING)
+    fields = {"type": kind.name, "md5sum": kind.md5sum, "callerid": "/talker", "message_definition": kind.definition}
+    return encode_header(fields) + b"".join(message_prefix(len(each)) + each for each in messages)
+
+
+async def test_a_publisher_that_speaks_leaves_no_trace_at_the_master(client: PoliteClient, master: RosMaster) -> None:
+    async with Node("/talker", master_uri=master.uri) as node, node.advertise("/chat", STRING) as publication:
+
+        async def talk() -> None:
+            while True:
+                publication.publish(TEXT)
+                await asyncio.sleep(0.01)
+
+        talking = asyncio.create_task(talk())
+        await until(lambda: node.registered, "the talker is registered")
+        before = await client.call(master.uri, "getSystemState", "/test")
+        (seen,) = await look(client, master)
+        assert await client.call(master.uri, "getSystemState", "/test") == before
+        talking.cancel()
+    assert (seen.node, seen.trouble, seen.type, seen.latching) == (
+        "/talker",
+        None,
+        message_type(STRING).topic_type,
+        False,
+    )
+    assert isinstance(seen.heard.message, Text)
+    assert seen.heard.message.text == "hello"
+    assert (seen.heard.size, seen.heard.stamps_ns) == (len(TEXT), ())
+    assert len(seen.heard.arrivals_s) > 1
+
+
+async def test_a_dead_publisher_delays_no_live_one(client: PoliteClient, master: RosMaster) -> None:
+    async with fake_publisher(chat(TEXT), hang=True) as uri:
+        await register(client, master, f"http://127.0.0.1:{free_port()}/", "/dead")
+        await register(client, master, uri, "/live")
+        dead, live = await look(client, master)
+    assert dead.trouble
+    assert dead.trouble.failure is Failure.DEAD
+    assert isinstance(live.heard.message, Text)
+
+
+@pytest.mark.parametrize(
+    ("stream", "hang", "failure"),
+    [
+        pytest.param(b"", True, Failure.SILENT, id="never sends its header"),
+        pytest.param(b"", False, Failure.FOREIGN, id="closes at once"),
+        pytest.param(b"garbage" * 100, True, Failure.FOREIGN, id="garbage"),
+        pytest.param(encode_header({"error": "go away"}), True, Failure.REFUSED, id="refuses"),
+    ],
+)
+async def test_publishers_that_do_not_let_us_listen(
+    client: PoliteClient, master: RosMaster, stream: bytes, failure: Failure, *, hang: bool
+) -> None:
+    async with fake_publisher(stream, hang=hang) as uri:
+        await register(client, master, uri)
+        (seen,) = await look(client, master)
+    assert seen.trouble
+    assert seen.trouble.failure is failure
+    assert seen.heard.arrivals_s == ()
+
+
+async def test_a_publisher_that_ends_is_told_with_what_it_sent(client: PoliteClient, master: RosMaster) -> None:
+    async with fake_publisher(chat(TEXT, b"\0")) as uri:
+        await register(client, master, uri)
+        (seen,) = await look(client, master)
+    assert len(seen.heard.arrivals_s) == 2
+
+
+async def test_a_first_message_that_cannot_be_read(client: PoliteClient, master: RosMaster) -> None:
+    async with fake_publisher(chat(b"\0"), hang=True) as uri:
+        await register(client, master, uri)
+        (seen,) = await look(client, master)
+    assert "not a std_msgs/String" in seen.heard.unreadable
+
+
+async def test_a_publisher_at_a_name_with_several_addresses(client: PoliteClient, master: RosMaster) -> None:
+    """Localhost is ::1 too, where it does not listen."""
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(chat(TEXT))
+        await reader.read()
+        writer.close()
+
+    async with await asyncio.start_server(serve, "127.0.0.1", 0) as listener:
+        slave = FakeSlave(lambda _method, _params: ["TCPROS", "localhost", listener.sockets[0].getsockname()[1]])
+        async with XmlRpcServer(slave, host="127.0.0.1") as server:
+            await register(client, master, server.uri)
+            (seen,) = await look(client, master)
+    assert isinstance(seen.heard.message, Text)
+
+
+@pytest.mark.parametrize(
+    ("uri", "failure"),
+    [
+        ("http://no-such-host.invalid:4000/", Failure.UNRESOLVED),
+        ("rosrpc://127.0.0.1:1/", Failure.UNKNOWN),
+        ("http://127.0.0.1:99999/", Failure.UNKNOWN),
+    ],
+)
+async def test_addresses_that_lead_nowhere(client: PoliteClient, master: RosMaster, uri: str, failure: Failure) -> None:
+    await register(client, master, uri)
+    (seen,) = await look(client, master)
+    assert seen.trouble
+    assert seen.trouble.failure is failure
+
+
+@pytest.mark.parametrize(
+    ("answer", "failure"),
+    [
+        (["TCPROS", "no-such-host.invalid", 4000], Failure.UNRESOLVED),
+        (["TCPROS", "127.0.0.1", 0], Failure.REFUSED),
+        ([], Failure.REFUSED),
+    ],
+)
+async def test_offers_that_lead_nowhere(client: PoliteClient, master: RosMaster, answer: Any, failure: Failure) -> None:
+    slave = FakeSlave(lambda _method, _params: answer)
+    async with XmlRpcServer(slave, host="127.0.0.1") as server:
+        await register(client, master, server.uri)
+        (seen,) = await look(client, master)
+    assert seen.trouble
+    assert seen.trouble.failure is failure
+
+
+async def test_a_publisher_that_hangs_is_asked_for_one_topic_only(client: PoliteClient, master: RosMaster) -> None:
+    calls: list[str] = []
+
+    async def hang(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if await reader.read(4096):
+            calls.append("asked")
+        await reader.read()
+        writer.close()
+
+    async with await asyncio.start_server(hang, "127.0.0.1", 0) as server:
+        await register(client, master, f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/")
+        visiting = visit(client)
+        seen = await visiting.look_at_master(master.uri)
+        assert seen.graph is not None
+        topics = {sensor_key("r1", f"text/chat{n}"): "/chat" for n in range(5)}
+        looks = await visiting.look_at_streams(topics, seen.graph)
+    assert calls == ["asked"]
+    for look in looks:
+        assert look.publishers[0].trouble
+        assert look.publishers[0].trouble.failure is Failure.SILENT
+
+
+async def test_a_node_with_many_topics_is_not_asked_for_all_at_once(client: PoliteClient, master: RosMaster) -> None:
+    asked = 0
+    topics = {sensor_key("r1", f"text/chat{n}"): f"/chat{n}" for n in range(20)}
+
+    def answer(_method: str, _params: tuple[Any, ...]) -> Any:
+        nonlocal asked
+        asked += 1
+        return []
+
+    async with XmlRpcServer(FakeSlave(answer), host="127.0.0.1") as server:
+        for topic in topics.values():
+            await client.call(master.uri, "registerPublisher", "/talker", topic, STRING, server.uri)
+        visiting = visit(client)
+        seen = await visiting.look_at_master(master.uri)
+        assert seen.graph is not None
+        looks = await visiting.look_at_streams(topics, seen.graph)
+    assert (len(looks), asked) == (20, 20)
+
+
+async def test_a_master_on_this_machine(client: PoliteClient, master: RosMaster) -> None:
+    seen = await visit(client).look_at_master(master.uri)
+    assert (seen.uri, seen.trouble, seen.remote, seen.sim_time) == (master.uri, None, False, False)
+
+
+async def test_simulated_time(client: PoliteClient, master: RosMaster) -> None:
+    await client.call(master.uri, "setParam", "/test", "/use_sim_time", True)  # noqa: FBT003 - as XML-RPC has it
+    assert (await visit(client).look_at_master(master.uri)).sim_time
+
+
+async def failed(client: PoliteClient, uri: str) -> MasterLook:
+    seen = await visit(client).look_at_master(uri)
+    assert seen.graph is None
+    assert seen.trouble is not None
+    return seen
+
+
+async def test_no_master_there(client: PoliteClient) -> None:
+    seen = await failed(client, f"http://localhost:{free_port()}")
+    assert seen.trouble
+    assert seen.trouble.failure is Failure.DEAD
+
+
+async def test_a_master_that_hangs(client: PoliteClient) -> None:
+    async def hang(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while await reader.read(4096):
+            pass
+        writer.close()
+
+    async with await asyncio.start_server(hang, "127.0.0.1", 0) as server:
+        seen = await failed(client, f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}")
+    assert seen.trouble
+    assert seen.trouble.failure is Failure.SILENT
+
+
+@pytest.mark.parametrize("answer", [0, [["/chat"]], "text"])
+async def test_something_else_at_the_masters_port(client: PoliteClient, answer: Any) -> None:
+    async with XmlRpcServer(FakeSlave(lambda _method, _params: answer), host="127.0.0.1") as server:
+        seen = await failed(client, server.uri)
+    assert seen.trouble
+    assert seen.trouble.failure is Failure.FOREIGN
+
+
+async def test_a_node_at_the_masters_port(client: PoliteClient, master: RosMaster) -> None:
+    async with Node("/talker", master_uri=master.uri) as node:
+        seen = await failed(client, node.uri)
+    assert seen.trouble
+    assert seen.trouble.failure is Failure.REFUSED
