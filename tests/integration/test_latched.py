@@ -64,7 +64,7 @@ async def test_static_transforms_are_whole_for_whoever_joins_when(ros: RosEnviro
 
 async def test_pictures_of_two_publishers_reach_every_late_subscriber(ros: RosEnvironment, rig: FleetRig) -> None:
     key = str(sensor_key("r1", "floor/color"))
-    await rig.gateway("r1", ros.master_uri, CAMERAS)
+    await rig.gateway("r1", ros.master_uri, CAMERAS, "--compression", "raw")
     lower = await latched(ros, PICTURE, "lower", CAMERAS["floor"], "10")
     await latched(ros, PICTURE, "upper", CAMERAS["floor"], "20")
     async with rig.subscribed(key) as first:
