@@ -14,6 +14,9 @@ MAX_BLOCKED_MS: Final = 1_000
 MAX_FLUSH_MS: Final = 500
 """Longest time between signs of life, which is also how long a closing link waits to write what it holds."""
 
+IMAGE_BATCHES: Final = 16
+"""Batches of 64 KiB that wait for a link in its image queue: with the default of 2, a frame is handed over in many turns."""
+
 MAX_MESSAGE_BYTES: Final = 128 * 1024 * 1024
 """What a link takes in at most as one message."""
 
@@ -42,7 +45,10 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
                 "tx": {
                     "lease": lease_ms,
                     "keep_alive": max(4, ceil(lease_ms / MAX_FLUSH_MS)),
-                    "queue": {"congestion_control": {"block": {"wait_before_close": blocked_us}}},
+                    "queue": {
+                        "size": {"data_low": IMAGE_BATCHES},
+                        "congestion_control": {"block": {"wait_before_close": blocked_us}},
+                    },
                 },
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},
             },

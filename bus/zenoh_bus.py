@@ -8,6 +8,7 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Final, Protocol, TypeVar
 
 from bus.api import DEFAULT_ENCODING, Bus, Latest, Publisher, QoS, Queue, Subscription, Watch
+from bus.allocator import keep_freed_memory
 from bus.declarations import Lanes, ZenohPublisher, ZenohSubscription, ZenohToken, ZenohWatch
 from bus.demand import Demand
 from bus.errors import BusClosedError
@@ -37,6 +38,7 @@ async def open_bus(settings: BusSettings) -> AsyncIterator[Bus]:
         BusError: an endpoint to listen on is taken or refused.
 
     """
+    keep_freed_memory()
     bus = ZenohBus(settings)
     try:
         await bus.start()
