@@ -53,6 +53,7 @@ class ZenohBus:
     def __init__(self, settings: BusSettings) -> None:
         self._loop = asyncio.get_running_loop()
         self._session = SessionThread(settings)
+        self._shared_memory = settings.shared_memory
         self._lanes = Lanes()
         self._handles: set[_Handle] = set()
         self._closed = False
@@ -79,7 +80,7 @@ class ZenohBus:
     ) -> AbstractAsyncContextManager[Publisher]:
         """See `bus.api.Bus.publisher`."""
         demand = Demand(self._loop, on_demand)
-        return self._held(lambda: ZenohPublisher(single_key(key), qos, encoding, demand, self._lanes))
+        return self._held(lambda: ZenohPublisher(single_key(key), qos, encoding, demand, self._lanes, shared_memory=self._shared_memory))
 
     def subscribe(
         self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True
