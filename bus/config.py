@@ -15,7 +15,7 @@ MAX_FLUSH_MS: Final = 500
 """Longest time between signs of life, which is also how long a closing link waits to write what it holds."""
 
 IMAGE_BATCHES: Final = 16
-"""Batches of 64 KiB that wait for a link in its image queue: with the default of 2, a frame is handed over in many turns."""
+"""Batches of 64 KiB that wait for a link in its image queue: with 2, the default, a frame takes many turns to send."""
 
 SOCKET_BYTES: Final = 256 << 10
 """What the system holds at each end of a link; left to itself it is a dozen images."""

@@ -53,8 +53,7 @@ class Lane:
             at_once = self._is_quick(writer)
             if at_once:
                 self._writing.add(writer)
-            else:
-                dropped = self._queue(writer, payload)
+            dropped = 0 if at_once else self._queue(writer, payload)
         if at_once:
             self._write(writer, payload)
         elif dropped:

@@ -7,8 +7,8 @@ from concurrent.futures import Future
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Final, Protocol, TypeVar
 
-from bus.api import DEFAULT_ENCODING, Bus, Latest, Publisher, QoS, Queue, Subscription, Watch
 from bus.allocator import keep_freed_memory
+from bus.api import DEFAULT_ENCODING, Bus, Latest, Publisher, QoS, Queue, Subscription, Watch
 from bus.declarations import Lanes, ZenohPublisher, ZenohSubscription, ZenohToken, ZenohWatch
 from bus.demand import Demand
 from bus.errors import BusClosedError
@@ -80,7 +80,11 @@ class ZenohBus:
     ) -> AbstractAsyncContextManager[Publisher]:
         """See `bus.api.Bus.publisher`."""
         demand = Demand(self._loop, on_demand)
-        return self._held(lambda: ZenohPublisher(single_key(key), qos, encoding, demand, self._lanes, shared_memory=self._shared_memory))
+        return self._held(
+            lambda: ZenohPublisher(
+                single_key(key), qos, encoding, demand, self._lanes, shared_memory=self._shared_memory
+            )
+        )
 
     def subscribe(
         self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True

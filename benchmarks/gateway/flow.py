@@ -15,44 +15,51 @@ from bus import BusSettings
 from bus.config import session_config
 from services.toolbox.demo.ports import free_ports
 
-Variant = Literal["fleetsight", "rospy_naive", "zenoh_only"]
-VARIANTS: Final[tuple[Variant, ...]] = ("fleetsight", "rospy_naive", "zenoh_only")
+Variant = Literal["fleetsight", "rospy_naive", "zenoh_only", "tcpros_only"]
+"""tcpros_only: a subscriber on ROS's side that throws everything away, in the place of gateway and subscriber."""
 
 TOPIC: Final = "/camera/color/image_raw"
 KEY: Final = "fleet/r1/camera/color"
 NAIVE: Final = Path(__file__).parents[1] / "peers" / "rospy_gateway.py"
-STALLED_LEASE_S: Final = 60
 WARM_UP_S: Final = 1.5
 MS: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Distinct frames that the subscriber had per second, and milliseconds: cpu_* of processor time per such frame.
+    """Distinct frames that the subscriber had per second, and milliseconds of processor time per such frame.
 
-    cpu_ms: of the process that puts them on Zenoh. cpu_camera_ms, cpu_subscriber_ms: of its neighbours.
-    age_ms: median time from the making of a frame to the subscriber. age_in_gateway_ms: since the gateway had it.
+    cpu_ms_per_frame: of the process that is measured; the others' are its neighbours', its own where it has none.
+    latency_p50_ms: from the making of a frame to the subscriber; gateway_latency_p50_ms: since the gateway had it.
     """
 
     frames_per_s: float
-    cpu_ms: float
-    cpu_camera_ms: float
-    cpu_subscriber_ms: float
-    age_ms: float
-    age_in_gateway_ms: float | None
+    cpu_ms_per_frame: float
+    camera_cpu_ms_per_frame: float
+    subscriber_cpu_ms_per_frame: float
+    latency_p50_ms: float
+    gateway_latency_p50_ms: float | None
 
 
 def measure(variant: Variant, master: str, *, hz: float, seconds: float, shared_memory: bool) -> Figure:
     """Run a variant at `hz` frames a second, or flat out if that is 0, with processes of its own."""
+    endpoint = free_endpoint()
+    config = zenoh_config([endpoint], shared_memory=shared_memory)
     with ExitStack() as stack:
-        endpoint = free_endpoint()
-        subscriber = stack.enter_context(subscribing(KEY, endpoint, master, shared_memory=shared_memory))
-        config = zenoh_config([endpoint], shared_memory=shared_memory)
-        sender = stack.enter_context(running(_command(variant, endpoint, config, hz, master, shared_memory=shared_memory), master))
-        camera = sender if variant == "zenoh_only" else stack.enter_context(running(module("camera", str(hz), TOPIC), master))
-        await_frames(subscriber, [sender, camera])
+
+        def run(command: list[str]) -> Process:
+            return stack.enter_context(running(command, master))
+
+        if variant == "tcpros_only":
+            camera = run(module("camera", str(hz), TOPIC))
+            measured = subscriber = run(module("tcpros_subscriber", TOPIC))
+        else:
+            subscriber = stack.enter_context(subscribing(KEY, endpoint, master, shared_memory=shared_memory))
+            measured = run(_command(variant, endpoint, config, hz, master, shared_memory=shared_memory))
+            camera = measured if variant == "zenoh_only" else run(module("camera", str(hz), TOPIC))
+        await_frames(subscriber, [measured, camera])
         time.sleep(WARM_UP_S)
-        return _figure(sender, camera, subscriber, seconds)
+        return _figure(measured, camera, subscriber, seconds)
 
 
 def _figure(sender: Process, camera: Process, subscriber: Process, seconds: float) -> Figure:
@@ -62,17 +69,26 @@ def _figure(sender: Process, camera: Process, subscriber: Process, seconds: floa
     after, cpu, elapsed = subscriber.ask(), [process.cpu_s() for process in processes], time.perf_counter() - began
     frames = after["frames"] - before["frames"]
     spent = [(now - then) * 1000 / frames for now, then in zip(cpu, cpu_before, strict=True)]
+    own, neighbour_camera, neighbour_subscriber = spent
     in_gateway = after["age_in_gateway_ns"]
     return Figure(
-        frames / elapsed,
-        *spent,
-        age_ms=statistics.median(after["age_ns"]) * MS,
-        age_in_gateway_ms=statistics.median(in_gateway) * MS if in_gateway else None,
+        frames_per_s=frames / elapsed,
+        cpu_ms_per_frame=own,
+        camera_cpu_ms_per_frame=neighbour_camera,
+        subscriber_cpu_ms_per_frame=neighbour_subscriber,
+        latency_p50_ms=statistics.median(after["age_ns"]) * MS,
+        gateway_latency_p50_ms=statistics.median(in_gateway) * MS if in_gateway else None,
     )
 
 
 def _command(
-    variant: Variant, endpoint: str, config: str, hz: float, master: str, *, shared_memory: bool
+    variant: Literal["fleetsight", "rospy_naive", "zenoh_only"],
+    endpoint: str,
+    config: str,
+    hz: float,
+    master: str,
+    *,
+    shared_memory: bool,
 ) -> list[str]:
     match variant:
         case "fleetsight":
@@ -92,7 +108,9 @@ def gateway(endpoints: list[str], master: str, *options: str, shared_memory: boo
 
 
 @contextmanager
-def subscribing(key: str, endpoint: str, master: str, *, shared_memory: bool, lease_s: float = 2.0) -> Iterator[Process]:
+def subscribing(
+    key: str, endpoint: str, master: str, *, shared_memory: bool, lease_s: float = 2.0
+) -> Iterator[Process]:
     """Run a subscriber that listens at an endpoint for its one peer."""
     settings = BusSettings(mode="peer", listen=[endpoint], connect=[], shared_memory=shared_memory, lease_s=lease_s)
     with running(module("zenoh_subscriber", json.dumps(session_config(settings)), key), master) as subscriber:

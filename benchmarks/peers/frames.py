@@ -37,7 +37,7 @@ def frames(head: bytes = b"", hz: float = 0) -> Iterator[bytearray]:
         yield frame
 
 
-def sent_ns(payload: bytes) -> int:
+def sent_ns(payload: bytes | bytearray) -> int:
     """Return when the pixels that a payload carries were made."""
     (sent,) = _SENT.unpack_from(payload, payload.index(MARK, 0, 4096) + len(MARK))
     return int(sent)

@@ -1,7 +1,7 @@
 """Takes every payload of a key whole. Arguments: Zenoh config, key.
 
-Says how many distinct frames came, and of those since it was last asked (the newest 1,000): when they were made, their age in
-nanoseconds on arrival, and their age since the gateway had them, where their header tells.
+Says how many distinct frames came, and of those since it was last asked (the newest 1,000) when they were made, their
+age in nanoseconds on arrival, and their age since the gateway had them, where their header tells.
 """
 
 import struct
@@ -27,11 +27,10 @@ class Account:
 
     frames: int = 0
     newest: int = 0
-    arrivals: deque[tuple[int, int, bytes]] = field(default_factory=lambda: deque(maxlen=1000))
+    arrivals: deque[tuple[int, int, bytes | bytearray]] = field(default_factory=lambda: deque(maxlen=1000))
 
-    def take(self, sample: zenoh.Sample) -> None:
-        """Copy a payload out of Zenoh and count it."""
-        payload = sample.payload.to_bytes()
+    def take(self, payload: bytes | bytearray) -> None:
+        """Count a frame."""
         sent = sent_ns(payload)
         self.frames += sent != self.newest
         self.newest = sent
@@ -48,7 +47,7 @@ class Account:
         }
 
 
-def received_ns(head: bytes) -> int:
+def received_ns(head: bytes | bytearray) -> int:
     """Return when the gateway had the frame."""
     (received,) = struct.unpack_from(">Q", head, head.index(_RECEIVED) + len(_RECEIVED))
     return int(received)
@@ -56,6 +55,11 @@ def received_ns(head: bytes) -> int:
 
 if __name__ == "__main__":
     account = Account()
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        """Copy the payload out of Zenoh."""
+        account.take(sample.payload.to_bytes())
+
     with zenoh.open(zenoh.Config.from_json5(sys.argv[1])) as session:
-        session.declare_subscriber(sys.argv[2], Callback(account.take, indirect=False))
+        session.declare_subscriber(sys.argv[2], Callback(on_sample, indirect=False))
         answer(account.told)

@@ -114,7 +114,7 @@ def offer_until(lane: Lane, writer: Recorder, thread: str) -> None:
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_a_writer_that_is_quick_writes_at_once_until_it_is_slow(fails: bool) -> None:
+def test_a_writer_that_is_quick_writes_at_once_until_it_is_slow(*, fails: bool) -> None:
     clock = Clock()
     lane = Lane("timed", depth=1, clock=clock)
     writer = Recorder(fails=fails, clock=clock)
