@@ -22,7 +22,7 @@ CALLER: Final = "/bench_subscriber"
 
 
 def connect(topic: str) -> socket.socket:
-    """Return the connection after the handshake, once there is a camera: an earlier one's address may still be known."""
+    """Return the connection, once there is a camera; an earlier one's address may still be known."""
     master: Any = ServerProxy(os.environ["ROS_MASTER_URI"])
     while True:
         with suppress(OSError):

@@ -10,6 +10,7 @@ from gateway.ros1.errors import Ros1Error, UnreachableError
 from gateway.ros1.keepalive import notice_dead_peer
 
 if TYPE_CHECKING:
+    from asyncio import trsock
     from collections.abc import Callable
 
     from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent
@@ -57,6 +58,7 @@ class _Link(asyncio.BufferedProtocol):
         self._connection = connection
         self._on_event = on_event
         self._transport: asyncio.Transport | None = None
+        self._socket: trsock.TransportSocket
         self._wakes_for = 1
 
     async def abort(self) -> None:
@@ -96,6 +98,9 @@ class _Link(asyncio.BufferedProtocol):
                 self._transport.abort()
 
     def _wake_for(self, count: int) -> None:
+        """Be woken when so many bytes are there, or as many as the system's buffer is sure to hold."""
+        if count > 1:
+            count = min(count, self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 4)
         if count != self._wakes_for:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, count)
             self._wakes_for = count
