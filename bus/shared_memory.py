@@ -14,7 +14,8 @@ FRAMES: Final = 3
 SMALLEST_BYTES: Final = 4096
 """A smaller payload is sent sooner than it is shared."""
 
-_PAGE_BYTES: Final = 4096
+_STEP_BYTES: Final = 1 << 16
+_OVERHEAD_BYTES: Final = 4096
 _FOLDER: Final = Path("/dev/shm")  # noqa: S108 - where Zenoh has its segments; only its free space is read
 
 _log: Final = logging.getLogger(__name__)
@@ -37,8 +38,8 @@ class SharedFrames:
         if size < SMALLEST_BYTES:
             return payload
         if size > self._largest:
-            self._largest = size
-            self._provider = _provider(FRAMES * (size + _PAGE_BYTES))
+            self._largest = -(-size // _STEP_BYTES) * _STEP_BYTES
+            self._provider = _provider(FRAMES * (self._largest + _OVERHEAD_BYTES))
         if self._provider is None:
             return payload
         try:

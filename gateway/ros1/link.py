@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from typing import TYPE_CHECKING
 
 from gateway.ros1.errors import Ros1Error, UnreachableError
 from gateway.ros1.keepalive import notice_dead_peer
 
 if TYPE_CHECKING:
-    from asyncio import trsock
     from collections.abc import Callable
 
     from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent
@@ -58,8 +56,6 @@ class _Link(asyncio.BufferedProtocol):
         self._connection = connection
         self._on_event = on_event
         self._transport: asyncio.Transport | None = None
-        self._socket: trsock.TransportSocket
-        self._wakes_for = 1
 
     async def abort(self) -> None:
         """Close the socket at once; returns when it is closed."""
@@ -70,8 +66,7 @@ class _Link(asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)  # noqa: S101 - what create_connection makes
         self._transport = transport
-        self._socket = transport.get_extra_info("socket")
-        notice_dead_peer(self._socket)
+        notice_dead_peer(transport.get_extra_info("socket"))
         transport.write(self._connection.opening)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -91,16 +86,7 @@ class _Link(asyncio.BufferedProtocol):
             while (event := self._connection.next_event()) is not None:
                 self._on_event(event)
                 self.first_event.set()
-            self._wake_for(self._connection.missing)
         except Ros1Error as error:
             self.error = error
             if self._transport is not None:
                 self._transport.abort()
-
-    def _wake_for(self, count: int) -> None:
-        """Be woken when so many bytes are there, or as many as the system's buffer is sure to hold."""
-        if count > 1:
-            count = min(count, self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 4)
-        if count != self._wakes_for:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, count)
-            self._wakes_for = count

@@ -36,11 +36,6 @@ class FrameReceiver:
             return memoryview(self._body)[self._filled :]
         return memoryview(self._scratch)[self._end :]
 
-    @property
-    def missing(self) -> int:
-        """How many bytes the buffer of a frame under way lacks; 1 between frames. Known once `next_frame` was None."""
-        return 1 if self._body is None else len(self._body) - self._filled
-
     def buffer_updated(self, count: int) -> None:
         """Take `count` bytes written to the start of the last `get_buffer`."""
         if self._body is not None:

@@ -109,11 +109,6 @@ class SubscriberConnection:
         """Return where the next received bytes belong; never empty once `next_event` has returned None."""
         return self._frames.get_buffer()
 
-    @property
-    def missing(self) -> int:
-        """How many bytes are worth being woken for: what the frame under way lacks, as far as its buffer goes, or 1."""
-        return self._frames.missing
-
     def buffer_updated(self, count: int) -> None:
         """Take `count` bytes written to the start of the last `get_buffer`."""
         self._frames.buffer_updated(count)

@@ -63,15 +63,6 @@ def test_announced_length_takes_no_memory() -> None:
     assert len(receiver.get_buffer()) == FIRST_STEP_BYTES - 1
 
 
-def test_a_frame_lacks_what_its_buffer_has_room_for_and_between_frames_any_byte_counts() -> None:
-    receiver = FrameReceiver(1 << 20)
-    lacking = []
-    for data in (b"\x05\x00", b"\x00\x00", b"123", b"45", struct.pack("<I", 1 << 20), b"x"):
-        feed(receiver, data)
-        lacking.append(receiver.missing)
-    assert lacking == [1, 5, 2, 1, FIRST_STEP_BYTES, FIRST_STEP_BYTES - 1]
-
-
 @given(st.lists(st.integers(1, 1 << 20), min_size=1, max_size=20))
 def test_buffer_grows_with_what_arrives(reads: list[int]) -> None:
     receiver = FrameReceiver(0xFFFFFFFF)
