@@ -1,4 +1,4 @@
-"""A thread that writes what the event loop hands over, so that a slow link never holds the loop up."""
+"""Writes what the event loop hands over: at once while that is quick, on a thread where a link is slow."""
 
 import logging
 import threading

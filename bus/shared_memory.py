@@ -14,7 +14,9 @@ FRAMES: Final = 3
 SMALLEST_BYTES: Final = 4096
 """A smaller payload is sent sooner than it is shared."""
 
-_STEP_BYTES: Final = 1 << 16
+_SPARE: Final = 16
+"""A part of so much is added, so that headers which grow by a byte do not move the room each time."""
+
 _OVERHEAD_BYTES: Final = 4096
 _FOLDER: Final = Path("/dev/shm")  # noqa: S108 - where Zenoh has its segments; only its free space is read
 
@@ -38,7 +40,7 @@ class SharedFrames:
         if size < SMALLEST_BYTES:
             return payload
         if size > self._largest:
-            self._largest = -(-size // _STEP_BYTES) * _STEP_BYTES
+            self._largest = size + size // _SPARE
             self._provider = _provider(FRAMES * (self._largest + _OVERHEAD_BYTES))
         if self._provider is None:
             return payload
