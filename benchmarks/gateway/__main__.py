@@ -68,7 +68,7 @@ def measure(seconds: float) -> dict[str, Any]:
     with ros_master() as master:
         for repeat in range(REPEATS):
             for run, done in runs.items():
-                note(f"[{repeat + 1}/{REPEATS}] {run.named('')}")
+                note(f"[{repeat + 1}/{REPEATS}] {run}")
                 done.append(
                     flow.measure(run.variant, master, hz=run.hz, seconds=seconds, shared_memory=run.shared_memory)
                 )

@@ -16,6 +16,10 @@ class Run:
     hz: int
     shared_memory: bool
 
+    def __str__(self) -> str:
+        pace = f"at {self.hz} Hz" if self.hz else "flat out"
+        return f"{self.variant} {pace}, {'with' if self.shared_memory else 'without'} shared memory"
+
     def named(self, figure: str) -> str:
         """Return the name of one of its figures; the gateway's own have no prefix."""
         prefix = "" if self.variant == "fleetsight" else f"{self.variant}_"
