@@ -8,7 +8,7 @@ from typing import Final, Protocol, Self
 
 
 class QoS(Enum):
-    """How a publisher's messages travel. None of them ever blocks the sender."""
+    """How a publisher's messages travel. None of them waits for a receiver."""
 
     IMAGE = "image"
     """Best effort, low priority, dropped under congestion; one waits at most, the newest."""
@@ -123,7 +123,10 @@ class Publisher(Protocol):
         """What became of the messages so far."""
 
     def put(self, payload: bytes | bytearray) -> None:
-        """Hand a message over to be sent; it must not be changed afterwards. Never blocks.
+        """Hand a message over to be sent; it must not be changed afterwards.
+
+        The message that finds a quick link slow may hold up its sender for some tens of milliseconds, once: the next
+        ones wait elsewhere until the link has been quick for a while.
 
         Raises:
             BusClosedError: the publisher or the bus is closed.

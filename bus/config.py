@@ -17,6 +17,12 @@ MAX_FLUSH_MS: Final = 500
 REQUEST_BATCHES: Final = 16
 """Room of a link's queue of requests and replies, which alone have their priority: 1 MiB goes in without waiting."""
 
+IMAGE_BATCHES: Final = 16
+"""Batches of 64 KiB that wait for a link in its image queue: with 2, the default, a frame takes many turns to send."""
+
+SOCKET_BYTES: Final = 256 << 10
+"""What the system holds at each end of a link; left to itself it is a dozen images."""
+
 MAX_MESSAGE_BYTES: Final = 128 * 1024 * 1024
 """What a link takes in at most as one message."""
 
@@ -42,11 +48,12 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
         "transport": {
             "unicast": {"open_timeout": OPEN_TIMEOUT_MS, "accept_timeout": OPEN_TIMEOUT_MS},
             "link": {
+                "tcp": {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES},
                 "tx": {
                     "lease": lease_ms,
                     "keep_alive": max(4, ceil(lease_ms / MAX_FLUSH_MS)),
                     "queue": {
-                        "size": {"interactive_low": REQUEST_BATCHES},
+                        "size": {"data_low": IMAGE_BATCHES, "interactive_low": REQUEST_BATCHES},
                         "congestion_control": {"block": {"wait_before_close": blocked_us}},
                     },
                 },

@@ -18,6 +18,7 @@ from bus.lane import Lane
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
 from bus.reading import PresenceReader, SampleReader
 from bus.serving import Call, Server
+from bus.shared_memory import SharedFrames
 from bus.writing import MessageWriter
 
 IMAGES_WAITING: Final = 1
@@ -56,13 +57,14 @@ class _Undeclarable(Protocol):
 class ZenohPublisher(MessageWriter):
     """A publisher. All but images have a second, plain one on the same key, since only that knows who matches."""
 
-    def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, lanes: Lanes) -> None:
+    def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, lanes: Lanes, *, shared_memory: bool) -> None:
         self._lane = lanes.of(qos)
         super().__init__(key, demand, lambda payload: self._lane.offer(self, payload))
         self._qos = qos
         self._encoding = encoding
         self._declared = ExitStack()
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
+        self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread, then let the lane write."""
@@ -102,8 +104,13 @@ class ZenohPublisher(MessageWriter):
 
     def write(self, payload: bytes | bytearray) -> None:
         """Send on the lane's thread."""
-        if self._publisher is not None:
-            self._publisher.put(payload)
+        if self._publisher is None:
+            return
+        placed = payload if self._shared is None else self._shared.place(payload)
+        if placed is None:
+            self.count_dropped(1)
+        else:
+            self._publisher.put(placed)
 
     def undeclare(self) -> None:
         """Write what waits, as far as that is quick, and undeclare."""

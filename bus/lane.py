@@ -1,11 +1,18 @@
-"""A thread that writes what the event loop hands over, so that a slow link never holds the loop up."""
+"""Writes what the event loop hands over: at once while that is quick, on a thread where a link is slow."""
 
 import logging
 import threading
-from collections.abc import Hashable
+import time
+from collections.abc import Callable, Hashable
 from typing import Final, Protocol
 
 from bus.mailbox import PerKey
+
+QUICK_S: Final = 0.005
+"""A write that takes longer has waited for a link."""
+
+QUICK_WRITES: Final = 30
+"""Successive quick writes after which a publisher's next ones are made without the thread."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -23,76 +30,99 @@ class Writer(Hashable, Protocol):
 class Lane:
     """Bounded queues of many publishers, served in turn by one thread.
 
-    A publisher's messages wait until it is admitted, which is when there is a link that takes them.
+    A publisher's messages wait until it is admitted, which is when there is a link that takes them. Handing a message
+    to the thread costs more than sending it: while a publisher's writes take less than QUICK_S, they are made at once.
     """
 
-    def __init__(self, name: str, depth: int) -> None:
+    def __init__(self, name: str, depth: int, clock: Callable[[], float] = time.monotonic) -> None:
         self._name = name
-        self._changed = threading.Condition()
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._queued = threading.Condition(self._lock)
+        self._written = threading.Condition(self._lock)
         self._held: PerKey[Writer, bytes | bytearray] = PerKey(depth)
         self._ready: PerKey[Writer, bytes | bytearray] = PerKey(depth)
-        self._admitted: set[Writer] = set()
-        self._writing: Writer | None = None
+        self._quick_writes: dict[Writer, int] = {}
+        self._writing: set[Writer] = set()
         self._thread: threading.Thread | None = None
         self._stopping = False
 
     def offer(self, writer: Writer, payload: bytes | bytearray) -> None:
-        """Queue a message. Never blocks for longer than it takes another thread to queue one."""
-        with self._changed:
-            queue = self._ready if writer in self._admitted else self._held
-            dropped = queue.offer(writer, payload)
-            self._changed.notify_all()
-        if dropped:
+        """Send or queue a message. Blocks for one slow write at most after QUICK_WRITES quick ones."""
+        with self._lock:
+            at_once = self._is_quick(writer)
+            if at_once:
+                self._writing.add(writer)
+            dropped = 0 if at_once else self._queue(writer, payload)
+        if at_once:
+            self._write(writer, payload)
+        elif dropped:
             writer.count_dropped(dropped)
+
+    def _is_quick(self, writer: Writer) -> bool:
+        quick = self._quick_writes.get(writer, 0) >= QUICK_WRITES
+        return quick and writer not in self._ready and writer not in self._writing
+
+    def _queue(self, writer: Writer, payload: bytes | bytearray) -> int:
+        if writer not in self._quick_writes:
+            return self._held.offer(writer, payload)
+        self._queued.notify()
+        return self._ready.offer(writer, payload)
 
     def admit(self, writer: Writer) -> None:
         """Send from now on what a publisher queues, and what it has queued."""
-        with self._changed:
-            self._admitted.add(writer)
+        with self._lock:
+            self._quick_writes[writer] = 0
             for payload in self._held.discard(writer):
                 self._ready.offer(writer, payload)
-            self._changed.notify_all()
+            self._queued.notify()
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name=f"bus-{self._name}", daemon=True)
                 self._thread.start()
 
     def retire(self, writer: Writer, grace_s: float) -> None:
         """Wait up to `grace_s` until a publisher's queue is written, drop the rest; then it is not written to again."""
-        with self._changed:
-            if writer in self._admitted:
-                self._changed.wait_for(lambda: writer not in self._ready and self._writing is not writer, grace_s)
-            self._admitted.discard(writer)
+        with self._lock:
+            if writer in self._quick_writes:
+                self._written.wait_for(lambda: writer not in self._ready and writer not in self._writing, grace_s)
+            self._quick_writes.pop(writer, None)
             rest = len(self._held.discard(writer)) + len(self._ready.discard(writer))
         if rest:
             writer.count_dropped(rest)
 
     def stop(self, grace_s: float) -> None:
         """End the thread; not to be called from it."""
-        with self._changed:
+        with self._lock:
             self._stopping = True
-            self._changed.notify_all()
+            self._queued.notify()
         if self._thread is not None:
             self._thread.join(grace_s)
 
     def _run(self) -> None:
         while (writing := self._next()) is not None:
-            writer, payload = writing
-            try:
-                writer.write(payload)
-            except Exception as error:  # noqa: BLE001 - whatever one message meets, the lane serves the others
-                writer.count_dropped(1)
-                _log.debug("a message was not sent: %s", error)
-            finally:
-                with self._changed:
-                    self._writing = None
-                    self._changed.notify_all()
+            self._write(*writing)
 
     def _next(self) -> tuple[Writer, bytes | bytearray] | None:
-        with self._changed:
+        with self._lock:
             while not self._stopping:
                 taken = self._ready.take()
                 if taken is not None:
-                    self._writing = taken.key
+                    self._writing.add(taken.key)
                     return taken.key, taken.item
-                self._changed.wait()
+                self._queued.wait()
             return None
+
+    def _write(self, writer: Writer, payload: bytes | bytearray) -> None:
+        began = self._clock()
+        try:
+            writer.write(payload)
+        except Exception as error:  # noqa: BLE001 - whatever one message meets, the lane serves the others
+            writer.count_dropped(1)
+            _log.debug("a message was not sent: %s", error)
+        finally:
+            quick = self._clock() - began < QUICK_S
+            with self._lock:
+                self._writing.discard(writer)
+                if writer in self._quick_writes:
+                    self._quick_writes[writer] = self._quick_writes[writer] + 1 if quick else 0
+                self._written.notify_all()

@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Final, Protocol, TypeVar
 
+from bus.allocator import keep_freed_memory
 from bus.api import DEFAULT_ENCODING, Bus, Handler, Latest, Publisher, QoS, Queue, Reply, Subscription, Watch
 from bus.asking import Asking, Unanswered
 from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohSubscription, ZenohToken, ZenohWatch
@@ -39,6 +40,7 @@ async def open_bus(settings: BusSettings) -> AsyncIterator[Bus]:
         BusError: an endpoint to listen on is taken or refused.
 
     """
+    keep_freed_memory()
     bus = ZenohBus(settings)
     try:
         await bus.start()
@@ -53,6 +55,7 @@ class ZenohBus:
     def __init__(self, settings: BusSettings) -> None:
         self._loop = asyncio.get_running_loop()
         self._session = SessionThread(settings)
+        self._shared_memory = settings.shared_memory
         self._lanes = Lanes()
         self._handles: set[_Handle] = set()
         self._asking = Unanswered()
@@ -81,7 +84,11 @@ class ZenohBus:
     ) -> AbstractAsyncContextManager[Publisher]:
         """See `bus.api.Bus.publisher`."""
         demand = Demand(self._loop, on_demand)
-        return self._held(lambda: ZenohPublisher(single_key(key), qos, encoding, demand, self._lanes))
+        return self._held(
+            lambda: ZenohPublisher(
+                single_key(key), qos, encoding, demand, self._lanes, shared_memory=self._shared_memory
+            )
+        )
 
     def subscribe(
         self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True

@@ -7,7 +7,12 @@ import zenoh
 from sensor_msgs.msg import Image
 
 session = zenoh.open(zenoh.Config.from_json5(sys.argv[1]))
-publisher = session.declare_publisher(sys.argv[2])
+publisher = session.declare_publisher(
+    sys.argv[2],
+    congestion_control=zenoh.CongestionControl.DROP,
+    priority=zenoh.Priority.DATA_LOW,
+    reliability=zenoh.Reliability.BEST_EFFORT,
+)
 rospy.init_node("gateway", anonymous=True, disable_signals=True)
 
 

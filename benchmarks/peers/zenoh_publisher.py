@@ -1,10 +1,11 @@
-"""Puts one 640x480 rgb8 image on Zenoh flat out: no ROS, no gateway. Arguments: Zenoh config, key."""
+"""Puts frames on Zenoh: no ROS, no gateway. Arguments: Zenoh config, key, Hz (0: flat out)."""
 
 import sys
 
 import zenoh
 
-image = bytes(range(256)) * 3600
+from benchmarks.peers.frames import frames
+
 with zenoh.open(zenoh.Config.from_json5(sys.argv[1])) as session:
     publisher = session.declare_publisher(
         sys.argv[2],
@@ -12,5 +13,5 @@ with zenoh.open(zenoh.Config.from_json5(sys.argv[1])) as session:
         priority=zenoh.Priority.DATA_LOW,
         reliability=zenoh.Reliability.BEST_EFFORT,
     )
-    while True:
-        publisher.put(image)
+    for frame in frames(hz=float(sys.argv[3])):
+        publisher.put(frame)

@@ -3,7 +3,7 @@ import json
 import zenoh
 
 from bus import BusSettings
-from bus.config import session_config
+from bus.config import IMAGE_BATCHES, SOCKET_BYTES, session_config
 
 
 def test_zenoh_understands_it() -> None:
@@ -12,6 +12,8 @@ def test_zenoh_understands_it() -> None:
     assert json.loads(config.get_json("transport/link/tx/lease")) == 1500
     assert json.loads(config.get_json("transport/link/tx/queue/size/interactive_low")) == 16
     assert json.loads(config.get_json("transport/shared_memory/enabled")) is False
+    assert json.loads(config.get_json("transport/link/tcp")) == {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES}
+    assert json.loads(config.get_json("transport/link/tx/queue/size"))["data_low"] == IMAGE_BATCHES
     assert json.loads(config.get_json("scouting/multicast/enabled")) is False
     assert json.loads(config.get_json("listen/endpoints")) == ["tcp/127.0.0.1:0"]
     assert json.loads(config.get_json("connect/endpoints")) == ["tcp/127.0.0.1:7447"]

@@ -1,17 +1,31 @@
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
 
-from bus.lane import Lane
+from bus.lane import QUICK_S, QUICK_WRITES, Lane
 
 PATIENCE_S = 10
 
 
-class Recorder:
-    """A writer that writes when its gate is open."""
+class Clock:
+    """A clock that only writing moves."""
 
-    def __init__(self, *, fails: bool = False) -> None:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Recorder:
+    """A writer that writes when its gate is open, and by the clock takes `takes_s` for it."""
+
+    def __init__(self, *, fails: bool = False, clock: Clock | None = None, takes_s: float = 0.0) -> None:
+        self.takes_s = takes_s
+        self.threads: list[str] = []
+        self._clock = clock or Clock()
         self.gate = threading.Event()
         self.gate.set()
         self.begun = threading.Event()
@@ -22,6 +36,8 @@ class Recorder:
     def write(self, payload: bytes | bytearray) -> None:
         self.begun.set()
         assert self.gate.wait(PATIENCE_S)
+        self.threads.append(threading.current_thread().name)
+        self._clock.now += self.takes_s
         if self._fails:
             raise OSError("on purpose")
         self.written.append(bytes(payload))
@@ -87,3 +103,42 @@ def test_a_retired_writer_is_not_written_to(lane: Lane) -> None:
 
 def test_a_lane_that_nobody_used_has_no_thread() -> None:
     Lane("unused", depth=1).stop(0)
+
+
+def offer_until(lane: Lane, writer: Recorder, thread: str) -> None:
+    """Offer messages until one was written by the thread of that name."""
+    begun, deadline = len(writer.threads), time.monotonic() + PATIENCE_S
+    while thread not in writer.threads[begun:]:
+        assert time.monotonic() < deadline
+        lane.offer(writer, b"x")
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_writer_that_is_quick_writes_at_once_until_it_is_slow(*, fails: bool) -> None:
+    clock = Clock()
+    lane = Lane("timed", depth=1, clock=clock)
+    writer = Recorder(fails=fails, clock=clock)
+    here = threading.current_thread().name
+    lane.admit(writer)
+    offer_until(lane, writer, here)
+    assert writer.threads == ["bus-timed"] * QUICK_WRITES + [here]
+    writer.takes_s = QUICK_S
+    lane.offer(writer, b"slow")
+    lane.offer(writer, b"queued")
+    lane.retire(writer, PATIENCE_S)
+    lane.stop(PATIENCE_S)
+    assert writer.threads[QUICK_WRITES + 1 :] == [here, "bus-timed"]
+    assert writer.written == [] if fails else writer.written[-2:] == [b"slow", b"queued"]
+
+
+def test_a_stuck_writer_does_not_hold_up_a_quick_one(lane: Lane) -> None:
+    stuck, quick = Recorder(), Recorder()
+    lane.admit(quick)
+    offer_until(lane, quick, threading.current_thread().name)
+    stuck.gate.clear()
+    lane.admit(stuck)
+    lane.offer(stuck, b"stuck")
+    assert stuck.begun.wait(PATIENCE_S)
+    lane.offer(quick, b"free")
+    assert quick.written[-1] == b"free"
+    stuck.gate.set()

@@ -66,7 +66,7 @@ async def publishing(publisher: Publisher) -> None:
 async def test_a_master_that_is_killed_ten_times_in_a_row_stops_nothing(ros: RosEnvironment, rig: FleetRig) -> None:
     """Rospy does not register again at a new master, so the camera and the first listener are unknown to it."""
     old = await camera(ros, "old", 10)
-    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
     encoding = codec.encoding(ClassList)
     async with (
         rig.subscribed(FRONT.stream(Stream.COLOR)) as frames,
@@ -99,7 +99,7 @@ async def test_publishers_that_are_killed_and_stay_registered_delay_nobody_and_m
     ros: RosEnvironment, rig: FleetRig
 ) -> None:
     cameras = [await camera(ros, f"camera_{grey}", grey) for grey in (10, 20, 30)]
-    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
     for dead in cameras[:2]:
         dead.kill()
     async with rig.subscribed(FRONT.stream(Stream.COLOR)) as frames:
@@ -120,7 +120,7 @@ async def test_a_publisher_of_a_wrong_type_costs_its_own_link_and_a_topic_may_ch
 ) -> None:
     wrong = await ros.script(TALKER, "talker", TOPIC, "50")
     await wrong.until_output("talker up")
-    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
     async with rig.subscribed(FRONT.stream(Stream.COLOR)) as frames:
         said = await stream(rig, lambda status: bool(status.problem))
         assert f"type mismatch: {TOPIC} is std_msgs/String [" in said.problem
@@ -136,7 +136,7 @@ async def test_a_publisher_of_a_wrong_type_costs_its_own_link_and_a_topic_may_ch
 
 async def test_a_demand_that_blinks_leaves_the_ros_subscription_as_it_is(ros: RosEnvironment, rig: FleetRig) -> None:
     await camera(ros, "camera", 10)
-    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
     links: list[str] = []
     for _ in range(3):
         async with rig.subscribed(FRONT.stream(Stream.COLOR)) as frames:

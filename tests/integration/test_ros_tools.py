@@ -49,7 +49,9 @@ async def rosnode(ros: RosEnvironment, *arguments: str) -> str:
 async def test_rosnode_pings_and_describes_a_gateway(ros: RosEnvironment, rig: FleetRig) -> None:
     require_ros("rosnode")
     await ros.script(GREY_CAMERA, "camera", TOPIC, "10")
-    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--node-name", "gw", "--namespace", "r1")
+    await rig.gateway(
+        "r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw", "--node-name", "gw", "--namespace", "r1"
+    )
     async with rig.subscribed(FRONT.stream(Stream.COLOR)) as frames:
         await receive(frames, ImageFrame)
         assert "xmlrpc reply from http://127.0.0.1:" in await rosnode(ros, "ping", "-c", "1", "/r1/gw")
@@ -64,7 +66,9 @@ async def test_rosnode_pings_and_describes_a_gateway(ros: RosEnvironment, rig: F
 async def test_robots_with_one_master_are_told_apart_by_their_namespaces(ros: RosEnvironment, rig: FleetRig) -> None:
     for robot, grey in (("r1", 10), ("r2", 20)):
         await ros.script(GREY_CAMERA, f"camera_{robot}", f"/{robot}/color/image_raw", str(grey))
-        await rig.gateway(robot, ros.master_uri, {"front": "color/image_raw"}, "--namespace", robot)
+        await rig.gateway(
+            robot, ros.master_uri, {"front": "color/image_raw"}, "--compression", "raw", "--namespace", robot
+        )
     for robot, grey in (("r1", 10), ("r2", 20)):
         async with rig.subscribed(CameraKey(robot, "front").stream(Stream.COLOR)) as frames:
             assert (await receive(frames, ImageFrame)).data[0] == grey
@@ -78,7 +82,7 @@ async def test_robots_with_one_master_are_told_apart_by_their_namespaces(ros: Ro
 async def test_a_roscpp_relay_feeds_a_gateway_and_takes_from_it(ros: RosEnvironment, rig: FleetRig) -> None:
     require_ros(RELAY)
     await ros.script(GREY_CAMERA, "camera", "/elsewhere", "10")
-    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
     relay = await ros.run(RELAY, "/elsewhere", TOPIC)
     await ros.run(RELAY, "/ultralytics/detection/classes", "/copied")
     echo = await ros.rostopic("echo", "/copied")
@@ -106,7 +110,8 @@ async def test_roslaunch_starts_a_gateway_in_its_namespace(ros: RosEnvironment, 
     (package / "package.xml").write_text("<package><name>fleetsight</name></package>")
     start = package / "gateway.sh"
     python = f"PYTHONPATH={ROOT} exec {sys.executable} -m services.toolbox"
-    start.write_text(f'#!/bin/sh\n{python} gateway --robot r1 --connect {rig.endpoint} "$@"\n')
+    options = f"--robot r1 --connect {rig.endpoint} --cameras camera=/camera/color/image_raw --compression raw"
+    start.write_text(f'#!/bin/sh\n{python} gateway {options} "$@"\n')
     start.chmod(0o755)
     (tmp_path / "robot.launch").write_text(LAUNCH)
     await ros.script(GREY_CAMERA, "camera", TOPIC, "10")
@@ -128,7 +133,7 @@ async def test_a_bag_that_loops_takes_ros_time_back_and_frames_go_on(
     require_ros("rosparam")
     bag = tmp_path / "drive.bag"
     write_bag(bag, TOPIC, near_view(next(iter(NEAR_VIEWS))), count=5)
-    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
     async with rig.subscribed(FRONT.stream(Stream.COLOR)) as frames:
         before = await rig.gateway_status("r1")
         assert (before.ros_time_ns, before.clock_jumps) == (None, 0)

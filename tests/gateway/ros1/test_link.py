@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import struct
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import pytest
 from gateway.ros1.errors import HeaderError, Ros1Error, TcprosError, UnreachableError
 from gateway.ros1.link import run_link
 from gateway.ros1.wire.budget import FrameBudget
-from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent, TopicType
+from gateway.ros1.wire.tcpros import MessageReceived, SubscriberConnection, SubscriberEvent, TopicType
 from tests.gateway.ros1.goldens import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, TOPIC
 
 if TYPE_CHECKING:
@@ -50,6 +51,27 @@ async def receive(
 async def test_events_come_until_the_stream_ends() -> None:
     async with publisher(PUBLISHER_HEADER + IMAGE * 3) as address:
         assert len(await receive(address)) == 4
+
+
+@pytest.mark.parametrize("size", [0, 1, 100_000, 9 << 20])
+async def test_message_of_any_size_comes_while_the_stream_stays_open(size: int) -> None:
+    messages: list[bytearray] = []
+    came = asyncio.Event()
+
+    def on_event(event: SubscriberEvent) -> None:
+        if isinstance(event, MessageReceived):
+            messages.append(event.data)
+        if len(messages) == 3:
+            came.set()
+
+    body = bytes(range(256)) * (size // 256) + bytes(size % 256)
+    message = struct.pack("<I", size) + body
+    connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=TopicType("*", "*"))
+    async with publisher(PUBLISHER_HEADER + message * 3, hang=True) as address:
+        link = asyncio.create_task(run_link(address, connection, on_event, handshake_timeout=5.0))
+        await came.wait()
+        link.cancel()
+    assert messages == [body] * 3
 
 
 async def test_message_that_is_cut_off_is_none() -> None:

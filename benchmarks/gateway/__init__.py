@@ -1,0 +1,1 @@
+"""The gateway's figures, see `benchmarks.gateway.__main__`."""

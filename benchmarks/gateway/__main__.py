@@ -1,0 +1,93 @@
+"""The gateway against a rospy one and against Zenoh alone, side by side in one run of about five minutes.
+
+640x480 rgb8 images from a sender to a Zenoh subscriber, each process on its own, flat out and at 30 Hz, with shared
+memory on and off; all go the same way: TCP on loopback between two Zenoh peers of the same settings, images at the same
+quality of service.
+
+    fleetsight   the gateway as it is started on a robot
+    rospy_naive  what one would write first: a rospy subscriber that puts each image on Zenoh
+    zenoh_only   a sender that puts images on Zenoh, with no ROS in between
+    tcpros_only  a plain socket that receives the ROS topic into one buffer: no gateway can have more frames than that
+
+Every sender writes a new image for every frame, out of a pool that no cache holds; ROS's is a plain socket's, the same
+for all, since rospy's own is slower than the gateway. Every receiver copies each payload out of what brought it and
+reads the time in its pixels; doubles are not counted. Frames per second are those that arrive: what a newer one
+replaced on the way is lost. The processes share the machine's cores, so that a variant with one process less, as
+zenoh_only is, has more of them for itself.
+
+Processor time is user and system time of the gateway's process over the frames that arrived. added_latency_p50_ms is
+from when the gateway had the whole frame to the subscriber, less zenoh_only's way from putting to the subscriber.
+
+While a subscriber stands still for ten seconds at a link that nobody gives up, frames are counted that were made
+meanwhile and arrive afterwards, wherever they waited. Needs Debian's ROS 1.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.gateway import flow, idle, stall
+from benchmarks.gateway.processes import ROSMASTER, note, ros_master
+from benchmarks.gateway.report import Run, medians, targets
+from benchmarks.machine import machine, versions
+
+REPEATS: Final = 3
+HZ: Final = 30
+IDLE_S: Final = 10.0
+STALL_S: Final = 10.0
+RUNS: Final = [
+    run
+    for hz in (0, HZ)
+    for shared_memory in (True, False)
+    for run in (
+        Run("fleetsight", hz, shared_memory),
+        Run("rospy_naive", hz, shared_memory),
+        Run("zenoh_only", hz, shared_memory),
+    )
+] + [Run("tcpros_only", 0, shared_memory=True)]
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.gateway", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--seconds", type=float, default=3.0, help="length of one measurement (default: 3)")
+    arguments = parser.parse_args()
+    if not Path(ROSMASTER).exists():
+        parser.error("Debian's ROS 1 is not installed; tests/integration/install-ros.sh installs it")
+    found = measure(arguments.seconds)
+    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+
+
+def measure(seconds: float) -> dict[str, Any]:
+    """Run everything, the repeats in turn."""
+    runs: dict[Run, list[flow.Figure]] = {run: [] for run in RUNS}
+    with ros_master() as master:
+        for repeat in range(REPEATS):
+            for run, done in runs.items():
+                note(f"[{repeat + 1}/{REPEATS}] {run}")
+                done.append(
+                    flow.measure(run.variant, master, hz=run.hz, seconds=seconds, shared_memory=run.shared_memory)
+                )
+        note("nobody listens")
+        found = medians(runs) | idle.measure(master, IDLE_S)
+        for shared_memory in (True, False):
+            note("a subscriber stands still")
+            stalled = stall.measure(master, STALL_S, shared_memory=shared_memory)
+            found |= {f"{name}{'' if shared_memory else '_no_shm'}": value for name, value in stalled.items()}
+    return {
+        "targets": targets(found),
+        **found,
+        "frame": "640x480 rgb8",
+        "repeats": REPEATS,
+        "seconds": seconds,
+        "machine": machine(),
+        "versions": versions(["eclipse-zenoh", "msgspec"]),
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""The processes that a measurement consists of, and what the system says about them."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any, Final
+
+import psutil
+import zenoh
+
+from services.toolbox.demo.ports import free_ports
+
+ROS_PYTHON: Final = "/usr/bin/python3"
+ROSMASTER: Final = "/usr/bin/rosmaster"
+START_S: Final = 30.0
+_CPU_CLOCK: Final = 2
+"""Linux's number for the precise one among a process's processor time clocks."""
+
+
+class PeerError(Exception):
+    """A process ended that was still needed; says which one and its last words."""
+
+
+class Process:
+    """A running process."""
+
+    def __init__(self, child: subprocess.Popen[str], errors: IO[bytes]) -> None:
+        self._child = child
+        self._errors = errors
+
+    def ask(self) -> dict[str, Any]:
+        """Return what a peer that answers says now.
+
+        Raises:
+            PeerError: it ended.
+        """
+        assert self._child.stdin is not None  # noqa: S101 - both are pipes
+        assert self._child.stdout is not None  # noqa: S101
+        try:
+            self._child.stdin.write("\n")
+            self._child.stdin.flush()
+            answer: dict[str, Any] = json.loads(self._child.stdout.readline())
+        except (OSError, ValueError) as error:
+            raise PeerError(self.last_words()) from error
+        return answer
+
+    def cpu_s(self) -> float:
+        """Return the user and system time so far."""
+        return time.clock_gettime(~self._child.pid << 3 | _CPU_CLOCK)
+
+    def rss_bytes(self) -> int:
+        """Return the resident memory."""
+        return int(psutil.Process(self._child.pid).memory_info().rss)
+
+    def stop(self) -> None:
+        """Let it stand still."""
+        self._child.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Let it run on."""
+        self._child.send_signal(signal.SIGCONT)
+
+    def last_words(self) -> str:
+        """Return its command and the end of its standard error."""
+        self._errors.seek(0)
+        return f"{self._child.args!r} said: {self._errors.read().decode(errors='replace')[-2000:]}"
+
+
+@contextmanager
+def running(arguments: Sequence[str], master: str) -> Iterator[Process]:
+    """Run a process with a ROS environment, under ROS's own Python with Zenoh's package; end it on leaving."""
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as errors:
+        package = Path(zenoh.__file__).parent
+        (Path(folder) / package.name).symlink_to(package)
+        environment = {"ROS_MASTER_URI": master, "ROS_IP": "127.0.0.1"}
+        if arguments[0] == ROS_PYTHON:
+            environment["PYTHONPATH"] = folder
+        child = subprocess.Popen(
+            arguments,
+            env={**os.environ, **environment},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+        )
+        process = Process(child, errors)
+        try:
+            yield process
+        finally:
+            process.go_on()
+            child.terminate()
+            try:
+                child.communicate(timeout=5)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.communicate()
+
+
+def module(name: str, *arguments: str) -> list[str]:
+    """Return the command line of a peer."""
+    return [sys.executable, "-m", f"benchmarks.peers.{name}", *arguments]
+
+
+@contextmanager
+def ros_master() -> Iterator[str]:
+    """Run Debian's rosmaster on a free port; it answers by then."""
+    port = free_ports(1)
+    uri = f"http://127.0.0.1:{port}"
+    with running([ROSMASTER, "--core", "-p", str(port)], uri):
+        deadline = time.monotonic() + START_S
+        while not _answers(port) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        yield uri
+
+
+def _answers(port: int) -> bool:
+    with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+        return True
+    return False
+
+
+def note(text: str) -> None:
+    """Show how far the run is."""
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()

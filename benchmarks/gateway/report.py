@@ -1,0 +1,81 @@
+"""Medians, their spread, and whether they are what was aimed at. Pure."""
+
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+from benchmarks.gateway.flow import Figure, Variant
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What was measured: a variant at `hz` frames a second, or flat out if that is 0."""
+
+    variant: Variant
+    hz: int
+    shared_memory: bool
+
+    def __str__(self) -> str:
+        pace = f"at {self.hz} Hz" if self.hz else "flat out"
+        return f"{self.variant} {pace}, {'with' if self.shared_memory else 'without'} shared memory"
+
+    def named(self, figure: str) -> str:
+        """Return the name of one of its figures; the gateway's own have no prefix."""
+        prefix = "" if self.variant == "fleetsight" else f"{self.variant}_"
+        pace = f"_{self.hz}hz" if self.hz else ""
+        return f"{prefix}{figure}{pace}{_memory(shared_memory=self.shared_memory)}"
+
+
+def _memory(*, shared_memory: bool) -> str:
+    return "" if shared_memory else "_no_shm"
+
+
+def medians(runs: Mapping[Run, Sequence[Figure]]) -> dict[str, Any]:
+    """Return the median of each figure over a run's repeats, and under `spread` the least and the greatest."""
+    found: dict[str, Any] = {}
+    spread: dict[str, list[float]] = {}
+    for run, repeats in runs.items():
+        for field in fields(Figure):
+            values = [value for figure in repeats if (value := getattr(figure, field.name)) is not None]
+            if values:
+                name = run.named(field.name)
+                found[name] = round(statistics.median(values), 3)
+                spread[name] = [round(min(values), 3), round(max(values), 3)]
+    for ending in ("", "_no_shm"):
+        hop = found[f"zenoh_only_latency_p50_ms_30hz{ending}"]
+        found[f"added_latency_p50_ms{ending}"] = round(found[f"gateway_latency_p50_ms_30hz{ending}"] - hop, 3)
+    return {**found, "spread": spread}
+
+
+def targets(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return each target: the ratio or value, its limit, and whether it is met."""
+    return (
+        {
+            name: target
+            for ending in ("", "_no_shm")
+            for name, target in {
+                **_at_least(found, f"frames_per_s{ending}", f"rospy_naive_frames_per_s{ending}", 3),
+                **_at_least(found, f"frames_per_s{ending}", f"zenoh_only_frames_per_s{ending}", 0.8),
+                **_at_most(found, f"cpu_ms_per_frame{ending}", 0.3, f"rospy_naive_cpu_ms_per_frame{ending}"),
+                **_at_most(found, f"cpu_ms_per_frame_30hz{ending}", 0.4, f"rospy_naive_cpu_ms_per_frame_30hz{ending}"),
+                **_at_most(found, f"added_latency_p50_ms{ending}", 1.5),
+                **_at_most(found, f"peak_frames_buffered{ending}", 3),
+                **_at_most(found, f"stalled_rss_growth_mb{ending}", 10),
+            }.items()
+        }
+        | _at_most(found, "idle_cpu_percent", 1)
+        | _at_most(found, "idle_bytes", 0)
+    )
+
+
+def _at_least(found: Mapping[str, Any], name: str, other: str, limit: float) -> dict[str, dict[str, Any]]:
+    ratio = round(found[name] / found[other], 3)
+    return {f"{name} / {other}": {"ratio": ratio, "at_least": limit, "met": ratio >= limit}}
+
+
+def _at_most(found: Mapping[str, Any], name: str, limit: float, other: str | None = None) -> dict[str, dict[str, Any]]:
+    if other is None:
+        return {name: {"value": found[name], "at_most": limit, "met": found[name] <= limit}}
+    ratio = round(found[name] / found[other], 3)
+    return {f"{name} / {other}": {"ratio": ratio, "at_most": limit, "met": ratio <= limit}}

@@ -1,0 +1,41 @@
+from bus.shared_memory import FRAMES, SMALLEST_BYTES, SharedFrames
+
+SIZE = 100_000
+
+
+def test_a_small_payload_is_not_shared() -> None:
+    payload = bytes(SMALLEST_BYTES - 1)
+    assert SharedFrames().place(payload) is payload
+
+
+def test_a_large_payload_is_copied() -> None:
+    payload = bytearray(range(256)) * (SMALLEST_BYTES // 256)
+    placed = SharedFrames().place(payload)
+    assert placed is not payload
+    assert bytes(placed or b"") == payload
+
+
+def test_there_is_room_for_so_many_payloads_until_one_is_gone() -> None:
+    frames = SharedFrames()
+    held = [frames.place(bytes([number]) * SIZE) for number in range(FRAMES)]
+    assert None not in held
+    assert frames.place(bytes(SIZE)) is None
+    del held[0]
+    assert bytes(frames.place(b"x" * SIZE) or b"") == b"x" * SIZE
+
+
+def test_room_grows_with_the_payloads_and_what_is_held_stays_whole() -> None:
+    frames = SharedFrames()
+    held = [frames.place(bytes([number]) * SIZE) for number in range(FRAMES)]
+    held += [frames.place(bytes([number]) * 2 * SIZE) for number in range(FRAMES)]
+    assert [bytes(each or b"")[:1] for each in held] == [bytes([number]) for number in range(FRAMES)] * 2
+    assert frames.place(bytes(2 * SIZE)) is None
+
+
+def test_what_the_system_has_no_room_for_is_sent_as_it_is() -> None:
+    class Endless(bytes):
+        def __len__(self) -> int:
+            return 2**62
+
+    payload = Endless()
+    assert SharedFrames().place(payload) is payload
