@@ -20,9 +20,11 @@ from gateway.ros1.errors import (
 from gateway.ros1.master import MasterClient
 from gateway.ros1.master_api import MasterApi
 from gateway.ros1.slave import SlaveApi
+from gateway.ros1.std_srvs import TRIGGER
 from gateway.ros1.wire.framing import FrameReceiver
 from gateway.ros1.wire.header import decode_header
 from gateway.ros1.wire.http import ClientExchange, ServerExchange
+from gateway.ros1.wire.service import ServiceConnection
 from gateway.ros1.wire.tcpros import Offer, PublisherConnection, SubscriberConnection, TopicType
 from gateway.ros1.wire.xmlrpc import Fault, MethodCall, MethodResponse, encode, result_of
 from tests.fuzz.mutation import pieces
@@ -36,6 +38,10 @@ from tests.gateway.ros1.goldens import (
     PUBLISHER_REFUSAL,
     REGISTER_PUBLISHER,
     REGISTER_PUBLISHER_RESPONSE,
+    SERVICE_ANSWER,
+    SERVICE_FAILURE,
+    SERVICE_HEADER,
+    SERVICE_REFUSAL,
     SUBSCRIBER_HEADER,
     TOPIC,
 )
@@ -75,6 +81,16 @@ def feed_subscriber(data: bytes, rng: Random) -> None:
         callerid="/ours", topic=TOPIC, expected=IMAGE_TYPE, max_message_bytes=MAX_MESSAGE_BYTES
     )
     events_of(connection, *pieces(rng, data))
+
+
+def feed_service_call(data: bytes, rng: Random) -> None:
+    connection = ServiceConnection(
+        callerid="/ours", service="/reset", expected=TRIGGER, max_response_bytes=MAX_MESSAGE_BYTES
+    )
+    for piece in pieces(rng, data):
+        connection.receive_data(piece)
+        while connection.next_event() is not None:
+            pass
 
 
 def feed_publisher(data: bytes, rng: Random) -> None:
@@ -282,6 +298,12 @@ TARGETS = [
         "subscriber",
         [PUBLISHER_HEADER + IMAGE, PUBLISHER_HEADER + IMAGE + IMAGE, PUBLISHER_REFUSAL],
         feed_subscriber,
+        (WireError, LinkRefusedError, TypeMismatchError),
+    ),
+    Target(
+        "service call",
+        [SERVICE_HEADER + SERVICE_ANSWER, SERVICE_HEADER + SERVICE_FAILURE, SERVICE_REFUSAL],
+        feed_service_call,
         (WireError, LinkRefusedError, TypeMismatchError),
     ),
     Target("publisher", [SUBSCRIBER_HEADER], feed_publisher, (WireError,)),
