@@ -14,7 +14,11 @@ if TYPE_CHECKING:
     from gateway.ros1.msg.definition import Definitions, Field
 
 MAX_ITEMS = 4
-_SIGNED, _UNSIGNED = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**31 - 1)
+_SIGNED, _UNSIGNED, _NANOSECONDS = (
+    st.integers(-(2**31), 2**31 - 1),
+    st.integers(0, 2**31 - 1),
+    st.integers(0, 10**9 - 1),
+)
 
 
 def number(kind: str) -> st.SearchStrategy[Any]:
@@ -35,8 +39,8 @@ def plain(definitions: Definitions, kind: str) -> st.SearchStrategy[Any]:
         return number(kind)
     if kind == STRING:
         return st.text(max_size=8)
-    if kind in MOMENTS:  # what rosbags can carry, too: it gives a time's seconds a sign, and a duration's rest none
-        return st.tuples(_UNSIGNED if kind == "time" else _SIGNED, _UNSIGNED)
+    if kind in MOMENTS:  # what peers leave as it is: rosbags gives a time's seconds a sign, genpy carries seconds over
+        return st.tuples(_UNSIGNED if kind == "time" else _SIGNED, _NANOSECONDS)
     return st.fixed_dictionaries({field.name: _field(definitions, field) for field in definitions[kind].fields})
 
 
