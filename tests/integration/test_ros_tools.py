@@ -23,6 +23,7 @@ from tests.services.detector.views import NEAR_VIEWS, near_view
 
 FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"
+DROP = "/usr/lib/topic_tools/drop"
 RELAY = "/usr/lib/topic_tools/relay"
 ROOT = Path(__file__).parents[2]
 LAUNCH = """
@@ -102,6 +103,16 @@ async def test_a_roscpp_relay_feeds_a_gateway_and_takes_from_it(ros: RosEnvironm
         await rig.stream_status("r1", "front", lambda status: status.publishers == 0)
         await ros.run(RELAY, "/elsewhere", TOPIC)
         await rig.stream_status("r1", "front", lambda status: status.publishers == 1)
+
+
+async def test_what_a_roscpp_node_drops_on_its_way_is_missing(ros: RosEnvironment, rig: FleetRig) -> None:
+    require_ros(DROP)
+    await ros.script(GREY_CAMERA, "camera", "/elsewhere", "10")
+    await ros.run(DROP, "/elsewhere", "1", "2", TOPIC)
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
+    async with rig.subscribed(FRONT.stream(Stream.COLOR)):
+        status = await rig.stream_status("r1", "front", lambda status: status.received >= 5)
+    assert status.missing == status.received - 1
 
 
 async def test_roslaunch_starts_a_gateway_in_its_namespace(ros: RosEnvironment, rig: FleetRig, tmp_path: Path) -> None:
