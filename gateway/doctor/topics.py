@@ -24,7 +24,9 @@ def planned(settings: GatewaySettings, graph: Graph) -> Plan:
 
 def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:
     """Return why a topic of a type that sensors have is not taken, by its name."""
-    return {topic: why for topic, why in found.left_out.items() if graph.types.get(topic) in TYPES and why != OF_GATEWAYS}
+    return {
+        topic: why for topic, why in found.left_out.items() if graph.types.get(topic) in TYPES and why != OF_GATEWAYS
+    }
 
 
 def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:
