@@ -112,8 +112,8 @@ async def _stop(server: asyncio.Server) -> None:
     for listener in server.sockets:
         loop.remove_reader(listener)
     try:
-        # asyncio loses the socket of a connection that it has accepted but not begun to serve when its server closes: it
-        # makes the transport in the loop's next turn and tells the protocol in the one after.
+        # asyncio loses the socket of a connection that it has accepted but not begun to serve when its server closes.
+        # It makes the transport in the next turn of the loop and tells the protocol in the one after.
         for _ in range(2):
             await asyncio.sleep(0)
     finally:
