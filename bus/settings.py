@@ -1,7 +1,7 @@
 """How a process joins the bus. Plain data: whoever builds it reads environment, files and arguments."""
 
 import re
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
 
@@ -22,6 +22,8 @@ Endpoint = Annotated[str, AfterValidator(_endpoint)]
 
 class BusSettings(BaseModel):
     """Fields that every process on the bus has. A router connects nowhere unless `connect` is given."""
+
+    heading: ClassVar = "Zenoh"
 
     mode: Literal["router", "peer", "client"] = Field(
         default="client", description="client of a router, peer among peers, or router for clients"

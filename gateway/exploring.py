@@ -78,7 +78,8 @@ class Explorer:
             log.info("%s", line)
         if self.waiting_for != self._said:
             self._said = self.waiting_for
-            log.info("waiting for %s", self._said or "nothing more")
+            if self._said:
+                log.info("waiting for %s", self._said)
         await offers.change(now)
 
 

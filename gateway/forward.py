@@ -112,7 +112,7 @@ class Forward:
     def _on_message(self, message: Message) -> None:
         latching, merges = message.publisher.latching, self.stream.kind.merges
         if not (self.publisher.wanted or latching or merges):
-            self.stream.leave_out_unwanted()
+            self.stream.leave_out_unwanted(message)
             return
         translated = self.stream.take(message, time.time_ns())
         if translated is None:

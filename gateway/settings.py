@@ -4,9 +4,9 @@ import os
 import re
 import socket
 from collections.abc import Iterable
-from typing import Annotated, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from bus.settings import BusSettings
 from gateway.discovery import Wishes
@@ -18,7 +18,7 @@ from gateway.ros1.names import Names, validate_global, validate_type
 from gateway.ros1.wire.tcpros import ANY
 from gateway.shaping.settings import ShapingSettings
 from schemas.errors import SchemaError
-from schemas.keys import NAME, CameraKey, SensorKey, Stream, sensor_key, service
+from schemas.keys import NAME, CameraKey, SensorKey, Stream, robot_alive, sensor_key, service
 
 MAX_SERVICES: Final = 64
 
@@ -52,6 +52,14 @@ def _node_name(name: str) -> str:
 def _remaps(remaps: dict[str, str]) -> dict[str, str]:
     Names("/gateway", remaps)
     return remaps
+
+
+def _robot(name: str) -> str:
+    try:
+        robot_alive(name)
+    except SchemaError as error:
+        raise ValueError(str(error)) from error
+    return name
 
 
 def _cameras(cameras: dict[str, str]) -> dict[str, str]:
@@ -125,14 +133,11 @@ def _pattern(pattern: str) -> str:
     return pattern
 
 
-class GatewaySettings(ShapingSettings, BusSettings):
-    """Forward a robot's ROS 1 sensors onto Zenoh, and its cameras' results back, while somebody wants them.
+class RosSettings(BaseModel):
+    """Fields on the robot's ROS graph and the node's place in it."""
 
-    Runs on the robot, needs no ROS install. Finds cameras, lidars and transforms by the names and types of what is
-    published, now and later, and says what it takes and what not; --cameras and --topics name streams instead.
-    """
+    heading: ClassVar = "ROS"
 
-    robot: Annotated[str, Field(pattern=f"^{NAME.pattern}$", description="this robot's name, unique in the fleet")]
     ros_master: Annotated[str, AfterValidator(validate_master_uri)] = Field(
         default_factory=master_uri,
         validate_default=True,
@@ -143,14 +148,6 @@ class GatewaySettings(ShapingSettings, BusSettings):
         validate_default=True,
         description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
     )
-    cameras: Annotated[
-        dict[str, str],
-        AfterValidator(_cameras),
-        Field(
-            description="colour cameras as name=topic, several separated by commas; the first one's results go to "
-            "/ultralytics/..., another's to /ultralytics/NAME/..."
-        ),
-    ] = {}
     namespace: Annotated[str, AfterValidator(_namespace)] = Field(
         default_factory=ros_namespace,
         validate_default=True,
@@ -164,22 +161,13 @@ class GatewaySettings(ShapingSettings, BusSettings):
         AfterValidator(_remaps),
         Field(description="names of topics to replace as from=to; from:=to, as for any ROS node, does it too"),
     ] = {}
-    results: bool = Field(
-        default=True, description="publish the cameras' results and the alerts on the robot's own ROS graph"
-    )
-    actions: Annotated[
-        dict[str, str],
-        AfterValidator(_actions),
-        Field(
-            description="what the fleet may tell the robot to do, as action=topic, like pick_up=/planner/pick_up; "
-            "every other action is refused"
-        ),
-    ] = {}
-    topics: Annotated[
-        dict[str, str],
-        AfterValidator(_topics),
-        Field(description="further streams as stream=topic, like front/depth=/front/depth/image_raw or tf=/tf"),
-    ] = {}
+
+
+class StreamSettings(BaseModel):
+    """Fields on which topics become streams."""
+
+    heading: ClassVar = "streams"
+
     discover: bool = Field(
         default=True,
         description="find streams on the ROS graph; beside streams that --cameras or --topics name, only if asked for",
@@ -191,7 +179,37 @@ class GatewaySettings(ShapingSettings, BusSettings):
     deny: Annotated[str, AfterValidator(_pattern)] = Field(
         default="", description="take no topic that is found whose whole name matches this; wins over --allow"
     )
+    cameras: Annotated[
+        dict[str, str],
+        AfterValidator(_cameras),
+        Field(
+            description="colour cameras as name=topic, several separated by commas; the first one's results go to "
+            "/ultralytics/..., another's to /ultralytics/NAME/..."
+        ),
+    ] = {}
+    topics: Annotated[
+        dict[str, str],
+        AfterValidator(_topics),
+        Field(description="further streams as stream=topic, like front/depth=/front/depth/image_raw or tf=/tf"),
+    ] = {}
 
+
+class ReturnSettings(BaseModel):
+    """Fields on what comes from the fleet to the robot."""
+
+    heading: ClassVar = "from the fleet to ROS"
+
+    results: bool = Field(
+        default=True, description="publish the cameras' results and the alerts on the robot's own ROS graph"
+    )
+    actions: Annotated[
+        dict[str, str],
+        AfterValidator(_actions),
+        Field(
+            description="what the fleet may tell the robot to do, as action=topic, like pick_up=/planner/pick_up; "
+            "every other action is refused"
+        ),
+    ] = {}
     services: Annotated[
         list[str],
         AfterValidator(_services),
@@ -200,6 +218,16 @@ class GatewaySettings(ShapingSettings, BusSettings):
             "/reset=std_srvs/Trigger only while it is of that type"
         ),
     ] = []
+
+
+class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettings, BusSettings):
+    """Forward a robot's ROS 1 sensors onto Zenoh, and its cameras' results back, while somebody wants them.
+
+    Runs on the robot, needs no ROS install. Finds cameras, lidars and transforms by the names and types of what is
+    published, now and later, and says what it takes and what not; --cameras and --topics name streams instead.
+    """
+
+    robot: Annotated[str, AfterValidator(_robot), Field(description="this robot's name, unique in the fleet")]
 
     @model_validator(mode="after")
     def _no_topic_twice(self) -> Self:

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Final
 
+from gateway.gaps import Gaps
 from gateway.meter import Meter
 from gateway.ros1.errors import MessageError, TypeMismatchError
 from gateway.ros1.messages import ANY_TYPE, message_type
@@ -51,6 +52,7 @@ class StreamForward:
         self._received = 0
         self._translated = 0
         self._dropped: Counter[str] = Counter()
+        self._gaps = Gaps()
         self._received_rate, self._forwarded_rate = Meter(), Meter()
         self._replaced = 0
         self._broken_links: Counter[str] = Counter()
@@ -59,6 +61,7 @@ class StreamForward:
 
     def begin(self) -> None:
         """Start a subscription: what was kept of an earlier one's messages is forgotten."""
+        self._gaps.begin()
         self._translates = {message_type(name).topic_type: begin() for name, begin in self.kind.translators.items()}
 
     def take(self, message: Message, now_ns: int) -> codec.Message | None:
@@ -67,6 +70,7 @@ class StreamForward:
         now_ns: when the whole message was here, nanoseconds since the epoch.
         """
         self._received += 1
+        self._gaps.arrived(message)
         try:
             translated = self._translate(message, self._header(now_ns))
         except TypeMismatchError as error:
@@ -81,9 +85,10 @@ class StreamForward:
         self._translated += 1
         return translated
 
-    def leave_out_unwanted(self) -> None:
+    def leave_out_unwanted(self, message: Message) -> None:
         """Count a message that came when nobody wanted the stream any more."""
         self._received += 1
+        self._gaps.arrived(message)
         self._dropped[UNWANTED] += 1
 
     def _is_one_too_many(self, message: codec.Message, now_ns: int) -> bool:
@@ -155,6 +160,7 @@ class StreamForward:
             wanted=wanted,
             publishers=publishers,
             received=self._received,
+            missing=self._gaps.missing,
             forwarded=forwarded,
             dropped=dict(self._dropped + lost),
             broken_links=dict(self._broken_links + Counter(broken_links)),

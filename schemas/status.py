@@ -38,6 +38,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
     connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
     what keeps publishers from being heard now, or empty.
+    missing: what ROS publishers numbered and what did not arrive here, by the gaps in their headers' `seq`.
     received_hz, forwarded_hz: over the last seconds. bytes: payload forwarded. compression: of the last frame, like
     `jpeg:80`; empty for what is no frame.
     """
@@ -56,6 +57,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     forwarded_hz: Rate = 0.0
     bytes: Count = 0
     compression: Label = ""
+    missing: Count = 0
 
 
 class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from gateway.discovery import Plan, plan
-from gateway.discovery.sieve import TYPES
+from gateway.discovery.sieve import OF_GATEWAYS, TYPES
 from gateway.discovery.topics import topics_of
 from gateway.doctor.cameras import TF_STATIC
 from gateway.doctor.evidence import Graph
@@ -24,7 +24,9 @@ def planned(settings: GatewaySettings, graph: Graph) -> Plan:
 
 def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:
     """Return why a topic of a type that sensors have is not taken, by its name."""
-    return {topic: why for topic, why in found.left_out.items() if graph.types.get(topic) in TYPES}
+    return {
+        topic: why for topic, why in found.left_out.items() if graph.types.get(topic) in TYPES and why != OF_GATEWAYS
+    }
 
 
 def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
 
@@ -98,6 +98,8 @@ LIMITED: Final = (*FRAMES, ROS)
 
 class ShapingSettings(BaseModel):
     """Fields on the rates, sizes and formats of streams."""
+
+    heading: ClassVar = "rates, sizes and formats"
 
     max_hz: Annotated[
         list[str],

@@ -5,11 +5,13 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
+from rich.text import Text
 
 from services.monitor.fleet import Fleet
 from services.monitor.table import classes, line, notes_of, render
+from services.monitor.troubles import troubles
 
 FRAME_LINES: Final = 8
 """Lines of the picture beside the rows: title, head, rules and notes."""
@@ -18,25 +20,33 @@ FRAME_LINES: Final = 8
 async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str) -> None:
     """Show the fleet until cancelled."""
     if not console.is_terminal:
+        console.print(note, markup=False, highlight=False, soft_wrap=True)
         await _print_changes(
             fleet, refresh_s, lambda text: console.print(text, markup=False, highlight=False, soft_wrap=True)
         )
         return
     with Live(console=console, auto_refresh=False) as live:
         while True:
-            room = max(1, console.height - FRAME_LINES)
+            wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in troubles(fleet.online())]
+            room = max(1, console.height - FRAME_LINES - len(wrong))
             picture = render(fleet.rows(time.monotonic()), [*notes_of(fleet.left_out), note], room)
-            live.update(picture, refresh=True)
+            live.update(Group(picture, *wrong), refresh=True)
             await asyncio.sleep(refresh_s)
 
 
 async def _print_changes(fleet: Fleet, refresh_s: float, write: Callable[[str], None]) -> None:
-    """Write a camera's line when its state or what is in view of it changes."""
+    """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
     shown: dict[object, tuple[bool, str]] = {}
+    wrong: set[str] = set()
     while True:
         for row in fleet.rows(time.monotonic()):
             state = (row.online, classes(row))
             if shown.get(row.key) != state:
                 shown[row.key] = state
                 write(line(row))
+        now_wrong = troubles(fleet.online())
+        for each in now_wrong:
+            if each not in wrong:
+                write(each)
+        wrong = set(now_wrong)
         await asyncio.sleep(refresh_s)

@@ -120,12 +120,13 @@ class Fleet:
             self.ages_s.append(camera.lag_s)
         return True
 
+    def online(self) -> Iterator[GatewayStatus]:
+        """Yield the newest account of every gateway online."""
+        yield from (self.gateways[robot] for robot in self._alive & self.gateways.keys())
+
     def elsewhere(self) -> Iterator[str]:
         """Yield the robots online whose clock is not this machine's."""
-        for robot in self._alive:
-            status = self.gateways.get(robot)
-            if status is not None and status.clock_id != self._clock_id:
-                yield robot
+        yield from (status.robot for status in self.online() if status.clock_id != self._clock_id)
 
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name."""

@@ -34,7 +34,7 @@ def render(rows: Iterable[Row], notes: Sequence[str], room: int) -> Table:
             style="dim" if row.stale else None,
         )
     if not table.rows:
-        table.add_row("no robots yet", *[""] * 5, style="dim")
+        table.add_row("no cameras yet", *[""] * 5, style="dim")
     return table
 
 

@@ -17,7 +17,8 @@ PLACEHOLDERS: Final = {str: "TEXT", int: "N", float: "NUMBER", Path: "FILE"}
 def help_text(model: type[BaseModel], common: type[BaseModel], *, prog: str, env_prefix: str, width: int) -> str:
     """Describe a command by its settings model and what every command has in `common`.
 
-    Lines are at most `width` characters long where words allow it.
+    Settings of a base class with a `heading` are listed under it. Lines are at most `width` characters long where words
+    allow it.
     """
     about = inspect.cleandoc(model.__doc__ or "")
     return "\n".join(
@@ -25,17 +26,15 @@ def help_text(model: type[BaseModel], common: type[BaseModel], *, prog: str, env
             f"usage: {prog} [OPTION ...]",
             "",
             *_paragraphs(about, width),
-            "",
             "options:",
             *_option("-h, --help", "show this and exit", width),
-            *(line for each in (model, common) for name in _own_first(each) for line in _setting(name, each, width)),
+            *(line for each in (model, common) for line in _groups(each, width)),
             "",
             *_paragraphs(
                 f"Each is also read from the environment ({env_prefix}LOG_LEVEL for --log-level) and from the file that"
                 " --config names; what is given here wins over the environment, and that over the file.",
                 width,
             ),
-            "",
         ]
     )
 
@@ -43,12 +42,27 @@ def help_text(model: type[BaseModel], common: type[BaseModel], *, prog: str, env
 def _paragraphs(text: str, width: int) -> Iterator[str]:
     for paragraph in text.split("\n\n"):
         yield from textwrap.wrap(" ".join(paragraph.split()), width)
+        yield ""
 
 
-def _own_first(model: type[BaseModel]) -> list[str]:
-    """Return the settings' names, those of the model itself before those it inherits."""
-    declared = (name for each in model.__mro__ for name in inspect.get_annotations(each))
-    return [name for name in dict.fromkeys(declared) if name in model.model_fields]
+def _groups(model: type[BaseModel], width: int) -> Iterator[str]:
+    for heading, names in _names_by_heading(model).items():
+        if heading:
+            yield from ("", f"{heading}:")
+        for name in names:
+            yield from _setting(name, model, width)
+
+
+def _names_by_heading(model: type[BaseModel]) -> dict[str, list[str]]:
+    """Return the settings' names by the heading of the class that introduces them, the model's own before inherited."""
+    introduced = {
+        name: vars(each).get("heading", "") for each in model.__mro__ for name in inspect.get_annotations(each)
+    }
+    found: dict[str, list[str]] = {"": []}
+    for name, heading in introduced.items():
+        if name in model.model_fields:
+            found.setdefault(heading, []).append(name)
+    return found
 
 
 def _setting(name: str, model: type[BaseModel], width: int) -> list[str]:

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, NoReturn, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, NoReturn, TypeVar
 
 import yaml
 from pydantic import BaseModel, Field, ValidationError
@@ -86,6 +86,8 @@ def load(model: type[S], argv: Sequence[str], *, prog: str) -> Loaded[S]:
 
 
 class _Common(BaseSettings):
+    heading: ClassVar = "any command"
+
     config: Annotated[Path | None, Field(description="YAML or TOML file with any of these settings")] = None
     log_level: Annotated[
         LogLevel | None,

@@ -27,9 +27,9 @@ def test_ros_own_variables_are_the_defaults(
 @pytest.mark.parametrize(
     ("field", "value", "reason"),
     [
-        ("robot", "", "pattern"),
-        ("robot", "r/1", "pattern"),
-        ("robot", "a\n", "pattern"),
+        ("robot", "", "robot name"),
+        ("robot", "r/1", "robot name"),
+        ("robot", "a\n", "robot name"),
         ("ros_master", "robot:11311", "looks like http://robot:11311"),
         ("ros_master", "http://robot", "looks like http://robot:11311"),
         ("allow", "(", "no regular expression: missing )"),

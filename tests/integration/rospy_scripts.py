@@ -125,15 +125,18 @@ while not rospy.is_shutdown():
 """
 
 SENSORS = """
-import sys, rospy
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2
-kinds = {kind.__name__: kind for kind in (CameraInfo, Image, PointCloud2)}
-topics = dict(argument.split("=") for argument in sys.argv[2:])
+import base64, sys, rospy
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
+kinds = {kind.__name__: kind for kind in (CameraInfo, CompressedImage, Image, PointCloud2)}
+jpeg = base64.b64decode(sys.argv[2])
+topics = dict(argument.split("=") for argument in sys.argv[3:])
 rospy.init_node(sys.argv[1])
 publishers = [rospy.Publisher(topic, kinds[kind], queue_size=2) for topic, kind in topics.items()]
 def message(kind, stamp):
     if kind is Image:
         made = Image(height=1, width=2, encoding="rgb8", step=6, data=bytes(6))
+    elif kind is CompressedImage:
+        made = CompressedImage(format="jpeg", data=jpeg)
     else:
         made = kind(height=1, width=2)
     made.header.stamp = stamp

@@ -1,7 +1,9 @@
 """Gateways that are told nothing but their robot's name, on Debian's real ROS 1."""
 
+from base64 import b64encode
 from collections.abc import AsyncIterator
 
+import numpy as np
 import pytest
 
 from schemas.camera_info import CameraInfo
@@ -12,6 +14,7 @@ from tests.gateway.test_exploring import exploring
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, RosProcess
 from tests.integration.rospy_scripts import SENSORS
+from tests.schemas.pictures import file_of
 
 CAMERA = CameraKey("r1", "camera")
 REALSENSE = {
@@ -31,6 +34,9 @@ STREAMS = {
     "camera/points": "/camera/depth/color/points",
 }
 REAR = {"/rear/color/image_raw": "Image"}
+FRONT_BOTH_WAYS = {"/front/color/image_raw": "Image", "/front/color/image_raw/compressed": "CompressedImage"}
+JPEG = file_of(np.zeros((4, 6, 3), np.uint8), ".jpg")
+COMPRESSED = {"/rear/color/image_raw/compressed": "CompressedImage"}
 
 
 @pytest.fixture
@@ -41,7 +47,9 @@ async def rig() -> AsyncIterator[FleetRig]:
 
 async def sensors(ros: RosEnvironment, name: str, topics: dict[str, str]) -> RosProcess:
     """Start a rospy node that publishes these types on these topics."""
-    started = await ros.script(SENSORS, name, *(f"{topic}={kind}" for topic, kind in topics.items()))
+    started = await ros.script(
+        SENSORS, name, b64encode(JPEG).decode(), *(f"{topic}={kind}" for topic, kind in topics.items())
+    )
     await started.until_output("sensors up")
     return started
 
@@ -80,3 +88,30 @@ async def test_what_is_gone_is_withdrawn_unless_its_master_was_restarted(ros: Ro
         await rig.until_offered(front, rear)
         await coming.end()
         await rig.until_offered(front)
+
+
+@pytest.mark.timeout(120)
+async def test_a_picture_that_is_sent_raw_and_compressed_is_one_stream(ros: RosEnvironment, rig: FleetRig) -> None:
+    await sensors(ros, "front", FRONT_BOTH_WAYS)
+    await sensors(ros, "rear", COMPRESSED)
+    await rig.gateway("r1", ros.master_uri, {})
+    raw, compressed = "/front/color/image_raw", "/rear/color/image_raw/compressed"
+    found = await rig.stream_topics("r1", lambda topics: len(topics) >= 2)
+    assert found == {"front/color": raw, "rear/color": compressed}
+    async with rig.subscribed(CameraKey("r1", "rear").stream(Stream.COLOR)) as frames:
+        frame = await receive(frames, ImageFrame)
+    assert (frame.format, frame.height, frame.width, bytes(frame.data)) == ("jpeg", 4, 6, JPEG)
+
+
+@pytest.mark.timeout(120)
+async def test_a_gateway_waits_for_its_master_and_for_sensors_and_says_so(ros: RosEnvironment, rig: FleetRig) -> None:
+    await ros.end_master()
+    await rig.gateway("r1", ros.master_uri, {})
+    said = await rig.gateway_status("r1")
+    assert said.waiting_for == f"the ROS master at {ros.master_uri.rstrip('/')}"
+    await ros.start_master()
+    await rig.gateway_status("r1", lambda status: status.waiting_for.startswith("a camera, "))
+    await sensors(ros, "camera", {"/camera/color/image_raw": "Image"})
+    await rig.gateway_status("r1", lambda status: not status.waiting_for)
+    async with rig.subscribed(CAMERA.stream(Stream.COLOR)) as frames:
+        assert (await receive(frames, ImageFrame)).encoding == "rgb8"

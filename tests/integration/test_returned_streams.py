@@ -176,6 +176,17 @@ async def test_a_recorded_bag_reads_back_with_its_definitions(
         assert header == {"type": name, "md5sum": kind.md5sum, "message_definition": kind.definition}
         assert definition.strip() == kind.definition.strip()
         assert size > 0
+    await played_again(ros, bag)
+
+
+async def played_again(ros: RosEnvironment, bag: Path) -> None:
+    """Play the bag to a rospy node under other names."""
+    listener = await ros.script(LISTENER, f"/again{CLASSES}=String", f"/again{DETECTION}=Image")
+    await listener.until_output("listener up")
+    await ros.run("/usr/bin/rosbag", "play", "--quiet", "--loop", "--prefix=/again", str(bag))
+    assert (await one_heard(listener, f"/again{CLASSES}"))["data"] == "['box', 'box']"
+    image = await one_heard(listener, f"/again{DETECTION}")
+    assert (image["width"], image["height"], image["encoding"]) == (64, 48, "rgb8")
 
 
 @pytest.mark.timeout(120)

@@ -14,14 +14,16 @@ from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from tests.gateway.outgoing.lists import class_list
-from tests.integration.fleet import FleetRig, fleet_rig, receive
+from tests.gateway.ros1.waiting import until
+from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig, receive
 from tests.integration.ros import SYSTEM_PYTHON, RosEnvironment, require_ros
-from tests.integration.rospy_scripts import GREY_CAMERA
+from tests.integration.rospy_scripts import GREY_CAMERA, LISTENER
 from tests.integration.test_first_light import write_bag
 from tests.services.detector.views import NEAR_VIEWS, near_view
 
 FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"
+DROP = "/usr/lib/topic_tools/drop"
 RELAY = "/usr/lib/topic_tools/relay"
 ROOT = Path(__file__).parents[2]
 LAUNCH = """
@@ -103,6 +105,16 @@ async def test_a_roscpp_relay_feeds_a_gateway_and_takes_from_it(ros: RosEnvironm
         await rig.stream_status("r1", "front", lambda status: status.publishers == 1)
 
 
+async def test_what_a_roscpp_node_drops_on_its_way_is_missing(ros: RosEnvironment, rig: FleetRig) -> None:
+    require_ros(DROP)
+    await ros.script(GREY_CAMERA, "camera", "/elsewhere", "10")
+    await ros.run(DROP, "/elsewhere", "1", "2", TOPIC)
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
+    async with rig.subscribed(FRONT.stream(Stream.COLOR)):
+        status = await rig.stream_status("r1", "front", lambda status: status.received >= 5)
+    assert status.missing == status.received - 1
+
+
 async def test_roslaunch_starts_a_gateway_in_its_namespace(ros: RosEnvironment, rig: FleetRig, tmp_path: Path) -> None:
     require_ros("roslaunch")
     package = tmp_path / "fleetsight"
@@ -125,6 +137,31 @@ async def test_roslaunch_starts_a_gateway_in_its_namespace(ros: RosEnvironment, 
     assert "/r1/ultralytics/detection/classes" in listed
     assert not [topic for topic in listed if topic.startswith("/ultralytics")]
     await launched.end()
+
+
+@pytest.mark.parametrize(
+    ("variables", "host"),
+    [
+        (("ROS_IP=127.0.0.2",), "127.0.0.2"),
+        (("ROS_IP=127.0.0.2", "ROS_HOSTNAME=localhost"), "localhost"),
+    ],
+)
+async def test_other_nodes_are_told_the_host_that_ros_variables_name(
+    ros: RosEnvironment, rig: FleetRig, variables: tuple[str, ...], host: str
+) -> None:
+    gateway = ("-m", "services.toolbox", "gateway", "--robot", "r1", "--connect", rig.endpoint)
+    environment = (f"PYTHONPATH={ROOT}", *variables)
+    await ros.run("/usr/bin/env", *environment, sys.executable, *gateway, "--cameras", f"front={TOPIC}")
+    topic = (await rig.return_status("r1", "front")).topic
+    async with asyncio.timeout(PATIENCE_S):
+        while f"(http://{host}:" not in (said := await (await ros.rostopic("info", topic)).finished()):
+            assert "(http://" not in said
+    encoding = codec.encoding(ClassList)
+    listener = await ros.script(LISTENER, "listener", topic)
+    async with rig.bus.publisher(FRONT.stream(Stream.CLASSES), QoS.RESULT, encoding=encoding) as classes:
+        await until(lambda: classes.wanted, "the listener has connected there")
+        classes.put(codec.encode(class_list(("box", 1))))
+        await listener.until_output("heard ['box']")
 
 
 async def test_a_bag_that_loops_takes_ros_time_back_and_frames_go_on(

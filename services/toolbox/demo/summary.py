@@ -3,8 +3,20 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
-from schemas.status import MISSING, REPLACED_BEFORE_LINK, GatewayStatus, WorkerStatus
+from schemas.status import (
+    MISSING,
+    OVER_BUDGET,
+    REPLACED_BEFORE_LINK,
+    REPLACED_BEFORE_SHAPING,
+    UNSHAPED,
+    GatewayStatus,
+    WorkerStatus,
+)
+
+NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFORE_LINK)
+"""Reasons of gateways for which a frame's number is missing at every receiver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +73,11 @@ def drops(gateways: Iterable[GatewayStatus], workers: Iterable[WorkerStatus]) ->
     for worker in workers:
         for camera in worker.cameras:
             at_workers.update(camera.dropped)
-    # What a gateway replaced is missing at the worker as well; what else is missing there, the link lost.
+    # What a gateway numbered and left out is missing at the worker as well; what else is missing there, the link lost.
     missing = at_workers.pop(MISSING, 0)
     places = {"at the gateway": at_gateways, "at the detector": at_workers}
     counts = Counter({f"{place}: {reason}": n for place, drops in places.items() for reason, n in drops.items()})
-    counts["on the link: lost"] = max(0, missing - at_gateways[REPLACED_BEFORE_LINK])
+    counts["on the link: lost"] = max(0, missing - sum(at_gateways[reason] for reason in NUMBERED))
     return +counts
 
 

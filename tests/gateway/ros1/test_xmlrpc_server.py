@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import AsyncExitStack, asynccontextmanager, suppress
+import gc
+import socket
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -182,3 +184,20 @@ async def test_parameter_that_xmlrpc_cannot_carry(server: XmlRpcServer, client: 
 
 def test_request_body_is_what_rospy_would_send() -> None:
     assert encode(MethodCall("echo", ("a",))).startswith(b"<?xml version='1.0'?>\n<methodCall>\n<methodName>echo<")
+
+
+@pytest.mark.parametrize("steps", range(5))
+async def test_connections_that_come_when_it_ends_are_closed(steps: int, caplog: pytest.LogCaptureFixture) -> None:
+    with ExitStack() as stack:
+        async with XmlRpcServer(Api(), host="127.0.0.1") as server:
+            address = ("127.0.0.1", int(server.uri.rstrip("/").rpartition(":")[2]))
+            late = [stack.enter_context(socket.create_connection(address)) for _ in range(5)]
+            for _ in range(steps):
+                await asyncio.sleep(0)
+        for connection in late:
+            connection.setblocking(False)  # noqa: FBT003 - socket's own signature
+            with suppress(ConnectionResetError):
+                async with asyncio.timeout(5):
+                    assert await asyncio.get_running_loop().sock_recv(connection, 1) == b""
+    gc.collect()
+    assert caplog.text == ""

@@ -107,21 +107,27 @@ async def test_a_token_under_an_odd_key_is_left_out(bus: Bus, fleet: Fleet) -> N
 async def test_without_a_terminal_changes_are_printed_once(fleet: Fleet) -> None:
     console = Console(file=io.StringIO(), force_terminal=False)
     fleet.camera_presence(FRONT, alive=True)
-    showing = asyncio.create_task(show(fleet, console, 0.01, note=""))
+    showing = asyncio.create_task(show(fleet, console, 0.01, note="listening"))
     await asyncio.sleep(0.1)
     fleet.see(SEEN, 0, 0)
+    fleet.robot_presence("r2", alive=True)
+    fleet.gateway_status(GatewayStatus(robot="r2", boot_id="b", clock_id="c", sent_ns=0, waiting_for="a master"))
     await asyncio.sleep(0.1)
     showing.cancel()
     await asyncio.wait([showing])
     assert isinstance(console.file, io.StringIO)
-    first, second = console.file.getvalue().splitlines()
+    note, first, second, third = console.file.getvalue().splitlines()
+    assert note == "listening"
     assert first == "r1/front: offline, waiting for the first class list, age -, 0.0/s"
     assert second.startswith("r1/front: offline, 2 box, age > ")
+    assert third == "r2 waits for a master"
 
 
 async def test_on_a_terminal_the_table_is_drawn(fleet: Fleet) -> None:
     console = Console(file=io.StringIO(), force_terminal=True, width=100)
     fleet.camera_presence(FRONT, alive=True)
+    fleet.robot_presence("r2", alive=True)
+    fleet.gateway_status(GatewayStatus(robot="r2", boot_id="b", clock_id="c", sent_ns=0, waiting_for="a master"))
     showing = asyncio.create_task(show(fleet, console, 0.01, note="listening"))
     await asyncio.sleep(0.05)
     showing.cancel()
@@ -129,3 +135,4 @@ async def test_on_a_terminal_the_table_is_drawn(fleet: Fleet) -> None:
     assert isinstance(console.file, io.StringIO)
     assert "waiting for the first class list" in console.file.getvalue()
     assert "listening" in console.file.getvalue()
+    assert "r2 waits for a master" in console.file.getvalue()

@@ -38,7 +38,7 @@ def test_every_column_of_every_row() -> None:
 
 def test_an_empty_fleet_says_so_and_notes_are_shown() -> None:
     shown = drawn(notes=("listening on tcp/127.0.0.1:7447",))
-    assert "no robots yet" in shown
+    assert "no cameras yet" in shown
     assert "listening on tcp/127.0.0.1:7447" in shown
 
 

@@ -1,5 +1,5 @@
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import pytest
 from pydantic import BaseModel, Field
@@ -9,29 +9,40 @@ from services.toolbox.help import help_text
 
 
 class Common(BaseModel):
+    heading: ClassVar = "any"
+
     level: Literal["low", "high"] = Field(default="low", description="how much")
 
 
 class Base(BaseModel):
+    heading: ClassVar = "further"
+
     inherited: list[str] = Field(default=["a", "b"], description="some")
+    changed: int = Field(default=1, description="again")
 
 
 class Settings(Base):
-    """What it is for."""
+    """What it is for.
+
+    And more.
+    """
 
     robot: str = Field(description="whose")
     rate: Annotated[float | None, Field(description="how fast")] = None
     pairs: dict[str, str] = Field(default={"a": "b"}, description="which")
     on: bool = Field(default=True, description="whether")
+    changed: int = Field(default=2, description="again")
     file: Path = Field(default_factory=lambda: Path("made"), description="where")
 
 
-def test_every_setting_its_own_first_with_its_default() -> None:
+def test_every_setting_its_own_first_under_its_heading_with_its_default() -> None:
     shown = help_text(Settings, Common, prog="test", env_prefix="X_", width=80)
-    assert shown.splitlines()[:12] == [
+    assert shown.splitlines()[:21] == [
         "usage: test [OPTION ...]",
         "",
         "What it is for.",
+        "",
+        "And more.",
         "",
         "options:",
         "  -h, --help              show this and exit",
@@ -40,9 +51,15 @@ def test_every_setting_its_own_first_with_its_default() -> None:
         "  --pairs NAME=VALUE,...  which (default: a=b)",
         "  --on, --no-on           whether (default: yes)",
         "  --file FILE             where (default: made)",
+        "",
+        "further:",
+        "  --changed N             again (default: 2)",
         "  --inherited TEXT,...    some (default: a,b)",
+        "",
+        "any:",
+        "  --level low|high        how much (default: low)",
+        "",
     ]
-    assert "  --level low|high        how much (default: low)" in shown
     assert "X_LOG_LEVEL" in shown
 
 

@@ -1,7 +1,7 @@
 import pytest
 
-from schemas.status import MISSING, REPLACED_BEFORE_LINK, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
-from services.toolbox.demo.summary import Summary, drops, percentile
+from schemas.status import MISSING, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from services.toolbox.demo.summary import NUMBERED, Summary, drops, percentile
 
 
 def summary(*, lists: dict[str, int], ages_s: tuple[float, ...] = (0.1, 0.2), first: float | None = 6.5) -> Summary:
@@ -64,7 +64,8 @@ def test_drops_are_added_up_by_place_and_reason() -> None:
     assert drops(gateways, workers) == {"at the gateway: bad": 5, "at the detector: late": 3}
 
 
-def test_what_the_gateway_replaced_is_not_counted_again_where_it_is_missing() -> None:
+@pytest.mark.parametrize("reason", NUMBERED)
+def test_what_the_gateway_numbered_and_left_out_is_not_counted_again_where_it_is_missing(reason: str) -> None:
     stream = StreamStatus(
         camera="c",
         stream="color",
@@ -73,9 +74,9 @@ def test_what_the_gateway_replaced_is_not_counted_again_where_it_is_missing() ->
         publishers=1,
         received=9,
         forwarded=6,
-        dropped={REPLACED_BEFORE_LINK: 3},
+        dropped={reason: 3},
     )
     gateway = GatewayStatus(robot="a", boot_id="b", clock_id="c", sent_ns=0, streams=[stream])
     load = CameraLoad(robot="a", camera="c", inferred=4, dropped={MISSING: 5})
     worker = WorkerStatus(service="detector", worker="w", model="m", sent_ns=0, cameras=[load])
-    assert drops([gateway], [worker]) == {f"at the gateway: {REPLACED_BEFORE_LINK}": 3, "on the link: lost": 2}
+    assert drops([gateway], [worker]) == {f"at the gateway: {reason}": 3, "on the link: lost": 2}

@@ -1,0 +1,33 @@
+import shlex
+from pathlib import Path
+
+from gateway.settings import GatewaySettings
+from services.toolbox.commands import COMMANDS
+from services.toolbox.settings import load
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+
+
+def settings(text: str, folder: Path) -> GatewaySettings:
+    file = folder / "gateway.yaml"
+    file.write_text(text, encoding="utf-8")
+    return load(GatewaySettings, ["--config", str(file)], prog="fleetsight gateway").settings
+
+
+def test_the_unit_starts_a_gateway_with_a_file_of_settings() -> None:
+    unit = (DEPLOY / "fleetsight-gateway.service").read_text(encoding="utf-8")
+    (started,) = (line.partition("=")[2] for line in unit.splitlines() if line.startswith("ExecStart="))
+    program, command, *options = shlex.split(started)
+    assert Path(program).name == "fleetsight"
+    assert command in {each.name for each in COMMANDS}
+    assert options == ["--config", "/etc/fleetsight/gateway.yaml"]
+
+
+def test_the_example_holds_settings_of_a_gateway(tmp_path: Path) -> None:
+    text = (DEPLOY / "gateway.yaml").read_text(encoding="utf-8")
+    found = settings(text, tmp_path)
+    assert (found.robot, found.connect) == ("r1", ["tcp/central:7447"])
+    said, _, on_a_thin_link = text.partition("# On a thin link:\n")
+    thin = settings(said + on_a_thin_link.replace("# ", ""), tmp_path)
+    assert (thin.max_hz_of("front/color"), thin.max_hz_of("front/depth")) == (10, 5)
+    assert (thin.factor_of("front/color"), thin.factor_of("front/depth"), thin.uplink_mbit) == (2, 1, 8)
