@@ -1,3 +1,5 @@
+from random import Random
+
 from bus.shared_memory import FRAMES, SMALLEST_BYTES, SharedFrames
 
 SIZE = 100_000
@@ -30,6 +32,17 @@ def test_room_grows_with_the_payloads_and_what_is_held_stays_whole() -> None:
     held += [frames.place(bytes([number]) * 2 * SIZE) for number in range(FRAMES)]
     assert [bytes(each or b"")[:1] for each in held] == [bytes([number]) for number in range(FRAMES)] * 2
     assert frames.place(bytes(2 * SIZE)) is None
+
+
+def test_payloads_of_any_sizes_find_room_again() -> None:
+    sizes, frames = Random(1), SharedFrames()
+    frames.place(bytes(SIZE))
+    held = None
+    for _ in range(1000):
+        placed = frames.place(bytes(sizes.randrange(SMALLEST_BYTES, SIZE)))
+        assert placed is not None
+        held = placed
+    assert held is not None
 
 
 def test_what_the_system_has_no_room_for_is_sent_as_it_is() -> None:
