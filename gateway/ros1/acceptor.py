@@ -45,5 +45,5 @@ class Acceptor:
             self._loop.remove_reader(self._listener)
             self._retry = self._loop.call_later(_RETRY_S, self._begin)
             return
-        connection.setblocking(False)
+        connection.settimeout(0)
         self._on_connection(connection, peer[0])

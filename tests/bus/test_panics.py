@@ -7,7 +7,7 @@ from bus.panics import panics_are_errors
 
 def test_a_panic_is_an_error_of_the_bus() -> None:
     config = zenoh.Config.from_json5('{"mode": "client", "connect": {"endpoints": ["tcp/127.0.0.1:1?rel=banana"]}}')
-    with pytest.raises(BusError, match="Zenoh failed: .*banana") as caught, panics_are_errors():
+    with pytest.raises(BusError, match=r"Zenoh failed: .*banana") as caught, panics_are_errors():
         zenoh.open(config)
     assert not isinstance(caught.value.__cause__, Exception)
 

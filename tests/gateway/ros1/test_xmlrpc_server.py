@@ -168,7 +168,7 @@ async def test_port_that_is_taken_is_an_error_and_leaves_nothing(server: XmlRpcS
 @pytest.mark.parametrize("turns", range(6))
 async def test_connection_that_is_being_made_when_the_server_leaves_is_closed(turns: int) -> None:
     with socket.socket() as connection:
-        connection.setblocking(False)
+        connection.settimeout(0)
         async with XmlRpcServer(Api(), host="127.0.0.1", timeout=60.0) as server:
             with suppress(BlockingIOError):
                 connection.connect(("127.0.0.1", int(server.uri.rstrip("/").rpartition(":")[2])))
