@@ -14,6 +14,10 @@ from bus.panics import panics_are_errors
 FRAMES: Final = 3
 """Payloads of one size that may be on their way at once: shared ones fill no socket, which would bound them."""
 
+PATIENCE: Final = 30
+"""Successive payloads without room after which what subscribers hold is left to them: one that was stopped never lets
+go of it, not even when its link counts as lost."""
+
 SMALLEST_BYTES: Final = 4096
 """A smaller payload is sent sooner than it is shared."""
 
@@ -35,27 +39,37 @@ class SharedFrames:
 
     def __init__(self) -> None:
         self._largest = 0
+        self._refused = 0
         self._provider: ShmProvider | None = None
 
     def place(self, payload: bytes | bytearray) -> ZShmMut | bytes | bytearray | None:
         """Return the payload's copy in shared memory, or itself where it is small or the system has no room.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
-        stream's others until its link counts as lost.
+        stream's others until its link counts as lost, and then for PATIENCE payloads at most.
         """
         size = len(payload)
         if size < SMALLEST_BYTES:
             return payload
         if size > self._largest:
-            self._largest = size + size // _SPARE
-            self._provider = None
-            self._provider = _provider(FRAMES * (self._largest + _OVERHEAD_BYTES))
+            self._renew(size + size // _SPARE)
+        elif self._refused >= PATIENCE:
+            self._renew(self._largest)
         if self._provider is None:
             return payload
         room = _allocated(self._provider, size)
-        if room is not None:
+        if room is None:
+            self._refused += 1
+        else:
+            self._refused = 0
             room[0:size] = payload
         return room
+
+    def _renew(self, largest: int) -> None:
+        self._largest = largest
+        self._refused = 0
+        self._provider = None  # whose memory the system has back then, once no subscriber has it
+        self._provider = _provider(FRAMES * (largest + _OVERHEAD_BYTES))
 
 
 def _allocated(provider: ShmProvider, size: int) -> ZShmMut | None:
