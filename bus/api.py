@@ -126,7 +126,7 @@ class Publisher(Protocol):
         """Hand a message over to be sent; it must not be changed afterwards.
 
         The message that finds a quick link slow may hold up its sender for some tens of milliseconds, once: the next
-        ones wait elsewhere until the link has been quick for a while.
+        ones, of any publisher, wait elsewhere until the link has been quick for a while.
 
         Raises:
             BusClosedError: the publisher or the bus is closed.

@@ -15,6 +15,7 @@ from zenoh.handlers import Callback
 from bus.api import MAX_REQUEST_BYTES, Handler, Latest, QoS, Queue, Reply, Request
 from bus.demand import Demand
 from bus.lane import Lane
+from bus.panics import panics_are_errors
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
 from bus.reading import PresenceReader, SampleReader
 from bus.serving import Call, Server
@@ -106,11 +107,12 @@ class ZenohPublisher(MessageWriter):
         """Send on the lane's thread."""
         if self._publisher is None:
             return
-        placed = payload if self._shared is None else self._shared.place(payload)
-        if placed is None:
-            self.count_dropped(1)
-        else:
-            self._publisher.put(placed)
+        with panics_are_errors():
+            placed = payload if self._shared is None else self._shared.place(payload)
+            if placed is None:
+                self.count_dropped(1)
+            else:
+                self._publisher.put(placed)
 
     def undeclare(self) -> None:
         """Write what waits, as far as that is quick, and undeclare."""

@@ -12,7 +12,7 @@ QUICK_S: Final = 0.005
 """A write that takes longer has waited for a link."""
 
 QUICK_WRITES: Final = 30
-"""Successive quick writes after which a publisher's next ones are made without the thread."""
+"""Successive quick writes after which a publisher's next ones are made at once."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -32,6 +32,8 @@ class Lane:
 
     A publisher's messages wait until it is admitted, which is when there is a link that takes them. Handing a message
     to the thread costs more than sending it: while a publisher's writes take less than QUICK_S, they are made at once.
+    The first one that is not has all publishers write on the thread again: they share their links, and whoever offers
+    waits once for all of them.
     """
 
     def __init__(self, name: str, depth: int, clock: Callable[[], float] = time.monotonic) -> None:
@@ -48,20 +50,24 @@ class Lane:
         self._stopping = False
 
     def offer(self, writer: Writer, payload: bytes | bytearray) -> None:
-        """Send or queue a message. Blocks for one slow write at most after QUICK_WRITES quick ones."""
+        """Send or queue a message; the one that finds a quick link slow blocks as long as its write takes."""
         with self._lock:
             at_once = self._is_quick(writer)
             if at_once:
                 self._writing.add(writer)
             dropped = 0 if at_once else self._queue(writer, payload)
-        if at_once:
-            self._write(writer, payload)
+        if at_once and not self._write(writer, payload):
+            self._write_none_at_once()
         elif dropped:
             writer.count_dropped(dropped)
 
     def _is_quick(self, writer: Writer) -> bool:
         quick = self._quick_writes.get(writer, 0) >= QUICK_WRITES
         return quick and writer not in self._ready and writer not in self._writing
+
+    def _write_none_at_once(self) -> None:
+        with self._lock:
+            self._quick_writes = dict.fromkeys(self._quick_writes, 0)
 
     def _queue(self, writer: Writer, payload: bytes | bytearray) -> int:
         if writer not in self._quick_writes:
@@ -112,17 +118,18 @@ class Lane:
                 self._queued.wait()
             return None
 
-    def _write(self, writer: Writer, payload: bytes | bytearray) -> None:
+    def _write(self, writer: Writer, payload: bytes | bytearray) -> bool:
+        """Return whether it was quick."""
         began = self._clock()
         try:
             writer.write(payload)
         except Exception as error:  # noqa: BLE001 - whatever one message meets, the lane serves the others
             writer.count_dropped(1)
             _log.debug("a message was not sent: %s", error)
-        finally:
-            quick = self._clock() - began < QUICK_S
-            with self._lock:
-                self._writing.discard(writer)
-                if writer in self._quick_writes:
-                    self._quick_writes[writer] = self._quick_writes[writer] + 1 if quick else 0
-                self._written.notify_all()
+        quick = self._clock() - began < QUICK_S
+        with self._lock:
+            self._writing.discard(writer)
+            if writer in self._quick_writes:
+                self._quick_writes[writer] = self._quick_writes[writer] + 1 if quick else 0
+            self._written.notify_all()
+        return quick

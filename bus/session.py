@@ -19,6 +19,7 @@ from bus.asking import Asking
 from bus.config import session_config
 from bus.errors import BusError, NotServedError
 from bus.linger import shorten
+from bus.panics import panics_are_errors
 from bus.queries import send_query
 from bus.serving import serves
 from bus.settings import BusSettings
@@ -70,7 +71,7 @@ class SessionThread:
 
     def ask(self, asking: Asking) -> None:
         """Send a request; its outcome comes by itself."""
-        self.submit(partial(self._ask, asking))
+        self._do(partial(self._ask, asking))
 
     def stop(self, then: Callable[[], None]) -> Future[None]:
         """Undeclare everything, close the session, call `then`, end the thread."""
@@ -84,7 +85,8 @@ class SessionThread:
             if not future.set_running_or_notify_cancel():
                 return
             try:
-                act()
+                with panics_are_errors():
+                    act()
             except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the future
                 future.set_exception(error)
             else:
@@ -96,6 +98,10 @@ class SessionThread:
             future.set_result(None)
         return future
 
+    def _do(self, act: Callable[[], None]) -> None:
+        """Have something done that nobody waits for. Any thread."""
+        self.submit(act).add_done_callback(_log_failure)
+
     def _run(self) -> None:
         while not self._stopped:
             try:
@@ -103,7 +109,8 @@ class SessionThread:
                     timeout=None if self._retry_at is None else max(0, self._retry_at - time.monotonic())
                 )
             except queue.Empty:
-                self._open()
+                self._retry_at = time.monotonic() + RETRY_S
+                self._do(self._open)
             else:
                 job()
         with contextlib.suppress(queue.Empty):
@@ -139,7 +146,7 @@ class SessionThread:
     def _on_link(self, event: zenoh.LinkEvent) -> None:
         """Have the session's thread act on it; this one is Zenoh's."""
         act = self._link_up if event.kind == zenoh.SampleKind.PUT else self._link_down
-        self._jobs.put(partial(act, event.link.src, event.link.dst))
+        self._do(partial(act, event.link.src, event.link.dst))
 
     def _link_up(self, own: str, other: str) -> None:
         shorten(own)
@@ -165,7 +172,8 @@ class SessionThread:
             return
         del self._kept[declaration]
         try:
-            declaration.undeclare()
+            with panics_are_errors():
+                declaration.undeclare()
         except Exception as error:  # noqa: BLE001 - the session may be gone already, or a thread stuck in the publisher
             _log.debug("undeclaring failed: %s", error)
 
@@ -184,10 +192,16 @@ class SessionThread:
             self._undeclare(declaration)
         try:
             if self._session is not None:
-                self._session.close()
-        except zenoh.ZError as error:
+                with panics_are_errors():
+                    self._session.close()
+        except (zenoh.ZError, BusError) as error:
             _log.warning("the session did not close cleanly: %s", error)
         then()
+
+
+def _log_failure(done: Future[None]) -> None:
+    if not done.cancelled() and (error := done.exception()) is not None:
+        _log.error("the bus met an error: %s", error)
 
 
 def _reason(error: zenoh.ZError) -> str:

@@ -6,10 +6,17 @@ from pathlib import Path
 from typing import Final
 
 import zenoh
-from zenoh.shm import GarbageCollect, ShmProvider, ZShmMut
+from zenoh.shm import ShmProvider, ZShmMut
+
+from bus.errors import BusError
+from bus.panics import panics_are_errors
 
 FRAMES: Final = 3
-"""Payloads that may be on their way at once: shared ones fill no socket, so that nothing else would bound them."""
+"""Payloads of one size that may be on their way at once: shared ones fill no socket, which would bound them."""
+
+PATIENCE: Final = 30
+"""Successive payloads without room after which what subscribers hold is left to them: one that was stopped never lets
+go of it, not even when its link counts as lost."""
 
 SMALLEST_BYTES: Final = 4096
 """A smaller payload is sent sooner than it is shared."""
@@ -18,6 +25,10 @@ _SPARE: Final = 16
 """A part of so much is added, so that headers which grow by a byte do not move the room each time."""
 
 _OVERHEAD_BYTES: Final = 4096
+
+_OWN_BYTES: Final = 2 << 20
+"""What Zenoh itself takes for its bookkeeping, once."""
+
 _FOLDER: Final = Path("/dev/shm")  # noqa: S108 - where Zenoh has its segments; only its free space is read
 
 _log: Final = logging.getLogger(__name__)
@@ -28,38 +39,60 @@ class SharedFrames:
 
     def __init__(self) -> None:
         self._largest = 0
+        self._refused = 0
         self._provider: ShmProvider | None = None
 
     def place(self, payload: bytes | bytearray) -> ZShmMut | bytes | bytearray | None:
         """Return the payload's copy in shared memory, or itself where it is small or the system has no room.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
-        stream's others until its link counts as lost.
+        stream's others until its link counts as lost, and then for PATIENCE payloads at most.
         """
         size = len(payload)
         if size < SMALLEST_BYTES:
             return payload
         if size > self._largest:
-            self._largest = size + size // _SPARE
-            self._provider = _provider(FRAMES * (self._largest + _OVERHEAD_BYTES))
+            self._renew(size + size // _SPARE)
+        elif self._refused >= PATIENCE:
+            self._renew(self._largest)
         if self._provider is None:
             return payload
-        try:
-            room = self._provider.alloc(size, GarbageCollect())
-        except zenoh.ZError:
-            return None
-        room[0:size] = payload
+        room = _allocated(self._provider, size)
+        if room is None:
+            self._refused += 1
+        else:
+            self._refused = 0
+            room[0:size] = payload
         return room
+
+    def _renew(self, largest: int) -> None:
+        self._largest = largest
+        self._refused = 0
+        self._provider = None  # whose memory the system has back then, once no subscriber has it
+        self._provider = _provider(FRAMES * (largest + _OVERHEAD_BYTES))
+
+
+def _allocated(provider: ShmProvider, size: int) -> ZShmMut | None:
+    # Zenoh's own policies (1.10) give up where no single piece that came back is large enough.
+    provider.garbage_collect()
+    provider.defragment()
+    try:
+        return provider.alloc(size)
+    except zenoh.ZError:
+        return None
 
 
 def _provider(size: int) -> ShmProvider | None:
-    """Return fresh shared memory, if the system can back it: writing to what it cannot would end the process."""
+    """Return fresh shared memory, if the system has room for it and for as much again, which is for others."""
     try:
         free = os.statvfs(_FOLDER)
-        if free.f_bavail * free.f_frsize >= 2 * size:
-            return ShmProvider.default_backend(size)
+        if free.f_bavail * free.f_frsize >= 2 * size + _OWN_BYTES:
+            with panics_are_errors():
+                provider = ShmProvider.default_backend(size)
+                provider.alloc(1)  # with the first, Zenoh takes what is for its bookkeeping
+            return provider
         reason = f"{_FOLDER} is too full"
-    except (OSError, zenoh.ZError) as error:
+    except (OSError, zenoh.ZError, BusError) as error:
         reason = str(error)
     _log.warning("no shared memory for %d bytes (%s): such messages are sent instead", size, reason)
     return None

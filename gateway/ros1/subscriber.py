@@ -29,6 +29,7 @@ from gateway.ros1.wire.tcpros import (
     SubscriberEvent,
     TopicType,
 )
+from gateway.ros1.wire.text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
@@ -235,7 +236,9 @@ class Subscription:
         if self._accepted and found not in self._accepted:
             namesakes = [f"[{each.md5sum}]" for each in self._accepted if each.name == found.name]
             expected = " or ".join(namesakes or [each.name for each in self._accepted])
-            raise TypeMismatchError(f"{self.topic} is {found.name} [{found.md5sum}], expected {expected}")
+            raise TypeMismatchError(
+                f"{self.topic} is {one_line(found.name)} [{one_line(found.md5sum)}], expected {expected}"
+            )
         self.type = found
 
     def deliver(self, message: Message) -> None:

@@ -8,6 +8,7 @@ import socket
 from contextlib import closing
 from typing import TYPE_CHECKING, Self
 
+from gateway.ros1.acceptor import Acceptor
 from gateway.ros1.errors import TcprosError, WireError
 from gateway.ros1.hosts import listen
 from gateway.ros1.keepalive import notice_dead_peer
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 _MAX_CONNECTIONS = 256
 _UNFINISHED_HEADERS = 4  # of the largest size, of all subscribers together
-_RETRY_ACCEPT_S = 0.5
 
 
 class TcprosServer:
@@ -49,8 +49,7 @@ class TcprosServer:
         self._timeout = timeout
         self._budget = FrameBudget(_UNFINISHED_HEADERS * MAX_HEADER_BYTES)
         self._connections: set[asyncio.Task[None]] = set()
-        self._listener: socket.socket | None = None
-        self._accepting: asyncio.Task[None] | None = None
+        self._acceptor: Acceptor | None = None
         self._port = 0
 
     @property
@@ -59,33 +58,17 @@ class TcprosServer:
         return self._host, self._port
 
     async def __aenter__(self) -> Self:
-        self._listener = listen(self._host)
-        self._port = self._listener.getsockname()[1]
-        self._accepting = self._scope.start(self._accept(self._listener), "TCPROS listener")
+        listener = listen(self._host)
+        self._port = listener.getsockname()[1]
+        self._acceptor = Acceptor(listener, self._start)
         return self
 
     async def __aexit__(
         self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
     ) -> None:
-        tasks = set(self._connections)
-        if self._accepting is not None:
-            tasks.add(self._accepting)
-        try:
-            await cancel_and_wait(tasks)
-        finally:
-            if self._listener is not None:
-                self._listener.close()
-
-    async def _accept(self, listener: socket.socket) -> None:
-        loop = asyncio.get_running_loop()
-        while True:
-            try:
-                connection, peer = await loop.sock_accept(listener)
-            except OSError as error:
-                _log.warning("%s cannot accept a subscriber: %s", self._callerid, error)
-                await asyncio.sleep(_RETRY_ACCEPT_S)
-                continue
-            self._start(connection, peer[0])
+        if self._acceptor is not None:
+            self._acceptor.close()
+        await cancel_and_wait(set(self._connections))
 
     def _start(self, connection: socket.socket, peer: str) -> None:
         if len(self._connections) >= _MAX_CONNECTIONS:

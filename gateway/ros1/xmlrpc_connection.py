@@ -48,15 +48,18 @@ class Connections:
         self._held.pop(connection, None)
 
     async def end(self, grace_s: float) -> None:
-        """End all connections; answers that are on their way have a moment to leave."""
-        leaving = [connection.lost.wait() for connection in self._held if connection.answered]
+        """End all connections and wait until they are closed; answers on their way have a moment to leave first."""
+        connections = list(self._held)
+        leaving = [connection.lost.wait() for connection in connections if connection.answered]
         try:
             with suppress(TimeoutError):
                 async with asyncio.timeout(grace_s):
                     await asyncio.gather(*leaving)
         finally:
-            for connection in self._held:
+            for connection in connections:
                 connection.abort()
+        for connection in connections:
+            await connection.lost.wait()
 
 
 class ServerConnection(asyncio.Protocol):

@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
+from gateway.ros1.acceptor import Acceptor
 from gateway.ros1.errors import StatusError, XmlRpcError
-from gateway.ros1.hosts import BACKLOG, listen, uri_host
+from gateway.ros1.hosts import listen, uri_host
+from gateway.ros1.tasks import to_the_end
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Body, Fault, MethodResponse, encode
 from gateway.ros1.xmlrpc_connection import Connections, ServerConnection
 
 if TYPE_CHECKING:
+    import socket
     from types import TracebackType
 
     from gateway.ros1.wire.xmlrpc import MethodCall
@@ -56,7 +59,8 @@ class XmlRpcServer:
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
         self._connections = Connections(limit=MAX_CONNECTIONS, max_held_bytes=_MAX_HELD_BODIES * max_body_bytes)
-        self._server: asyncio.Server | None = None
+        self._acceptor: Acceptor | None = None
+        self._connecting: set[asyncio.Task[object]] = set()
 
     @property
     def uri(self) -> str:
@@ -66,22 +70,26 @@ class XmlRpcServer:
     async def __aenter__(self) -> Self:
         listener = listen(self._host, self._port)
         self._port = listener.getsockname()[1]
-        # Whoever is cancelled while a server starts cannot close it, unless it is made first and started then.
-        loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(self._connection, sock=listener, backlog=BACKLOG, start_serving=False)
-        try:
-            await self._server.start_serving()
-        except BaseException:
-            self._server.close()
-            raise
+        self._acceptor = Acceptor(listener, self._connect)
         return self
 
     async def __aexit__(
         self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
     ) -> None:
-        if self._server is not None:
-            await _stop(self._server)
+        if self._acceptor is not None:
+            self._acceptor.close()
+        await to_the_end(self._end())
+
+    async def _end(self) -> None:
+        if self._connecting:
+            await asyncio.wait(self._connecting)
         await self._connections.end(_SHUTDOWN_S)
+
+    def _connect(self, connection: socket.socket, _peer: str) -> None:
+        loop = asyncio.get_running_loop()
+        task = loop.create_task(loop.connect_accepted_socket(self._connection, connection))
+        self._connecting.add(task)
+        task.add_done_callback(self._connecting.discard)
 
     def _connection(self) -> ServerConnection:
         return ServerConnection(
@@ -104,17 +112,3 @@ class XmlRpcServer:
         except LookupError:
             return Fault(1, f"no method {call.method[:80]!r}")
         return MethodResponse([1, message, value])
-
-
-async def _stop(server: asyncio.Server) -> None:
-    """Close a server; what it has accepted by then is a connection like any other."""
-    loop = asyncio.get_running_loop()
-    for listener in server.sockets:
-        loop.remove_reader(listener)
-    try:
-        # asyncio loses the socket of a connection that it has accepted but not begun to serve when its server closes.
-        # It makes the transport in the next turn of the loop and tells the protocol in the one after.
-        for _ in range(2):
-            await asyncio.sleep(0)
-    finally:
-        server.close()

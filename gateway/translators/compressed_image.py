@@ -5,11 +5,12 @@ from typing import Any, Final
 
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
+from gateway.translators.image import checked_depth
 from gateway.translators.stream_kind import stamp_of, stamped
 from schemas.compression import picture_of
 from schemas.errors import SchemaError
 from schemas.header import Header
-from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, HELD_AS, ImageFrame
+from schemas.image import BYTES_PER_PIXEL, HELD_AS, ImageFrame
 
 TYPE_NAME: Final = "sensor_msgs/CompressedImage"
 COMPRESSED_DEPTH: Final = "compressedDepth"
@@ -18,18 +19,6 @@ _QUANTIZATION: Final = struct.Struct("<iff")
 
 def compressed_image(message: Message, header: Header) -> ImageFrame:
     """Translate a JPEG or PNG file."""
-    return _frame(message, header)
-
-
-def compressed_depth(message: Message, header: Header) -> ImageFrame:
-    """Translate a PNG file of depth, with or without what the compressedDepth transport puts before it."""
-    frame = _frame(message, header)
-    if frame.encoding not in DEPTH_ENCODINGS:
-        raise SchemaError(f"a {frame.format} of {frame.encoding} is no depth")
-    return frame
-
-
-def _frame(message: Message, header: Header) -> ImageFrame:
     found: Any = deserialise(TYPE_NAME, message.data)
     original, _, transport = (part.strip() for part in found.format.partition(";"))
     data, inverse_depth = memoryview(found.data), None
@@ -48,6 +37,11 @@ def _frame(message: Message, header: Header) -> ImageFrame:
         format=picture.format,
         inverse_depth=inverse_depth,
     )
+
+
+def compressed_depth(message: Message, header: Header) -> ImageFrame:
+    """Translate a PNG file of depth, with or without what the compressedDepth transport puts before it."""
+    return checked_depth(compressed_image(message, header))
 
 
 def _inverse_depth(original: str, data: memoryview) -> tuple[float, float] | None:

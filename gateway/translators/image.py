@@ -10,18 +10,6 @@ from schemas.image import DEPTH_ENCODINGS, ImageFrame
 
 def image(message: Message, header: Header) -> ImageFrame:
     """Translate an image of any encoding."""
-    return _frame(message, header)
-
-
-def depth(message: Message, header: Header) -> ImageFrame:
-    """Translate a depth image."""
-    frame = _frame(message, header)
-    if frame.encoding not in DEPTH_ENCODINGS:
-        raise SchemaError(f"{frame.encoding} is no encoding of depth: use {' or '.join(sorted(DEPTH_ENCODINGS))}")
-    return frame
-
-
-def _frame(message: Message, header: Header) -> ImageFrame:
     found = decode_image(message.data)
     return ImageFrame(
         header=stamped(header, found.stamp, found.frame_id),
@@ -32,3 +20,20 @@ def _frame(message: Message, header: Header) -> ImageFrame:
         data=found.data,
         is_bigendian=found.is_bigendian,
     )
+
+
+def depth(message: Message, header: Header) -> ImageFrame:
+    """Translate a depth image."""
+    return checked_depth(image(message, header))
+
+
+def checked_depth(frame: ImageFrame) -> ImageFrame:
+    """Return the frame.
+
+    Raises:
+        SchemaError: its encoding is none of depth.
+
+    """
+    if frame.encoding not in DEPTH_ENCODINGS:
+        raise SchemaError(f"{frame.encoding} is no encoding of depth: use {' or '.join(sorted(DEPTH_ENCODINGS))}")
+    return frame

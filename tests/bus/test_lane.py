@@ -131,6 +131,25 @@ def test_a_writer_that_is_quick_writes_at_once_until_it_is_slow(*, fails: bool) 
     assert writer.written == [] if fails else writer.written[-2:] == [b"slow", b"queued"]
 
 
+def test_a_link_that_turns_slow_holds_up_one_of_many_writers() -> None:
+    clock = Clock()
+    lane = Lane("timed", depth=1, clock=clock)
+    here = threading.current_thread().name
+    writers = [Recorder(clock=clock) for _ in range(20)]
+    for writer in writers:
+        lane.admit(writer)
+        offer_until(lane, writer, here)
+        writer.threads.clear()
+    for writer in writers:
+        writer.takes_s = QUICK_S
+    for writer in writers:
+        lane.offer(writer, b"slow")
+    for writer in writers:
+        lane.retire(writer, PATIENCE_S)
+    lane.stop(PATIENCE_S)
+    assert [writer.threads for writer in writers] == [[here]] + [["bus-timed"]] * 19
+
+
 def test_a_stuck_writer_does_not_hold_up_a_quick_one(lane: Lane) -> None:
     stuck, quick = Recorder(), Recorder()
     lane.admit(quick)

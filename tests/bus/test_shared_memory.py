@@ -1,4 +1,4 @@
-from bus.shared_memory import FRAMES, SMALLEST_BYTES, SharedFrames
+from bus.shared_memory import FRAMES, PATIENCE, SMALLEST_BYTES, SharedFrames
 
 SIZE = 100_000
 
@@ -30,6 +30,23 @@ def test_room_grows_with_the_payloads_and_what_is_held_stays_whole() -> None:
     held += [frames.place(bytes([number]) * 2 * SIZE) for number in range(FRAMES)]
     assert [bytes(each or b"")[:1] for each in held] == [bytes([number]) for number in range(FRAMES)] * 2
     assert frames.place(bytes(2 * SIZE)) is None
+
+
+def test_what_is_never_let_go_of_is_left_to_who_holds_it() -> None:
+    frames = SharedFrames()
+    held = [frames.place(bytes([number]) * SIZE) for number in range(FRAMES)]
+    assert [frames.place(bytes(SIZE)) for _ in range(PATIENCE)] == [None] * PATIENCE
+    again = [frames.place(b"x" * SIZE) for _ in range(FRAMES)]
+    assert [bytes(each or b"")[:1] for each in again] == [b"x"] * FRAMES
+    assert [bytes(each or b"")[:1] for each in held] == [bytes([number]) for number in range(FRAMES)]
+
+
+def test_payloads_of_any_sizes_find_room_again() -> None:
+    frames = SharedFrames()
+    held = [frames.place(bytes(SIZE))]
+    for number in range(1000):
+        held[:] = [frames.place(bytes(SMALLEST_BYTES + number * 7919 % (SIZE - SMALLEST_BYTES)))]
+        assert held != [None]
 
 
 def test_what_the_system_has_no_room_for_is_sent_as_it_is() -> None:

@@ -258,6 +258,13 @@ async def test_an_endpoint_that_is_taken_is_an_error_at_once() -> None:
     await until(lambda: bus_threads() == [])
 
 
+async def test_an_endpoint_that_zenoh_panics_at_is_an_error_at_once() -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        with pytest.raises(BusError, match="banana"):
+            async with open_bus(BusSettings(connect=["tcp/127.0.0.1:7447?rel=banana"])):
+                pass
+
+
 async def test_opening_can_be_cancelled_while_nobody_answers() -> None:
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))

@@ -146,7 +146,7 @@ async def test_a_master_that_restarts_or_stays_away_withdraws_nothing() -> None:
             await stack.enter_async_context(camera.advertise(FRONT_TOPIC, TYPE_NAME))
             rig = await stack.enter_async_context(exploring(master.uri, hold_s=0.1))
             await rig.until_offered(FRONT_TOPIC)
-            await until(lambda: rig.node.registered, "the master has taken the results' topics")
+            await until(lambda: rig.node.publications() and rig.node.registered, "the master has taken results' topics")
         await asyncio.sleep(0.3)
         await rig.until_offered(FRONT_TOPIC)
         other = await stack.enter_async_context(RosMaster(port=port))

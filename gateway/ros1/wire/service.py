@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from gateway.ros1.errors import LinkRefusedError, TcprosError, TypeMismatchError
 from gateway.ros1.wire.header import LENGTH, MAX_HEADER_BYTES, decode_header, encode_header
 from gateway.ros1.wire.tcpros import ANY, TopicType, message_prefix
+from gateway.ros1.wire.text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,7 +37,7 @@ class ServiceAnswered:
 
 @dataclass(frozen=True, slots=True)
 class ServiceFailed:
-    """The service says that it failed, and why."""
+    """The service says that it failed, and why, in one line."""
 
     reason: str
 
@@ -101,16 +102,17 @@ class ServiceConnection:
 
     def _accept(self, fields: Mapping[str, str]) -> ServiceAccepted:
         if "error" in fields:
-            raise LinkRefusedError(fields["error"])
+            raise LinkRefusedError(one_line(fields["error"]))
         if missing := [key for key in ("type", "md5sum") if key not in fields]:
             raise TcprosError(f"service's header lacks {' and '.join(missing)}")
         found = TopicType(fields["type"], fields["md5sum"])
         wanted = self._expected
         if wanted.name not in (ANY, found.name) or wanted.md5sum not in (ANY, found.md5sum):
             raise TypeMismatchError(
-                f"{self._service} is {found.name} [{found.md5sum}], expected {wanted.name} [{wanted.md5sum}]"
+                f"{self._service} is {one_line(found.name)} [{one_line(found.md5sum)}], "
+                f"expected {wanted.name} [{wanted.md5sum}]"
             )
-        return ServiceAccepted(fields.get("callerid", ""), found)
+        return ServiceAccepted(one_line(fields.get("callerid", "")), found)
 
     def _answer(self) -> ServiceEvent | None:
         if not self._received:
@@ -121,7 +123,7 @@ class ServiceConnection:
             return None
         self._ended = True
         self._received.clear()
-        return ServiceAnswered(body) if succeeded else ServiceFailed(body.decode(errors="replace"))
+        return ServiceAnswered(body) if succeeded else ServiceFailed(one_line(body.decode(errors="replace")))
 
     def _frame(self, start: int, limit: int) -> bytes | None:
         """Take the whole frame whose length is at `start`, and what is before it."""

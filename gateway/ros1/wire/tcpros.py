@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from gateway.ros1.errors import LinkRefusedError, TcprosError, TypeMismatchError
 from gateway.ros1.wire.framing import FrameReceiver
 from gateway.ros1.wire.header import LENGTH, MAX_HEADER_BYTES, decode_header, encode_header
+from gateway.ros1.wire.text import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -146,17 +147,17 @@ class SubscriberConnection:
 
     def _accept(self, fields: Mapping[str, str]) -> PublisherAccepted:
         if "error" in fields:
-            raise LinkRefusedError(fields["error"])
+            raise LinkRefusedError(one_line(fields["error"]))
         if missing := [key for key in ("type", "md5sum") if key not in fields]:
             raise TcprosError(f"publisher's header lacks {' and '.join(missing)}")
         found = TopicType(fields["type"], fields["md5sum"])
         if not _fits(self._expected, found):
             raise TypeMismatchError(
-                f"{self._topic} is {found.name} [{found.md5sum}], "
+                f"{self._topic} is {one_line(found.name)} [{one_line(found.md5sum)}], "
                 f"expected {self._expected.name} [{self._expected.md5sum}]"
             )
         return PublisherAccepted(
-            callerid=fields.get("callerid", ""),
+            callerid=one_line(fields.get("callerid", "")),
             type=found,
             definition=fields.get("message_definition", ""),
             latching=fields.get("latching") == "1",
@@ -216,7 +217,8 @@ class PublisherConnection:
                 "latching": "1" if offer.latching else "0",
             }
         )
-        return SubscriberAccepted(fields["callerid"], offer.topic, fields.get("tcp_nodelay") == "1", reply)
+        callerid = one_line(fields["callerid"])
+        return SubscriberAccepted(callerid, offer.topic, fields.get("tcp_nodelay") == "1", reply)
 
     def _objection(self, fields: Mapping[str, str]) -> str | None:
         if "service" in fields:

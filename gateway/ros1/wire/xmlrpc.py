@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 from defusedxml.xmlrpc import DefusedExpatParser
 
 from gateway.ros1.errors import FaultError, StatusError, XmlRpcError
+from gateway.ros1.wire.text import one_line
 
 DEFAULT_MAX_BODY_BYTES = 8 << 20
 MAX_DEPTH = 100
@@ -153,9 +154,9 @@ def result_of(body: Body) -> Any:
     match body:
         case MethodResponse([int(code), str(message), value]):
             if code != 1:
-                raise StatusError(code, message)
+                raise StatusError(code, one_line(message))
             return value
         case Fault(code, message):
-            raise FaultError(code, message)
+            raise FaultError(code, one_line(message))
         case _:
             raise XmlRpcError(f"not a [code, message, value] response: {str(body)[:200]}")

@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 import pytest
 from blockbuster import blockbuster_ctx
 
+from gateway.ros1.rosmaster import RosMaster
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import AsyncIterator, Iterator
 
 
 @pytest.fixture(autouse=True)
@@ -14,3 +16,10 @@ def no_blocking_calls() -> Iterator[None]:
     """Fail a test in which our code blocks the event loop."""
     with blockbuster_ctx("gateway.ros1"):
         yield
+
+
+@pytest.fixture
+async def master() -> AsyncIterator[RosMaster]:
+    """Run a ROS master."""
+    async with RosMaster() as running:
+        yield running

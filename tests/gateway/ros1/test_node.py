@@ -10,6 +10,7 @@ from gateway.ros1.errors import InvalidNameError, Ros1Error, StatusError, Unknow
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.xmlrpc_client import XmlRpcClient
+from tests.gateway.ros1.nodes import node
 from tests.gateway.ros1.waiting import until
 
 if TYPE_CHECKING:
@@ -19,16 +20,6 @@ if TYPE_CHECKING:
 
 STRING = "std_msgs/String"
 NOBODY = "http://127.0.0.1:9/"
-
-
-@pytest.fixture
-async def master() -> AsyncIterator[RosMaster]:
-    async with RosMaster() as running:
-        yield running
-
-
-def node(name: str, master: RosMaster) -> Node:
-    return Node(name, master_uri=master.uri, poll_interval=0.1, timeout=2.0)
 
 
 async def test_message_goes_from_node_to_node(master: RosMaster) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AsyncExitStack
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -16,23 +16,11 @@ from gateway.ros1.wire.tcpros import message_prefix
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
+from tests.gateway.ros1.nodes import node
 from tests.gateway.ros1.waiting import until
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
 
 STRING = "std_msgs/String"
 DEAD_URI = "http://127.0.0.1:9/"
-
-
-@pytest.fixture
-async def master() -> AsyncIterator[RosMaster]:
-    async with RosMaster() as running:
-        yield running
-
-
-def node(name: str, master: RosMaster) -> Node:
-    return Node(name, master_uri=master.uri, poll_interval=0.1, timeout=2.0)
 
 
 async def register(master: RosMaster, uri: str) -> None:

@@ -166,6 +166,20 @@ async def test_port_that_is_taken_is_an_error_and_leaves_nothing(server: XmlRpcS
             pass
 
 
+@pytest.mark.parametrize("turns", range(6))
+async def test_connection_that_is_being_made_when_the_server_leaves_is_closed(turns: int) -> None:
+    with socket.socket() as connection:
+        connection.settimeout(0)
+        async with XmlRpcServer(Api(), host="127.0.0.1", timeout=60.0) as server:
+            with suppress(BlockingIOError):
+                connection.connect(("127.0.0.1", int(server.uri.rstrip("/").rpartition(":")[2])))
+            for _ in range(turns):
+                await asyncio.sleep(0)
+        async with asyncio.timeout(20):
+            with suppress(ConnectionError):
+                assert await asyncio.get_running_loop().sock_recv(connection, 1) == b""
+
+
 async def test_nobody_is_there(client: XmlRpcClient) -> None:
     with pytest.raises(UnreachableError):
         await client.call("http://127.0.0.1:9/", "echo")

@@ -132,6 +132,22 @@ def test_refusal_is_surfaced_before_anything_else_in_the_header() -> None:
         events_of(subscriber(), encode_header({"type": "x", "error": "no a=b"}))
 
 
+@pytest.mark.parametrize("fields", [{"error": "x\n" * 100_000}, {"type": "x\n" * 100_000, "md5sum": "0" * 100_000}])
+def test_refusal_is_one_line_however_long_the_text(fields: dict[str, str]) -> None:
+    with pytest.raises((LinkRefusedError, TypeMismatchError)) as error:
+        events_of(subscriber(), encode_header(fields))
+    assert len(str(error.value)) < 2000
+    assert "\n" not in str(error.value)
+
+
+def test_names_that_peers_give_themselves_are_short_lines() -> None:
+    header = encode_header({"callerid": "/a\x00" * 100_000, "topic": TOPIC, "md5sum": "*"})
+    accepted = PublisherConnection(callerid="/ours", offers={TOPIC: Offer(TOPIC, IMAGE_TYPE, "")}).receive_data(header)
+    assert isinstance(accepted, SubscriberAccepted)
+    assert accepted.callerid.startswith("/a?/a?")
+    assert len(accepted.callerid) < 1000
+
+
 @pytest.mark.parametrize("found", [STRING_TYPE, TopicType(IMAGE_TYPE.name, "0" * 32), TopicType("a/Image", IMAGE_MD5)])
 def test_publisher_of_another_type_is_refused(found: TopicType) -> None:
     with pytest.raises(TypeMismatchError):
