@@ -16,7 +16,7 @@ from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import SensorKey, Stream
 from schemas.points import PointCloud
-from schemas.status import OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,11 +109,11 @@ class Outlet:
         self._publisher.put(payload)
 
     def close(self) -> None:
-        """Send nothing more."""
+        """Send nothing more, and count what was not sent yet."""
         if self._workshop is not None:
-            self._workshop.leave(self)
+            self._dropped[ENDED] += self._workshop.leave(self)
         if self._pacer is not None:
-            self._pacer.discard(self)
+            self._dropped[ENDED] += self._pacer.discard(self)
 
 
 OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]

@@ -75,11 +75,13 @@ class Workshop:
         """Return whether a frame of the customer waits or is being shaped."""
         return customer is self._serving or customer in self._jobs
 
-    def leave(self, customer: Customer) -> None:
-        """Forget a customer, who is told nothing more."""
-        self._jobs.discard(customer)
+    def leave(self, customer: Customer) -> int:
+        """Forget a customer, who is told nothing more; return how many frames of it were waiting or being shaped."""
+        left = len(self._jobs.discard(customer))
         if customer is self._serving:
             self._serving = None
+            left += 1
+        return left
 
     async def run(self) -> None:
         """Work, for ever."""
