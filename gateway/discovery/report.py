@@ -5,7 +5,7 @@ from typing import Final
 
 from gateway.discovery.plan import NOTHING, Plan, Source
 from gateway.discovery.topics import is_topic
-from schemas.keys import SensorKey, StreamKey
+from schemas.keys import SensorKey
 
 MAX_LISTED: Final = 12
 MAX_SHOWN: Final = 80
@@ -20,17 +20,13 @@ def _streams(now: Mapping[SensorKey, Source], before: Mapping[SensorKey, Source]
     for key, source in now.items():
         old = before.get(key)
         if old is None:
-            yield f"{_name(key)}: {_said(source)}"
+            yield f"{key.name}: {_said(source)}"
         elif old.topic != source.topic:
-            yield f"{_name(key)}: {_said(source)} now, no longer {old.topic}"
+            yield f"{key.name}: {_said(source)} now, no longer {old.topic}"
         elif old.type != source.type:
-            yield f"{_name(key)}: {_said(source)} now"
+            yield f"{key.name}: {_said(source)} now"
     for key in sorted(before.keys() - now.keys(), key=str):
-        yield f"{_name(key)}: no longer offered, {before[key].topic} is gone"
-
-
-def _name(key: SensorKey) -> str:
-    return f"{key.camera.camera}/{key.stream}" if isinstance(key, StreamKey) else key.stream
+        yield f"{key.name}: no longer offered, {before[key].topic} is gone"
 
 
 def _said(source: Source) -> str:
