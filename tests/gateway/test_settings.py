@@ -49,10 +49,6 @@ def test_ros_own_variables_are_the_defaults(
         ("ros_host", "bad host", "neither a host's name nor an address"),
         ("cameras", {"front": "/ultralytics/detection/image"}, "camera front: /ultralytics/detection/image is where"),
         ("cameras", {"front": "/ultralytics"}, "gateways publish results"),
-        (
-            "cameras",
-            {"a": "/a", "b.c": "/b", "b-c": "/c"},
-        ),
         ("topics", {"front/depth": "-depth"}, "stream front/depth: '-depth' is not a ROS topic"),
         ("topics", {"front": "/depth"}, "not a stream that sensors send: 'front'; one looks like front/depth or tf"),
         ("topics", {"front/smell": "/depth"}, "not a stream that sensors send: 'front/smell'"),
