@@ -66,7 +66,7 @@ class Outlet:
     @property
     def counts(self) -> OutletCounts:
         """What became of the messages so far."""
-        return OutletCounts(dict(self._dropped), self._bytes, self._compression)
+        return OutletCounts(+self._dropped, self._bytes, self._compression)
 
     def put(self, message: codec.Message) -> None:
         """Send a message, now or when it is shaped and the uplink's budget allows it."""
