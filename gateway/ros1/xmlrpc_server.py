@@ -80,7 +80,7 @@ class XmlRpcServer:
         self, _type: type[BaseException] | None, _error: BaseException | None, _traceback: TracebackType | None
     ) -> None:
         if self._server is not None:
-            self._server.close()
+            await _stop(self._server)
         await self._connections.end(_SHUTDOWN_S)
 
     def _connection(self) -> ServerConnection:
@@ -104,3 +104,15 @@ class XmlRpcServer:
         except LookupError:
             return Fault(1, f"no method {call.method[:80]!r}")
         return MethodResponse([1, message, value])
+
+
+async def _stop(server: asyncio.Server) -> None:
+    """Close a server; what it has accepted by then is a connection like any other."""
+    loop = asyncio.get_running_loop()
+    for listener in server.sockets:
+        loop.remove_reader(listener)
+    try:
+        # asyncio loses the socket of a connection that it has accepted but not begun to serve when its server closes.
+        await asyncio.sleep(0)
+    finally:
+        server.close()
