@@ -182,7 +182,6 @@ class GatewaySettings(ShapingSettings, BusSettings):
     deny: Annotated[str, AfterValidator(_pattern)] = Field(
         default="", description="take no topic that is found whose whole name matches this; wins over --allow"
     )
-
     services: Annotated[
         list[str],
         AfterValidator(_services),
