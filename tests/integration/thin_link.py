@@ -8,6 +8,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Final
 
+from gateway.ros1.tasks import TaskScope
+
 SEGMENT: Final = 1_500
 BURST_S: Final = 0.02
 
@@ -24,12 +26,14 @@ class ThinLink:
     async def connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection."""
         to_reader, to_writer = await asyncio.open_connection("127.0.0.1", self._to_port)
-        back = asyncio.create_task(_copy(to_reader, writer))
-        with contextlib.suppress(ConnectionError):
-            await self._throttle(reader, to_writer)
-        back.cancel()
-        for ended in (writer, to_writer):
-            ended.close()
+        try:
+            async with TaskScope() as scope:
+                scope.start(_copy(to_reader, writer), "back")
+                with contextlib.suppress(ConnectionError):
+                    await self._throttle(reader, to_writer)
+        finally:
+            for ended in (writer, to_writer):
+                ended.close()
 
     async def _throttle(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         while data := await reader.read(SEGMENT):
@@ -53,8 +57,10 @@ async def thin_link(to_port: int, bytes_per_s: float) -> AsyncIterator[tuple[Thi
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8_192)
         listening.bind(("127.0.0.1", 0))
-        server = await asyncio.start_server(link.connect, sock=listening, limit=SEGMENT)
-        try:
-            yield link, listening.getsockname()[1]
-        finally:
-            server.close()
+        async with TaskScope() as scope:
+
+            def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+                scope.start(link.connect(reader, writer), "thin link")
+
+            async with await asyncio.start_server(accept, sock=listening, limit=SEGMENT):
+                yield link, listening.getsockname()[1]
