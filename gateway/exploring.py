@@ -53,7 +53,8 @@ class Explorer:
                 continue
             topics = self._sightings.topics()
             if topics != self._planned:
-                now = plan(topics, self._wishes, self.plan)
+                # Of thousands of topics it takes a second.
+                now = await asyncio.to_thread(plan, topics, self._wishes, self.plan)
                 await self._follow(now, offers, changes(now, self.plan))
                 self._planned = topics
 

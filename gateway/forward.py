@@ -94,20 +94,23 @@ class Forward:
         self.stream.begin()
         kind = self.stream.kind
         accepted = [name for name in kind.translators if name != ANY]
-        async with (
-            latching(self.bus, self.stream.key, kind.encoding, self.outlet_of) as latched,
-            node.subscribe(
-                self.stream.topic, kind.ros_type, self._on_message, accepted=accepted, on_gone=latched.forget
-            ) as subscription,
-        ):
-            self.subscription, self.latched = subscription, latched
-            try:
+        try:
+            async with (
+                latching(self.bus, self.stream.key, kind.encoding, self.outlet_of) as latched,
+                node.subscribe(
+                    self.stream.topic, kind.ros_type, self._on_message, accepted=accepted, on_gone=latched.forget
+                ) as subscription,
+            ):
+                self.subscription, self.latched = subscription, latched
                 await asyncio.Event().wait()
-            finally:
-                self.broken_before += self._broken_now()
-                self.replaced_before += self._replaced_now()
-                self.shaped_before += self._shaped_now()
-                self.subscription = self.latched = None
+        finally:
+            self._add_up()
+
+    def _add_up(self) -> None:
+        self.broken_before += self._broken_now()
+        self.replaced_before += self._replaced_now()
+        self.shaped_before += self._shaped_now()
+        self.subscription = self.latched = None
 
     def _on_message(self, message: Message) -> None:
         latching, merges = message.publisher.latching, self.stream.kind.merges

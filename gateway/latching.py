@@ -13,6 +13,7 @@ from gateway.shaping.counts import OutletCounts
 from gateway.shaping.outlet import Outlet, OutletOf
 from schemas import codec
 from schemas.keys import SensorKey
+from schemas.status import ENDED
 
 log = logging.getLogger(__name__)
 
@@ -20,7 +21,7 @@ MAX_PUBLISHERS: Final = 64
 MAX_BYTES: Final = 64 << 20
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Kept:
     """One ROS publisher's place. waiting: its last message until there is a bus publisher, and an outlet to it."""
 
@@ -29,6 +30,16 @@ class _Kept:
     publisher: Publisher | None = None
     outlet: Outlet | None = None
     closed: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def dropped(self) -> int:
+        """How many messages a newer one replaced on the bus's side of the outlet."""
+        return self.publisher.counts.dropped if self.publisher else 0
+
+    @property
+    def counts(self) -> OutletCounts:
+        """What became of the messages in the outlet."""
+        return self.outlet.counts if self.outlet else OutletCounts()
 
 
 class Latched:
@@ -45,18 +56,19 @@ class Latched:
         self._outlet_of = outlet_of
         self._scope = scope
         self._kept: dict[str, _Kept] = {}
+        self._open: set[_Kept] = set()
         self._dropped = 0
         self._shaped = OutletCounts()
 
     @property
     def dropped(self) -> int:
         """How many messages a newer one replaced before the link took them."""
-        return self._dropped + sum(kept.publisher.counts.dropped for kept in self._kept.values() if kept.publisher)
+        return self._dropped + sum(kept.dropped for kept in self._open)
 
     @property
     def counts(self) -> OutletCounts:
         """What became of the messages on their way through the outlets."""
-        return sum((kept.outlet.counts for kept in self._kept.values() if kept.outlet), self._shaped)
+        return sum((kept.counts for kept in self._open), self._shaped)
 
     def put(self, publisher: str, message: codec.Message, size: int) -> bool:
         """Send a message and keep it in place of its publisher's last one; False where there is no room for it.
@@ -70,6 +82,7 @@ class Latched:
         kept = self._kept.get(publisher)
         if kept is None:
             kept = self._kept[publisher] = _Kept()
+            self._open.add(kept)
             self._scope.start(self._keep(kept), f"latched {self._key}")
         kept.size = size
         if kept.outlet is not None:
@@ -84,6 +97,11 @@ class Latched:
         if kept := self._kept.pop(publisher, None):
             kept.closed.set()
 
+    def end(self) -> None:
+        """Account for what never got as far as the bus; to be called once nothing is kept any more."""
+        for kept in list(self._open):
+            self._add_up(kept)
+
     def _has_room(self, publisher: str, size: int) -> bool:
         others = [kept.size for name, kept in self._kept.items() if name != publisher]
         return len(others) < MAX_PUBLISHERS and sum(others) + size <= MAX_BYTES
@@ -97,18 +115,30 @@ class Latched:
             log.warning("%s: %s", self._key, self.problem)
 
     async def _keep(self, kept: _Kept) -> None:
-        async with self._bus.publisher(str(self._key), QoS.LATCHED, encoding=self._encoding) as publisher:
-            with self._outlet_of(self._key, publisher) as outlet:
-                if kept.waiting is not None:
-                    outlet.put(kept.waiting)
-                kept.publisher, kept.outlet, kept.waiting = publisher, outlet, None
-                await kept.closed.wait()
-            self._shaped += outlet.counts
-        self._dropped += publisher.counts.dropped
+        try:
+            async with self._bus.publisher(str(self._key), QoS.LATCHED, encoding=self._encoding) as publisher:
+                with self._outlet_of(self._key, publisher) as outlet:
+                    kept.publisher, kept.outlet = publisher, outlet
+                    if kept.waiting is not None:
+                        outlet.put(kept.waiting)
+                        kept.waiting = None
+                    await kept.closed.wait()
+        finally:
+            self._add_up(kept)
+
+    def _add_up(self, kept: _Kept) -> None:
+        self._open.discard(kept)
+        self._dropped += kept.dropped
+        self._shaped += kept.counts + OutletCounts({ENDED: int(kept.waiting is not None)})
 
 
 @asynccontextmanager
 async def latching(bus: Bus, key: SensorKey, encoding: str, outlet_of: OutletOf) -> AsyncIterator[Latched]:
     """Keep a stream's latched messages on the bus for as long as the context lasts."""
-    async with TaskScope() as scope:
-        yield Latched(bus, key, encoding, outlet_of, scope)
+    scope = TaskScope()
+    latched = Latched(bus, key, encoding, outlet_of, scope)
+    try:
+        async with scope:
+            yield latched
+    finally:
+        latched.end()

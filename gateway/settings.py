@@ -3,20 +3,23 @@
 import os
 import re
 import socket
-from collections.abc import Iterable
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from bus.settings import BusSettings
 from gateway.discovery import Wishes
+from gateway.discovery.plan import cameras_of
 from gateway.discovery.topics import is_topic
-from gateway.outgoing.topics import is_result, result_root
+from gateway.outgoing.topics import ALERTS_TOPIC, RESULTS, is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from gateway.ros1.errors import InvalidNameError
 from gateway.ros1.names import Names, validate_global, validate_type
+from gateway.ros1.sim_clock import TOPIC as CLOCK
 from gateway.ros1.wire.tcpros import ANY
 from gateway.shaping.settings import ShapingSettings
+from gateway.uses import check_uses
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, robot_alive, sensor_key, service
 
@@ -69,7 +72,6 @@ def _cameras(cameras: dict[str, str]) -> dict[str, str]:
         except SchemaError as error:
             raise ValueError(str(error)) from error
         _check_topic(f"camera {camera}", topic)
-    _check_result_roots(cameras)
     return cameras
 
 
@@ -88,8 +90,6 @@ def _actions(actions: dict[str, str]) -> dict[str, str]:
         if not NAME.fullmatch(name):
             raise ValueError(f"{name!r} is no name of an action, which looks like pick_up")
         _check_topic(f"action {name}", topic)
-    if len(set(actions.values())) < len(actions):
-        raise ValueError("two actions with one topic: a subscriber could not tell them apart")
     return actions
 
 
@@ -98,15 +98,6 @@ def _check_topic(what: str, topic: str) -> None:
         raise ValueError(f"{what}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
     if is_result(topic):
         raise ValueError(f"{what}: {topic} is where gateways publish results; name a sensor's topic")
-
-
-def _check_result_roots(cameras: Iterable[str]) -> None:
-    taken: dict[str, str] = {}
-    for place, camera in enumerate(cameras):
-        root = result_root(camera, first=not place)
-        if root in taken:
-            raise ValueError(f"cameras {taken[root]} and {camera} would both return results under {root}; rename one")
-        taken[root] = camera
 
 
 def _services(services: list[str]) -> list[str]:
@@ -230,20 +221,11 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
     robot: Annotated[str, AfterValidator(_robot), Field(description="this robot's name, unique in the fleet")]
 
     @model_validator(mode="after")
-    def _no_topic_twice(self) -> Self:
-        resolve = self.names().resolve
-        named = [resolve(topic) for topic in (*self.cameras.values(), *self.topics.values())]
-        if twice := sorted({topic for topic in named if named.count(topic) > 1}):
-            raise ValueError(f"--cameras and --topics name {twice[0]} twice: a topic becomes one stream")
+    def _one_use_for_each_topic(self) -> Self:
         if both := [camera for camera in self.cameras if f"{camera}/{Stream.COLOR}" in self.topics]:
             raise ValueError(f"--cameras and --topics both give {both[0]}/{Stream.COLOR}")
-        if both := sorted(set(named) & {resolve(topic) for topic in self.actions.values()}):
-            raise ValueError(f"{both[0]} is a sensor's topic, so no action can go there")
+        check_uses(self._uses())
         return self
-
-    def listed_services(self) -> dict[str, str]:
-        """Return the type that each listed service must have, or `*`."""
-        return {name: kind or ANY for name, _, kind in (entry.partition("=") for entry in self.services)}
 
     @model_validator(mode="after")
     def _discovers_beside_names_only_when_told(self) -> Self:
@@ -252,6 +234,25 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
         if not self.discover and not self.streams():
             raise ValueError("--no-discover leaves nothing to send unless --cameras or --topics name streams")
         return self
+
+    def _uses(self) -> Iterator[tuple[str, str]]:
+        resolve = self.names().resolve
+        for key, topic in self.streams().items():
+            yield topic, f"stream {key.name}"
+        for action, topic in self.actions.items():
+            yield resolve(topic), f"action {action}"
+        if self.results:
+            yield resolve(ALERTS_TOPIC), "the alerts"
+            cameras = [found.camera for found in cameras_of(self.streams())] or ["the first camera"]
+            for place, camera in enumerate(cameras):
+                root = result_root(camera, first=not place)
+                for stream, topic in RESULTS.items():
+                    yield resolve(f"{root}/{topic}"), f"{stream} of {camera}"
+        yield CLOCK, "the time that the gateway itself follows (ros_time_ns in its status)"
+
+    def listed_services(self) -> dict[str, str]:
+        """Return the type that each listed service must have, or `*`."""
+        return {name: kind or ANY for name, _, kind in (entry.partition("=") for entry in self.services)}
 
     def streams(self) -> dict[SensorKey, str]:
         """Return the topic of every stream that is named here."""

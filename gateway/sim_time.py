@@ -9,6 +9,7 @@ from gateway.ros1.errors import MessageError, Ros1Error, StatusError
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock, decode_clock
 from gateway.ros1.subscriber import Message
+from gateway.sparing_log import SparingLog
 
 log = logging.getLogger(__name__)
 
@@ -36,11 +37,13 @@ async def _is_set(node: Node, *, before: bool) -> bool:
 
 
 async def _listen(node: Node, clock: SimClock) -> None:
+    sparing = SparingLog(log)
+
     def on_message(message: Message) -> None:
         try:
             jumped = clock.tell(decode_clock(message.data))
         except MessageError as error:
-            log.warning("%s from %s: %s", TOPIC, message.callerid, error)
+            sparing.warning("%s from %s: %s", TOPIC, message.callerid, error)
             return
         if jumped:
             log.info("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)

@@ -1,4 +1,4 @@
-"""One ROS topic on its way to one Zenoh key: translation, thinning, numbering, and account of every message. Pure."""
+"""One ROS topic on its way to one Zenoh key: translation, thinning, numbering, and account of every message."""
 
 import logging
 from collections import Counter
@@ -13,6 +13,7 @@ from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.instants import Thinning
+from gateway.sparing_log import SparingLog
 from gateway.translators import StreamKind, Translate
 from schemas import codec
 from schemas.errors import SchemaError
@@ -48,6 +49,7 @@ class StreamForward:
             (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
         )
         self._boot_id = boot_id
+        self._log = SparingLog(log)
         self._translates: dict[TopicType, Translate] = {}
         self._received = 0
         self._translated = 0
@@ -107,7 +109,7 @@ class StreamForward:
 
     def _leave_out(self, reason: str, message: Message, error: Exception) -> None:
         self._dropped[reason] += 1
-        log.warning("%s from %s: message left out: %s", self.topic, message.callerid, error)
+        self._log.warning("%s from %s: message left out: %s", self.topic, message.callerid, error)
 
     def _header(self, now_ns: int) -> Header:
         return Header(

@@ -185,6 +185,11 @@ class StreamKey:
         return self.camera.stream(self.stream)
 
     @property
+    def name(self) -> str:
+        """What the stream is called among the robot's, like `front/color`; see `sensor_key`."""
+        return f"{self.camera.camera}/{self.stream}"
+
+    @property
     def alive(self) -> str:
         """The key of the presence token that says this stream can be had."""
         return self.camera.alive(self.stream)
@@ -258,6 +263,11 @@ class RobotStreamKey:
 
     def __str__(self) -> str:
         return f"fleet/{self.robot}/{self.stream}"
+
+    @property
+    def name(self) -> str:
+        """What the stream is called among the robot's, like `ros/battery`; see `sensor_key`."""
+        return self.stream
 
     @property
     def kind(self) -> str:

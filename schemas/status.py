@@ -29,6 +29,9 @@ UNSHAPED: Final = "cannot be scaled or compressed as set"
 OVER_BUDGET: Final = "over the uplink budget"
 """Reason: the gateway had a newer frame before the uplink's budget allowed this one. Its number is missing."""
 
+ENDED: Final = "not sent yet when its stream or its publisher ended"
+"""Reason: nothing was there any more to send this one for. Its number is missing."""
+
 MAX_STREAMS: Final = 1_000
 
 

@@ -1,5 +1,6 @@
 """What cameras are called that were found."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import count
 from typing import Final
@@ -21,10 +22,11 @@ def name_cameras(paths: Iterable[Path], robot: str, given: Mapping[Path, str], t
     names = dict(given)
     stems = {path: _stem(path, robot) for path in {*paths, *given}}
     tail = 0 if given else _common_tail(list(stems.values()))
+    telling = {path: stem[: len(stem) - tail] for path, stem in stems.items()}
+    ends = Counter(end for stem in telling.values() for end in _ends(stem))
     taken_on_ros = {ros_chunk(name) for name in (*given.values(), *taken)}
     for path in sorted(stems.keys() - names.keys(), key=lambda path: (len(path), path)):
-        others = [stem for other, stem in stems.items() if other != path]
-        proposals = _proposals(path, stems[path], others, tail)
+        proposals = _proposals(path, telling[path], ends)
         names[path] = next(name for name in proposals if ros_chunk(name) not in taken_on_ros)
         taken_on_ros.add(ros_chunk(names[path]))
     return names
@@ -47,18 +49,16 @@ def _common_tail(stems: Collection[Path]) -> int:
     return next((n for n in range(longest, 0, -1) if len({stem[-n:] for stem in distinct}) == 1), 0)
 
 
-def _proposals(path: Path, stem: Path, others: Collection[Path], tail: int) -> Iterator[str]:
-    telling = _less(stem, tail)
-    for length in range(1, len(telling)):
-        if all(_less(other, tail)[-length:] != telling[-length:] for other in others):
-            yield _legal(telling[-length:])
-    yield from (_legal(telling), _legal(path))
+def _ends(stem: Path) -> Iterator[Path]:
+    """Return its ends, the shortest first, itself being the last."""
+    return (stem[-length:] for length in range(1, len(stem) + 1))
+
+
+def _proposals(path: Path, stem: Path, ends: Mapping[Path, int]) -> Iterator[str]:
+    yield from (_legal(end) for end in _ends(stem) if ends[end] == 1)
+    yield from (_legal(stem), _legal(path))
     for number in count(2):
         yield f"{_legal(path)[: MAX_NAME - 6]}_{number}"
-
-
-def _less(stem: Path, tail: int) -> Path:
-    return stem[: len(stem) - tail]
 
 
 def _legal(chunks: Path) -> str:

@@ -163,7 +163,7 @@ class _Planning:
         taken = self._streams.setdefault(key, Source(preferred.name, preferred.type)).topic
         for candidate in choice:
             if candidate.topic.name != taken:
-                self._left_out[candidate.topic.name] = f"{key.camera.camera}/{key.stream} is {taken}"
+                self._left_out[candidate.topic.name] = f"{key.name} is {taken}"
 
     def _take_infos(self, infos: set[str]) -> None:
         used = {source.topic for source in self._streams.values()}

@@ -5,7 +5,6 @@ from typing import Final
 
 from gateway.discovery.plan import NOTHING, Plan, Source
 from gateway.discovery.topics import is_topic
-from schemas.keys import SensorKey, StreamKey
 
 MAX_LISTED: Final = 12
 MAX_SHOWN: Final = 80
@@ -13,24 +12,24 @@ MAX_SHOWN: Final = 80
 
 def changes(now: Plan, before: Plan = NOTHING) -> list[str]:
     """Return a line for each stream that is new, changed or gone, and for each reason why topics are left out now."""
-    return [*_streams(now.streams, before.streams), *_left_out(now.left_out, before.left_out)]
+    return [*_streams(now, before), *_gone(now, before), *_left_out(now.left_out, before.left_out)]
 
 
-def _streams(now: Mapping[SensorKey, Source], before: Mapping[SensorKey, Source]) -> Iterator[str]:
-    for key, source in now.items():
-        old = before.get(key)
+def _streams(now: Plan, before: Plan) -> Iterator[str]:
+    for key, source in now.streams.items():
+        old = before.streams.get(key)
         if old is None:
-            yield f"{_name(key)}: {_said(source)}"
+            yield f"{key.name}: {_said(source)}"
         elif old.topic != source.topic:
-            yield f"{_name(key)}: {_said(source)} now, no longer {old.topic}"
+            yield f"{key.name}: {_said(source)} now, no longer {old.topic}"
         elif old.type != source.type:
-            yield f"{_name(key)}: {_said(source)} now"
-    for key in sorted(before.keys() - now.keys(), key=str):
-        yield f"{_name(key)}: no longer offered, {before[key].topic} is gone"
+            yield f"{key.name}: {_said(source)} now"
 
 
-def _name(key: SensorKey) -> str:
-    return f"{key.camera.camera}/{key.stream}" if isinstance(key, StreamKey) else key.stream
+def _gone(now: Plan, before: Plan) -> Iterator[str]:
+    for key in sorted(before.streams.keys() - now.streams.keys(), key=str):
+        topic = before.streams[key].topic
+        yield f"{key.name}: no longer offered, {topic} is {'left out' if topic in now.left_out else 'gone'}"
 
 
 def _said(source: Source) -> str:

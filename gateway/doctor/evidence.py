@@ -119,7 +119,7 @@ class StreamLook:
     @property
     def name(self) -> str:
         """The stream as the settings name it."""
-        return f"{self.key.camera.camera}/{self.key.stream}" if isinstance(self.key, StreamKey) else self.key.stream
+        return self.key.name
 
     @property
     def subject(self) -> str:

@@ -8,7 +8,7 @@ from gateway.outgoing.images import image
 from gateway.outgoing.novelty import NewerFrames, UnseenMessages
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.texts import STRING, action, alert, classes, distances
-from gateway.outgoing.topics import ALERTS_TOPIC
+from gateway.outgoing.topics import ALERTS_TOPIC, RESULTS
 from gateway.outgoing.translator import Translator
 from gateway.ros1 import image as ros_image
 from gateway.ros1 import point_cloud as ros_point_cloud
@@ -31,15 +31,13 @@ ACTION: Final = Translator(
 )
 """Unasked, so that a refused action is said to be refused."""
 
-CAMERA_RETURNS: Final[Mapping[Stream, tuple[str, Translator[Any]]]] = {
-    Stream.CLASSES: ("detection/classes", CLASSES),
-    Stream.DISTANCES: ("detection/distance", DISTANCES),
-    Stream.OVERLAY_DETECTION: ("detection/image", OVERLAY),
-    Stream.OVERLAY_SEGMENTATION: ("segmentation/image", OVERLAY),
-    Stream.OBJECTS: ("segmentation/points", OBJECTS),
+CAMERA_RETURNS: Final[Mapping[Stream, Translator[Any]]] = {
+    Stream.CLASSES: CLASSES,
+    Stream.DISTANCES: DISTANCES,
+    Stream.OVERLAY_DETECTION: OVERLAY,
+    Stream.OVERLAY_SEGMENTATION: OVERLAY,
+    Stream.OBJECTS: OBJECTS,
 }
-"""By stream: the topic below the camera's result namespace, and how."""
-
 
 Resolve = Callable[[str], str]
 """Returns the global ROS name that a name means to the gateway's node."""
@@ -48,8 +46,10 @@ Resolve = Callable[[str], str]
 def camera_returns(camera: CameraKey, root: str, resolve: Resolve) -> list[StreamReturn[Any]]:
     """Return every stream that a gateway returns for a camera; `root` is the camera's result namespace on ROS."""
     return [
-        StreamReturn(StreamKey(camera, stream), translator, NewerFrames(camera), {"": resolve(f"{root}/{topic}")})
-        for stream, (topic, translator) in CAMERA_RETURNS.items()
+        StreamReturn(
+            StreamKey(camera, stream), translator, NewerFrames(camera), {"": resolve(f"{root}/{RESULTS[stream]}")}
+        )
+        for stream, translator in CAMERA_RETURNS.items()
     ]
 
 

@@ -1,4 +1,4 @@
-"""One Zenoh key on its way to ROS: checks, and the account of every message. Pure."""
+"""One Zenoh key on its way to ROS: checks, and the account of every message."""
 
 import logging
 from collections import Counter
@@ -7,6 +7,7 @@ from typing import Final, Generic
 
 from gateway.outgoing.novelty import Novelty
 from gateway.outgoing.translator import R, Translator
+from gateway.sparing_log import SparingLog
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
@@ -35,6 +36,7 @@ class StreamReturn(Generic[R]):
         self.key = key
         self.translator = translator
         self.topics = topics
+        self._log = SparingLog(log)
         self._novelty = novelty
         self._received = 0
         self._published = 0
@@ -57,7 +59,7 @@ class StreamReturn(Generic[R]):
             self._dropped[DOUBLED] += 1
         elif (route := self.translator.route(result)) not in self.topics:
             self._dropped[REFUSED] += 1
-            log.warning("%s: %r refused: the gateway's settings do not allow it", self.key, route)
+            self._log.warning("%s: %r refused: the gateway's settings do not allow it", self.key, route)
         else:
             return result
         return None
@@ -79,12 +81,12 @@ class StreamReturn(Generic[R]):
     def leave_out(self, error: Exception) -> None:
         """Take note that a result cannot be returned."""
         self._dropped[MALFORMED] += 1
-        log.warning("%s: result left out: %s", self.key, error)
+        self._log.warning("%s: result left out: %s", self.key, error)
 
     def unheard(self, result: R) -> None:
         """Take note that nobody was there to take a result."""
         self._dropped[UNHEARD] += 1
-        log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
+        self._log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
 
     def status(self, *, wanted: bool, subscribers: int, slow: int) -> ReturnStatus:
         """Account for every message; `slow` is how many were replaced while they waited for a ROS subscriber."""

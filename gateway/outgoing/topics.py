@@ -1,10 +1,21 @@
 """Where on the robot's ROS graph the results of its cameras are found. Pure."""
 
 import re
+from collections.abc import Mapping
 from typing import Final
+
+from schemas.keys import Stream
 
 ROOT: Final = "ultralytics"
 ALERTS_TOPIC: Final = f"{ROOT}/alerts"
+RESULTS: Final[Mapping[Stream, str]] = {
+    Stream.CLASSES: "detection/classes",
+    Stream.DISTANCES: "detection/distance",
+    Stream.OVERLAY_DETECTION: "detection/image",
+    Stream.OVERLAY_SEGMENTATION: "segmentation/image",
+    Stream.OBJECTS: "segmentation/points",
+}
+"""By stream: the topic below the namespace of a camera's results."""
 
 
 def result_root(camera: str, *, first: bool) -> str:

@@ -1,5 +1,6 @@
 """The last step of a stream in the gateway: shaped as the settings say, its messages go to their publisher."""
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -11,12 +12,15 @@ from gateway.shaping.counts import OutletCounts
 from gateway.shaping.pacer import Pacer
 from gateway.shaping.scaling import scale_info
 from gateway.shaping.workshop import Job, Shaped, Workshop
+from gateway.sparing_log import SparingLog
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import SensorKey, Stream
 from schemas.points import PointCloud
-from schemas.status import OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +53,12 @@ class Outlet:
         workshop: Workshop | None = None,
         pacer: Pacer | None = None,
     ) -> None:
-        self.name = str(key)
+        self._key = key
+        self._log = SparingLog(log)
         self._publisher = publisher
         self._plan = plan
         self._workshop = workshop
         self._pacer = pacer
-        self._is_depth = key.stream == Stream.DEPTH_INFO
         self._dropped: Counter[str] = Counter()
         self._bytes = 0
         self._compression = ""
@@ -62,7 +66,7 @@ class Outlet:
     @property
     def counts(self) -> OutletCounts:
         """What became of the messages so far."""
-        return OutletCounts(dict(self._dropped), self._bytes, self._compression)
+        return OutletCounts(+self._dropped, self._bytes, self._compression)
 
     def put(self, message: codec.Message) -> None:
         """Send a message, now or when it is shaped and the uplink's budget allows it."""
@@ -70,7 +74,7 @@ class Outlet:
             self._put_frame(message)
             return
         if isinstance(message, CameraInfo) and self._plan.factor > 1:
-            message = scale_info(message, self._plan.factor, depth=self._is_depth)
+            message = scale_info(message, self._plan.factor, depth=self._key.stream == Stream.DEPTH_INFO)
         self._pass_on(codec.encode(message))
 
     def _put_frame(self, frame: Frame) -> None:
@@ -88,9 +92,10 @@ class Outlet:
         self._compression = str(made.method)
         self._pass_on(made.payload)
 
-    def spoilt(self) -> None:
+    def spoilt(self, error: Exception) -> None:
         """See `Customer`."""
         self._dropped[UNSHAPED] += 1
+        self._log.warning("%s: frame left out: %s", self._key, error)
 
     def _pass_on(self, payload: bytes) -> None:
         if self._pacer is None:
@@ -109,11 +114,11 @@ class Outlet:
         self._publisher.put(payload)
 
     def close(self) -> None:
-        """Send nothing more."""
+        """Send nothing more, and count what was not sent yet."""
         if self._workshop is not None:
-            self._workshop.leave(self)
+            self._dropped[ENDED] += self._workshop.leave(self)
         if self._pacer is not None:
-            self._pacer.discard(self)
+            self._dropped[ENDED] += self._pacer.discard(self)
 
 
 OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]

@@ -34,7 +34,7 @@ class Shaping:
         if kind_of(key).qos is not QoS.IMAGE:
             return None
         camera = key.camera if isinstance(key, StreamKey) else str(key)
-        return Thinning(self._instants[camera], key.stream, self._settings.max_hz_of(_name(key)))
+        return Thinning(self._instants[camera], key.stream, self._settings.max_hz_of(key.name))
 
     @contextmanager
     def outlet(self, key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
@@ -50,8 +50,8 @@ class Shaping:
             return Plan(all_here=_never, droppable=kind_of(key).qos is QoS.IMAGE)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
         return Plan(
-            factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(_name(scaled_like)),
-            method=self._settings.method_of(_name(key)) if key.stream in FRAMES else NONE,
+            factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),
+            method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
             all_here=self._all_here(key),
             droppable=kind_of(key).qos is QoS.IMAGE,
         )
@@ -70,8 +70,3 @@ class Shaping:
 
 def _never() -> bool:
     return False
-
-
-def _name(key: SensorKey) -> str:
-    """Return what the settings call a stream."""
-    return f"{key.camera.camera}/{key.stream}" if isinstance(key, StreamKey) else key.stream

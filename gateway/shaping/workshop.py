@@ -1,7 +1,6 @@
 """Where frames are scaled and compressed: off the event loop, one at a time."""
 
 import asyncio
-import logging
 from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -13,8 +12,6 @@ from gateway.shaping.compression import Frame, Method, compress
 from gateway.shaping.scaling import scale_image
 from schemas import codec
 from schemas.image import ImageFrame
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +46,11 @@ class Job:
 class Customer(Hashable, Protocol):
     """Who brings frames and is told what became of them, on the event loop."""
 
-    name: str
-
     def shaped(self, made: Shaped) -> None:
         """Take a frame's payload."""
 
-    def spoilt(self) -> None:
-        """Learn that a frame could not be shaped."""
+    def spoilt(self, error: Exception) -> None:
+        """Learn that a frame could not be shaped, and why."""
 
 
 class Workshop:
@@ -75,11 +70,13 @@ class Workshop:
         """Return whether a frame of the customer waits or is being shaped."""
         return customer is self._serving or customer in self._jobs
 
-    def leave(self, customer: Customer) -> None:
-        """Forget a customer, who is told nothing more."""
-        self._jobs.discard(customer)
+    def leave(self, customer: Customer) -> int:
+        """Forget a customer, who is told nothing more; return how many frames of it were waiting or being shaped."""
+        left = len(self._jobs.discard(customer))
         if customer is self._serving:
             self._serving = None
+            left += 1
+        return left
 
     async def run(self) -> None:
         """Work, for ever."""
@@ -92,16 +89,16 @@ class Workshop:
                 await self._serve(taken.key, taken.item.do, executor)
 
     async def _serve(self, customer: Customer, do: Callable[[], Shaped], executor: Executor) -> None:
-        made: Shaped | None = None
+        made: Shaped | Exception
         try:
             made = await asyncio.get_running_loop().run_in_executor(executor, do)
         except Exception as error:  # noqa: BLE001 - whatever a frame does to an encoder, it fails alone
-            log.warning("%s: frame left out: %s", customer.name, error)
+            made = error
         there, self._serving = self._serving, None
         if there is None:
             return
-        if made is None:
-            customer.spoilt()
+        if isinstance(made, Exception):
+            customer.spoilt(made)
         else:
             customer.shaped(made)
 

@@ -11,6 +11,9 @@ from gateway.forward import offering
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
+from gateway.shaping.consumers import Consumers
+from gateway.shaping.settings import ShapingSettings
+from gateway.shaping.shaping import Shaping
 from gateway.stream import StreamForward
 from gateway.translators import kind_of
 from schemas.keys import CameraKey, Stream, StreamKey
@@ -55,8 +58,11 @@ async def test_streams_that_come_and_go() -> None:
             assert (await anext(tokens)).alive  # no token of a cancelled life is still there to be merged with
 
 
-@pytest.mark.parametrize("latch", [False, True])
-async def test_a_wanted_stream(*, latch: bool) -> None:
+@pytest.mark.parametrize(
+    ("latch", "settings"),
+    [(False, {}), (True, {"compression": "raw"}), (True, {"compression": "png", "uplink_mbit": 1, "max_hz": "9"})],
+)
+async def test_a_wanted_stream(*, latch: bool, settings: dict[str, object]) -> None:
     network = FakeNetwork()
     async with (
         RosMaster() as master,
@@ -71,18 +77,20 @@ async def test_a_wanted_stream(*, latch: bool) -> None:
 
         async def life() -> None:
             key = StreamKey(FRONT, Stream.COLOR)
-            stream = StreamForward(key, TOPIC, kind_of(key), "boot")
+            shaping = Shaping(ShapingSettings.model_validate(settings), Consumers("r1", "here", near=True))
+            stream = StreamForward(key, TOPIC, kind_of(key), "boot", shaping.thinning(key))
             async with (
                 Node("/gateway", master_uri=master.uri) as node,
                 node.advertise(TOPIC, TYPE_NAME, latch=latch) as publication,
-                offering(ours, stream) as forward,
+                offering(ours, stream, shaping.outlet) as forward,
                 asyncio.TaskGroup() as group,
             ):
-                running = group.create_task(forward.run(node))
+                running = [group.create_task(work) for work in (forward.run(node), shaping.run(ours))]
                 publication.publish(encode_image(Image(0, 0, 0, "", 1, 1, "mono8", False, 1, memoryview(b"x"))))  # noqa: FBT003
-                while not (forward.status().publishers and forward.status().forwarded >= latch):  # noqa: ASYNC110
+                while not (forward.status().publishers and forward.status().bytes >= latch):  # noqa: ASYNC110
                     await asyncio.sleep(0)  # each turn of the loop is a suspension
-                running.cancel()
+                for task in running:
+                    task.cancel()
 
         async def nothing_is_left(n: int) -> None:
             state = await watch.master.get_system_state()

@@ -49,7 +49,6 @@ def test_ros_own_variables_are_the_defaults(
         ("ros_host", "bad host", "neither a host's name nor an address"),
         ("cameras", {"front": "/ultralytics/detection/image"}, "camera front: /ultralytics/detection/image is where"),
         ("cameras", {"front": "/ultralytics"}, "gateways publish results"),
-        ("cameras", {"a": "/a", "b.c": "/b", "b-c": "/c"}, "b.c and b-c would both return results under"),
         ("topics", {"front/depth": "-depth"}, "stream front/depth: '-depth' is not a ROS topic"),
         ("topics", {"front": "/depth"}, "not a stream that sensors send: 'front'; one looks like front/depth or tf"),
         ("topics", {"front/smell": "/depth"}, "not a stream that sensors send: 'front/smell'"),
@@ -62,7 +61,6 @@ def test_ros_own_variables_are_the_defaults(
         ("actions", {"pick up": "/planner/pick_up"}, "'pick up' is no name of an action, which looks like pick_up"),
         ("actions", {"pick_up": "pick up"}, "action pick_up: 'pick up' is not a ROS topic"),
         ("actions", {"pick_up": "/ultralytics/alerts"}, "action pick_up: /ultralytics/alerts is where gateways"),
-        ("actions", {"pick_up": "/planner", "stop": "/planner"}, "two actions with one topic"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
@@ -119,8 +117,8 @@ def test_every_stream_has_its_topic() -> None:
     ("topics", "reason"),
     [
         ({"front/depth": "/ultralytics/detection/image"}, "is where gateways publish results"),
-        ({"front/depth": "/color"}, "--cameras and --topics name /color twice: a topic becomes one stream"),
-        ({"front/info": "/info", "front/depth_info": "/info"}, "name /info twice"),
+        ({"front/depth": "/color"}, "stream front/color and stream front/depth would both be /color"),
+        ({"front/info": "/info", "front/depth_info": "/info"}, "would both be /info"),
         ({"front/color": "/other"}, "--cameras and --topics both give front/color"),
     ],
 )
@@ -134,9 +132,34 @@ def test_no_action_is_allowed_unless_it_is_named() -> None:
     assert settings(actions={"pick_up": "/planner/pick_up"}).actions == {"pick_up": "/planner/pick_up"}
 
 
-def test_an_action_does_not_go_where_a_sensor_sends() -> None:
-    with pytest.raises(ValidationError, match="/mode is a sensor's topic, so no action can go there"):
-        settings(topics={"text/mode": "/mode"}, actions={"set_mode": "/mode"})
+RESULT = "ultralytics/detection/image"
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"topics": {"text/mode": "/mode"}, "actions": {"set_mode": "/mode"}}, "stream text/mode and action set_mode"),
+        ({"actions": {"pick_up": "/x", "stop": "/x"}}, "action pick_up and action stop would both be /x"),
+        ({"cameras": {"a": "/a", "b.c": "/b", "b-c": "/c"}}, "classes of b.c and classes of b-c would both be"),
+        ({"actions": {"a": "/x", "b": "y"}, "remap": {"y": "/x"}}, "action a and action b would both be /x"),
+        (
+            {"cameras": {"c": "/c"}, "topics": {"front-1/color": "/a", "front_1/color": "/b"}},
+            "classes of front-1 and classes of front_1 would both be /ultralytics/front_1/detection/classes",
+        ),
+        ({"remap": {RESULT: "/x", "ultralytics/alerts": "/x"}}, "the alerts and overlay/detection of the first camera"),
+        ({"remap": {RESULT: "/a"}, "cameras": {"front": "/a"}}, "stream front/color and overlay/detection of front"),
+        ({"topics": {"ros/clock": "/clock"}}, "stream ros/clock and the time that the gateway itself follows"),
+    ],
+)
+def test_a_ros_topic_has_one_use(given: dict[str, dict[str, str]], reason: str) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        settings(**given)
+
+
+def test_a_ros_topic_whose_other_use_is_turned_off_can_be_used() -> None:
+    assert not settings(remap={RESULT: "/a"}, cameras={"front": "/a"}, results=False).results
+    first_has_no_name = settings(topics={"front-1/color": "/a", "front_1/color": "/b"})
+    assert sorted(first_has_no_name.streams().values()) == ["/a", "/b"]
 
 
 @pytest.mark.parametrize("namespace", ["r1", "/r1", "/r1/"])
@@ -154,7 +177,7 @@ def test_topics_are_remapped_and_have_one_stream_each_afterwards() -> None:
     cameras = {"camera": "/camera/color/image_raw"}
     given = settings(namespace="r1", remap=remap, cameras=cameras, topics={"tf": "tf", "tf_static": "/tf_static"})
     assert set(given.streams().values()) == {"/r1/front/image", "/shared/tf", "/tf_static"}
-    with pytest.raises(ValidationError, match="--cameras and --topics name /tf_static twice"):
+    with pytest.raises(ValidationError, match="stream camera/color and stream tf_static would both be /tf_static"):
         settings(remap={"/camera/color/image_raw": "/tf_static"}, cameras=cameras, topics={"tf_static": "/tf_static"})
 
 

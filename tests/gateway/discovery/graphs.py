@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 from gateway.discovery.plan import Plan
 from gateway.discovery.topics import Topic
-from schemas.keys import StreamKey
 
 IMAGE = "sensor_msgs/Image"
 COMPRESSED = "sensor_msgs/CompressedImage"
@@ -22,10 +21,7 @@ def graph(topics: Mapping[str, str], publishers: tuple[str, ...] = DRIVER) -> li
 
 def mapping(made: Plan) -> dict[str, str]:
     """Return topics by camera and stream."""
-    return {
-        f"{key.camera.camera}/{key.stream}" if isinstance(key, StreamKey) else key.stream: source.topic
-        for key, source in made.streams.items()
-    }
+    return {key.name: source.topic for key, source in made.streams.items()}
 
 
 REALSENSE = {

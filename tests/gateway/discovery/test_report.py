@@ -29,6 +29,14 @@ def test_only_changes_are_said() -> None:
     ]
 
 
+def test_a_topic_that_turns_into_something_else_is_not_gone() -> None:
+    published = {IMAGE: "/rear/image_raw", TF: "/tf", "std_msgs/String": "/mode /front/image_raw"}
+    assert changes(plan(graph(published), R1, BEFORE), BEFORE) == [
+        "front/color: no longer offered, /front/image_raw is left out",
+        "left out, a text; --topics text/NAME=TOPIC takes it: /front/image_raw",
+    ]
+
+
 def test_a_named_topic_is_said_before_it_is_known_and_once_it_is() -> None:
     wishes = Wishes("r1", dict.fromkeys(plan(graph({IMAGE: "/front/image_raw"}), R1).streams, "/x"), discover=False)
     before = plan([], wishes)

@@ -8,13 +8,14 @@ import msgspec
 import pytest
 
 from bus.fake import FakeNetwork
+from gateway.shaping import outlet as outlet_module
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
-from schemas.status import OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
 from tests.gateway.ros1.waiting import until
 from tests.gateway.shaping.frames import cloud, frame, picture
 from tests.gateway.shaping.rig import Rig, numbered, receive
@@ -84,10 +85,16 @@ async def test_depth_and_points_are_compressed_without_loss(rig: Rig) -> None:
     assert (await receive(points_arrived, PointCloud)).format == "zstd"
 
 
-async def test_a_frame_that_cannot_be_scaled_is_counted(rig: Rig) -> None:
+async def test_a_frame_that_cannot_be_scaled_is_counted_and_said_once_in_a_while(
+    rig: Rig, caplog: pytest.LogCaptureFixture
+) -> None:
     outlet, arrived = await rig.outlet(COLOR, await rig.shaping(scale="1/2"))
     outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
-    await until(lambda: outlet.counts.dropped == {UNSHAPED: 1, REPLACED_BEFORE_SHAPING: 0}, "it is counted")
+    await until(lambda: UNSHAPED in outlet.counts.dropped, "it is counted")
+    outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+    await until(lambda: outlet.counts.dropped == {UNSHAPED: 2}, "it is counted again")
+    (line,) = [record.getMessage() for record in caplog.records if record.name == outlet_module.__name__]
+    assert line.startswith("fleet/r1/front/color: frame left out: a png that arrived as one cannot be scaled")
     outlet.put(numbered(1))
     assert (await receive(arrived, ImageFrame)).header.seq == 1
 
@@ -134,3 +141,4 @@ async def test_an_outlet_that_is_closed_sends_nothing_more(rig: Rig) -> None:
         outlet.close()
         await asyncio.sleep(0.3)
         assert outlet.counts.bytes == sent
+        assert outlet.counts.dropped[ENDED] == 1
