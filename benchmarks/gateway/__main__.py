@@ -7,7 +7,8 @@ quality of service.
     fleetsight   the gateway as it is started on a robot
     rospy_naive  what one would write first: a rospy subscriber that puts each image on Zenoh
     zenoh_only   a sender that puts images on Zenoh, with no ROS in between
-    tcpros_only  a plain socket that receives the ROS topic into one buffer: no gateway can have more frames than that
+    tcpros_only  a plain socket that receives the ROS topic into one buffer: no gateway can have more frames than that,
+                 and a target whose `ceiling` is below `at_least` is out of every gateway's reach on this machine
 
 Every sender writes a new image for every frame, out of a pool that no cache holds; ROS's is a plain socket's, the same
 for all, since rospy's own is slower than the gateway. Every receiver copies each payload out of what brought it and
