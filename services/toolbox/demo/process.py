@@ -87,14 +87,20 @@ async def _show_until_over(
     console: Console,
     seconds: float | None,
 ) -> None:
+    ending = asyncio.Event()
+
     def say(line: str) -> None:
-        console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
+        if not ending.is_set():  # then each misses the others, as it should
+            console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
 
     note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(_keep(name, command, children, say)) for name, command in commands.items()]
         tasks.append(group.create_task(show(fleet, console, REFRESH_S, note=note)))
-        await (asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
+        try:
+            await (asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
+        finally:
+            ending.set()
         for task in tasks:
             task.cancel()
 
