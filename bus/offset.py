@@ -2,10 +2,14 @@
 
 from collections import deque
 from dataclasses import dataclass
+from math import ceil
 from typing import Final
 
 MAX_DRIFT: Final = 1e-4
 """How fast two clocks part at most, in seconds a second: twice what a bad quartz is off."""
+
+ROUNDED_NS: Final = 2
+"""What whole nanoseconds, theirs and ours, leave uncertain."""
 
 WINDOW: Final = 16
 """How many exchanges are remembered."""
@@ -22,13 +26,16 @@ class Exchange:
 
     @property
     def round_trip_ns(self) -> int:
-        """Time spent on the way, both ways together; negative only if a clock was set meanwhile."""
+        """Time spent on the way, both ways together; below zero by what their clock is faster than ours, at most."""
         return (self.answered_ns - self.asked_ns) - (self.sent_ns - self.received_ns)
 
     @property
     def in_order(self) -> bool:
-        """Whether both clocks went forward."""
-        return self.asked_ns <= self.answered_ns and self.received_ns <= self.sent_ns and self.round_trip_ns >= 0
+        """Whether both clocks went forward, theirs no further than ours but for its drift; if not, one was set."""
+        drifted_ns = (self.answered_ns - self.asked_ns) * MAX_DRIFT + 1
+        return (
+            self.asked_ns <= self.answered_ns and self.received_ns <= self.sent_ns and self.round_trip_ns >= -drifted_ns
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,4 +71,4 @@ def _seen(exchange: Exchange, now_ns: int) -> Offset:
     """Return what an exchange says at `now_ns`."""
     ahead_ns = (exchange.received_ns - exchange.asked_ns) + (exchange.sent_ns - exchange.answered_ns)
     drifted_ns = abs(now_ns - exchange.asked_ns) * MAX_DRIFT
-    return Offset(ahead_ns // 2, exchange.round_trip_ns // 2 + round(drifted_ns) + 1)
+    return Offset(ahead_ns // 2, max(0, exchange.round_trip_ns) // 2 + ceil(drifted_ns) + ROUNDED_NS)

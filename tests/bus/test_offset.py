@@ -25,7 +25,7 @@ def test_the_same_way_there_and_back_shows_the_offset() -> None:
     clock = ClockOffset()
     clock.add(exchange(START_NS, ahead_ns=5 * S, there_ns=1000, work_ns=S, back_ns=1000))
     found = clock.at(START_NS)
-    assert found == Offset(5 * S, 1001)
+    assert found == Offset(5 * S, 1002)
 
 
 @given(offsets, drifts, st.lists(st.tuples(waits, ways, ways, ways), min_size=1, max_size=40))
@@ -55,10 +55,10 @@ def test_the_shortest_round_trip_wins_until_drift_makes_it_worth_less() -> None:
     clock.add(exchange(START_NS + S, ahead_ns=0, there_ns=0, work_ns=0, back_ns=9_000_000))
     at_once = clock.at(START_NS + S)
     assert at_once is not None
-    assert (at_once.offset_ns, at_once.uncertainty_ns) == (0, 1_000_000 + 100_000 + 1)
+    assert (at_once.offset_ns, at_once.uncertainty_ns) == (0, 1_000_000 + 100_000 + 2)
     clock.add(exchange(START_NS + 100 * S, ahead_ns=0, there_ns=0, work_ns=0, back_ns=9_000_000))
     later = clock.at(START_NS + 100 * S)
-    assert later == Offset(-4_500_000, 4_500_001)
+    assert later == Offset(-4_500_000, 4_500_002)
 
 
 @given(st.integers(3 * S, START_NS) | st.integers(-START_NS, -3 * S))
@@ -77,7 +77,7 @@ def test_an_exchange_during_which_a_clock_was_set_says_nothing() -> None:
     for impossible in (
         Exchange(START_NS, 10, 20, START_NS - 1),
         Exchange(START_NS, 20, 10, START_NS + 100),
-        Exchange(START_NS, 0, 101, START_NS + 100),
+        Exchange(START_NS, 0, 102, START_NS + 100),
     ):
         clock.add(impossible)
     assert clock.at(START_NS) is None
@@ -90,4 +90,4 @@ def test_what_is_remembered_is_bounded() -> None:
         clock.add(exchange(START_NS + turn, ahead_ns=0, there_ns=0, work_ns=0, back_ns=100))
     found = clock.at(START_NS)
     assert found is not None
-    assert found.uncertainty_ns == 51
+    assert found.uncertainty_ns == 53
