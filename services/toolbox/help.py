@@ -3,6 +3,7 @@
 import inspect
 import textwrap
 from collections.abc import Iterator
+from enum import StrEnum
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
@@ -93,6 +94,8 @@ def _placeholder(kind: Any) -> str:
         return "|".join(str(choice) for choice in inner)
     if origin is list:
         return f"{_placeholder(inner[0])},..."
+    if isinstance(kind, type) and issubclass(kind, StrEnum):
+        return "|".join(kind)
     if origin is dict:
         return "NAME=VALUE,..."
     return PLACEHOLDERS.get(kind, "VALUE")
