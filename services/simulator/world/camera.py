@@ -41,3 +41,7 @@ class Pose:
         right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
         rotation = np.stack([right, np.cross(forward, right), forward], axis=1)
         return cls(np.array([x, y, z], np.float32), rotation.astype(np.float32))
+
+    def to_map(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) of the frame in the map."""
+        return np.asarray(points @ self.rotation.T.astype(np.float64) + self.position)
