@@ -8,15 +8,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from services.simulator.clouds import ringed_points
 from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, Placement, of_pose, rig, to_pose
 from services.simulator.store import Store
-from services.simulator.world import Camera, Drive, Pose, Sensor, expose, generate, render
+from services.simulator.world import (
+    Camera,
+    DepthSensor,
+    Drive,
+    Lidar,
+    Pose,
+    Sensor,
+    as_16uc1,
+    expose,
+    generate,
+    render,
+    render_geometry,
+    sense,
+    turn,
+)
 
 Array = NDArray[Any]
 
 
 class Part(StrEnum):
-    """What is measured at an instant: RGB (h, w, 3) uint8; depth (h, w); a lidar's turn."""
+    """What is measured at an instant: RGB (h, w, 3) uint8; depth (h, w) uint16 mm; a lidar's points."""
 
     COLOR = auto()
     DEPTH = auto()
@@ -25,7 +40,7 @@ class Part(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """A robot's cameras. depth: None when it is registered to colour. metric: in float32 metres, else uint16 mm."""
+    """A robot's cameras. depth: None when it is registered to colour. metric: published in metres, not millimetres."""
 
     color: Camera
     depth: Camera | None = None
@@ -88,17 +103,14 @@ class Film:
         if Part.DEPTH in parts:
             made[Part.DEPTH] = self._depth(index, exact)
         if Part.SWEEP in parts:
-            made[Part.SWEEP] = self._sweep(index)
+            made[Part.SWEEP] = ringed_points(turn(self._scene, self._pose(index, LIDAR), Lidar(), self._rng(index, 2)))
         return made
 
     def _depth(self, index: int, exact: NDArray[np.float32] | None) -> Array:
+        camera = self.equipment.depth_camera
         if exact is None:
-            pose = self._pose(index, self.equipment.depth_frame)
-            exact = render(self._scene, pose, self.equipment.depth_camera).depth
-        return exact if self.equipment.metric else np.rint(exact * 1000).astype(np.uint16)
-
-    def _sweep(self, index: int) -> Array:
-        raise NotImplementedError
+            exact = render_geometry(self._scene, self._pose(index, self.equipment.depth_frame), camera).depth
+        return as_16uc1(sense(exact, camera, DepthSensor(), self._rng(index, 1)))
 
     def _pose(self, index: int, frame: str) -> Pose:
         return to_pose(self.robot(index) @ self.rig.on_robot(frame))

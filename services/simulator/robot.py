@@ -5,10 +5,10 @@ from typing import Final, assert_never
 
 import numpy as np
 
-from services.simulator.clouds import colored_points
+from services.simulator.clouds import colored_points, packed, projected
 from services.simulator.film import Array, Film, Part
 from services.simulator.messages import Head, cloud_message, image_message, info_message, transforms_message
-from services.simulator.placement import BASE, COLOR_OPTICAL, LIDAR, MAP, ODOM, Placement, odometry_error
+from services.simulator.placement import BASE, COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, MAP, ODOM, Placement, odometry_error
 from services.simulator.topics import Content, Topic
 
 NEEDED: Final[Mapping[Content, frozenset[Part]]] = {
@@ -31,7 +31,7 @@ class Robot:
         self.topics = topics
         self._namespace = namespace
         self.film = film
-        self._ahead = ahead
+        self.ahead = ahead
 
     def path(self, topic: Topic) -> str:
         """Return the topic's global name."""
@@ -47,7 +47,7 @@ class Robot:
 
         The clock is read once all is measured: simulating takes time that measuring does not.
         """
-        instant = number + self._ahead
+        instant = number + self.ahead
         measured = self.film.measure(instant, _parts(wanted))
         stamp = clock()
         return [
@@ -66,10 +66,10 @@ class Robot:
             case Content.COLOR:
                 message = image_message(head.of(COLOR_OPTICAL), measured[Part.COLOR])
             case Content.DEPTH:
-                message = image_message(head.of(sensors.depth_frame), measured[Part.DEPTH])
+                depth = measured[Part.DEPTH]
+                message = image_message(head.of(sensors.depth_frame), metres(depth) if sensors.metric else depth)
             case Content.POINTS:
-                points = colored_points(measured[Part.DEPTH], measured[Part.COLOR], sensors.depth_camera)
-                message = cloud_message(head.of(sensors.depth_frame), points)
+                message = cloud_message(head.of(sensors.depth_frame), self._points(measured))
             case Content.LIDAR:
                 message = cloud_message(head.of(LIDAR), measured[Part.SWEEP])
             case Content.TF:
@@ -79,6 +79,18 @@ class Robot:
             case _:
                 assert_never(content)
         return message
+
+    def _points(self, measured: Mapping[Part, Array]) -> Array:
+        sensors = self.film.equipment
+        depth, rgb = metres(measured[Part.DEPTH]), packed(measured[Part.COLOR])
+        if not sensors.aligned:
+            rgb = projected(rgb, sensors.color, depth, sensors.depth_camera, self._color_of_depth())
+        return colored_points(depth, sensors.depth_camera, rgb)
+
+    def _color_of_depth(self) -> Placement:
+        """Where depth's optical frame is in that of colour."""
+        rig = self.film.rig
+        return np.linalg.inv(rig.on_robot(COLOR_OPTICAL)) @ rig.on_robot(DEPTH_OPTICAL)
 
     def _way(self, instant: int) -> list[tuple[str, str, Placement]]:
         odom = odometry_error(self.film.fraction(instant))
