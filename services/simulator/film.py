@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.simulator.clouds import ringed_points
-from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, Placement, of_pose, rig, to_pose
+from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, Placement, of_pose, rig, to_pose
 from services.simulator.store import Store
 from services.simulator.world import (
     Camera,

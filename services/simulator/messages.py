@@ -55,21 +55,24 @@ def image_message(head: Head, pixels: NDArray[Any]) -> bytes:
 def cloud_message(head: Head, points: NDArray[Any]) -> bytes:
     """Turn structured points (height, width), whose fields become the cloud's, into a sensor_msgs/PointCloud2."""
     rows = np.ascontiguousarray(points)
-    described = rows.dtype.fields or {}
-    fields = tuple(PointField(name, offset, DATATYPES[kind.name], 1) for name, (kind, offset, *_) in described.items())
     cloud = PointCloud(
         stamp=head.stamp,
         frame_id=head.frame_id,
         height=rows.shape[0],
         width=rows.shape[1],
-        fields=fields,
+        fields=_fields(rows.dtype),
         is_bigendian=False,
         point_step=rows.itemsize,
-        row_step=rows.strides[0],
-        data=memoryview(rows.reshape(-1).view(np.uint8)),
+        row_step=rows.shape[1] * rows.itemsize,
+        data=rows.reshape(-1).view(np.uint8).data,
         is_dense=bool(np.isfinite(rows["x"]).all()),
     )
     return encode_point_cloud(cloud, seq=head.seq)
+
+
+def _fields(points: np.dtype[Any]) -> tuple[PointField, ...]:
+    described: Any = points.fields or {}
+    return tuple(PointField(name, offset, DATATYPES[kind.name], 1) for name, (kind, offset) in described.items())
 
 
 def info_message(head: Head, camera: Camera) -> bytes:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
+from gateway.ros1.tasks import TaskScope
 from services.simulator.bagging import write_bags
 from services.simulator.errors import MasterError
 from services.simulator.fleet import robots
@@ -55,11 +56,7 @@ async def _live(settings: SimulatorSettings, executor: Executor) -> None:
             fleet = robots(settings, namespaced=settings.ros_master is not None and settings.robots > 1)
             if settings.prerender:
                 fleet = iter(await prerender(fleet, executor))
-            async with asyncio.timeout(settings.seconds) as ending:
-                await _drive(settings, masters, fleet, live, executor)
-    except TimeoutError:
-        if not ending.expired():
-            raise
+            await _drive(settings, masters, fleet, live, executor)
     finally:
         if settings.summary:
             sys.stdout.write(json.dumps({"sent": {each.robot.name: each.sent for each in live}}) + "\n")
@@ -90,12 +87,13 @@ async def _drive(
     executor: Executor,
 ) -> None:
     loop = asyncio.get_running_loop()
-    async with AsyncExitStack() as stack, asyncio.TaskGroup() as group:
+    async with AsyncExitStack() as stack, TaskScope() as scope:
         for number, master in enumerate(masters):
             robot = await loop.run_in_executor(executor, next, fleet)
             node = await stack.enter_async_context(
                 Node(f"/simulated_{robot.name}_{os.getpid()}", master_uri=master, host=settings.ros_host)
             )
             live.append(LiveRobot(robot, settings.hz, delay_s=number / settings.robots / settings.hz))
-            group.create_task(live[-1].run(node, executor))
-            log.info("robot %s publishes %s at %s", robot.name, robot.path(robot.topics[-1]), master)
+            scope.start(live[-1].run(node, executor), robot.name)
+            log.info("robot %s publishes %d topics at %s", robot.name, len(robot.topics), master)
+        await (asyncio.Event().wait() if settings.seconds is None else asyncio.sleep(settings.seconds))

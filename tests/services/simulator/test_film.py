@@ -75,4 +75,4 @@ def test_depth_is_seen_through_its_own_camera(equipment: Equipment) -> None:
     assert measured.dtype == np.uint16
     there = measured > 0
     assert there.mean() > 0.3
-    assert np.median(np.abs(measured[there] / 1000 - exact[there]) / exact[there]) < 0.05
+    assert np.median(np.abs(measured[there] / 1000 - exact[there]) / exact[there]) < 0.15

@@ -90,7 +90,7 @@ async def test_every_topic_of_an_instant_arrives_with_one_stamp(robot: Robot) ->
                 await until(lambda: static and everything in by_stamp.values(), "an instant is whole")
             finally:
                 stop.set()
-    assert [each.child_frame_id for each in static[0].transforms][0] == "camera_link"
+    assert static[0].transforms[0].child_frame_id == "camera_link"
 
 
 async def _hold(subscription: Any, stop: asyncio.Event) -> None:

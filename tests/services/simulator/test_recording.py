@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+from rosbags.interfaces import ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader
 
 from gateway.ros1.messages import message_type
@@ -42,8 +43,7 @@ def test_a_bag_has_what_was_written_as_it_was_with_its_types(tmp_path: Path) -> 
             kind = message_type(connection.msgtype.replace("/msg/", "/"))
             assert connection.digest == kind.md5sum
             assert connection.msgdef.data == kind.definition
-            assert connection.ext.latching == int(connection.topic == "/tf_static")
-            assert connection.ext.callerid == "/simulated_r1"
+            assert connection.ext == ConnectionExtRosbag1("/simulated_r1", int(connection.topic == "/tf_static"))
 
 
 def test_robots_share_a_bag_or_have_one_each(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_a_bag_of_nothing_is_none(tmp_path: Path) -> None:
 
 
 def test_where_nothing_can_be_written_is_said() -> None:
-    with pytest.raises(BagError, match="--bag /proc/out.bag: "):
+    with pytest.raises(BagError, match=r"--bag /proc/out[.]bag: "):
         Recording(Path("/proc/out.bag")).open([robot()])
 
 

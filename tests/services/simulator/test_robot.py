@@ -1,4 +1,5 @@
 from collections import Counter
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,9 @@ def placements(message: Any) -> dict[tuple[str, str], np.ndarray]:
 def test_all_of_an_instant_has_one_stamp(equipment: Equipment) -> None:
     messages = decoded(robot(equipment), number=3)
     assert messages.keys() == set(Content)
-    headers = [message.header for content, message in messages.items() if content not in {Content.TF, Content.TF_STATIC}]
+    headers = [
+        message.header for content, message in messages.items() if content not in {Content.TF, Content.TF_STATIC}
+    ]
     headers += [each.header for content in (Content.TF, Content.TF_STATIC) for each in messages[content].transforms]
     assert {(header.stamp.sec, header.stamp.nanosec) for header in headers} == {(1_700_000_000, 5)}
     assert {header.seq for header in headers} == {0, 3}
@@ -86,7 +89,7 @@ def test_transforms_put_the_camera_where_the_picture_was_taken(number: int) -> N
     chain = placements(messages[Content.TF]) | placements(messages[Content.TF_STATIC])
     frames = ["map", "odom", "base_link", "camera_link", "camera_color_frame", COLOR_OPTICAL]
     found = np.eye(4)
-    for parent, child in zip(frames, frames[1:], strict=False):
+    for parent, child in pairwise(frames):
         found = found @ chain[parent, child]
     assert np.allclose(found, of_pose(Drive.plan(generate(1)).pose(number / FRAMES)), atol=1e-6)
 
@@ -130,7 +133,10 @@ def test_a_robot_ahead_sees_now_what_the_one_behind_sees_later() -> None:
 
 
 def test_a_robots_topics_are_below_its_namespace() -> None:
-    assert {which.path(which.topics[0]) for which in (robot(), robot(namespace="/r1"))} == {"/tf_static", "/r1/tf_static"}
+    assert {which.path(which.topics[0]) for which in (robot(), robot(namespace="/r1"))} == {
+        "/tf_static",
+        "/r1/tf_static",
+    }
 
 
 def test_points_are_where_depth_says_and_have_the_pictures_colour() -> None:
