@@ -33,7 +33,7 @@ class Spans:
         last = np.clip(np.floor((high - lines.start) / lines.step), -1, len(lines) - 1).astype(np.int64)
         counts = np.maximum(last - first + 1, 0)
         faces = np.repeat(np.arange(len(polygons)), counts)
-        rows = lines.start + (first[faces] + _ramp(counts)) * lines.step
+        rows = lines.start + (first[faces] + ramp(counts)) * lines.step
         here = polygons[faces]
         there = np.roll(polygons, -1, axis=1)[faces]
         above, below = here[..., 1] - rows[:, None], there[..., 1] - rows[:, None]
@@ -65,7 +65,7 @@ class Spans:
         """The face, row and column of every covered pixel, once for each face that covers it."""
         lengths = self.ends - self.starts + 1
         spans = np.repeat(np.arange(len(lengths)), lengths)
-        return self.faces[spans], self.rows[spans], self.starts[spans] + _ramp(lengths)
+        return self.faces[spans], self.rows[spans], self.starts[spans] + ramp(lengths)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +117,7 @@ def _outside(polygons: NDArray[np.float64], camera: Camera) -> int:
     return (spans.area() - spans.within(camera).area()) * step
 
 
-def _ramp(counts: Ints) -> Ints:
+def ramp(counts: Ints) -> Ints:
     """0, 1, 2, ... for each count, one after the other."""
     return np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
 

@@ -43,10 +43,15 @@ def find_visible(cuboids: Cuboids, pose: Pose, camera: Camera) -> Visibility:
     return Visibility(faces[kept], slots, _inverse_depth(slots, planes, nearest), planes)
 
 
+def toward(cuboids: Cuboids, position: Floats) -> NDArray[np.bool_]:
+    """Which faces (cuboids, 6) are turned to a point of the map."""
+    viewer = np.einsum("kij,ki->kj", cuboids.rotations, position - cuboids.centres)
+    return np.stack([viewer < -cuboids.half_extents, viewer > cuboids.half_extents], axis=2).reshape(-1, 6)
+
+
 def facing_rings(cuboids: Cuboids, pose: Pose) -> tuple[NDArray[np.intp], Floats]:
     """The faces turned to the camera and at least partly before it, with their corners in the optical frame."""
-    viewer = np.einsum("kij,ki->kj", cuboids.rotations, pose.position - cuboids.centres)
-    facing = np.stack([viewer < -cuboids.half_extents, viewer > cuboids.half_extents], axis=2).reshape(-1, 6)
+    facing = toward(cuboids, pose.position)
     corners = (cuboids.corners() - pose.position) @ pose.rotation
     cuboid, face = np.nonzero(facing & (corners[..., 2].max(axis=1) > NEAR)[:, None])
     rings = corners[cuboid[:, None], RINGS[face]]
