@@ -90,12 +90,10 @@ def _placeholder(kind: Any) -> str:
         return _placeholder(inner[0])
     if origin in (Union, UnionType):
         return _placeholder(next(each for each in inner if each is not NoneType))
-    if origin is Literal:
-        return "|".join(str(choice) for choice in inner)
+    if origin is Literal or (isinstance(kind, type) and issubclass(kind, StrEnum)):
+        return "|".join(str(choice) for choice in inner or kind)
     if origin is list:
         return f"{_placeholder(inner[0])},..."
-    if isinstance(kind, type) and issubclass(kind, StrEnum):
-        return "|".join(kind)
     if origin is dict:
         return "NAME=VALUE,..."
     return PLACEHOLDERS.get(kind, "VALUE")
