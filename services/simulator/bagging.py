@@ -34,7 +34,7 @@ async def write_bags(bag: Path, robots: Sequence[Robot], *, hz: float, instants:
             await loop.run_in_executor(writing, recording.close)
 
         try:
-            await loop.run_in_executor(writing, check_room, bag.parent, size * instants * len(robots))
+            await loop.run_in_executor(writing, check_room, bag, size * instants * len(robots))
             await loop.run_in_executor(writing, recording.open, robots)
             with bar(f"writing {bag.name}", instants * len(robots)) as done:
                 for robot, number, stamp in _turns(robots, hz, instants):
@@ -45,21 +45,25 @@ async def write_bags(bag: Path, robots: Sequence[Robot], *, hz: float, instants:
             await to_the_end(close())
 
 
-def check_room(folder: Path, needed: int) -> None:
+def check_room(bag: Path, needed: int) -> None:
     """Refuse what would not fit.
 
     Raises:
-        BagError: there is no such folder, or less room in it than `needed` bytes.
+        BagError: there is no folder for the bag, or less room in it than `needed` bytes.
     """
     try:
-        free = shutil.disk_usage(folder).free
+        free = shutil.disk_usage(bag.parent).free
     except OSError as error:
-        raise BagError(f"--bag: {folder}: {error.strerror}") from error
+        raise BagError(f"--bag {bag}: {bag.parent}: {error.strerror}") from error
     if needed > free:
         raise BagError(
-            f"--bag: {folder} has room for {free / 1e9:.1f} GB, not for {needed / 1e9:.1f} GB:"
-            " fewer robots, --seconds or --streams make less"
+            f"--bag {bag}: needs about {_readable(needed)} of the {_readable(free)} that are free there:"
+            " fewer --robots, --seconds or --streams need less"
         )
+
+
+def _readable(size: int) -> str:
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
 
 
 def _turns(robots: Sequence[Robot], hz: float, instants: int) -> Iterator[tuple[Robot, int, int]]:

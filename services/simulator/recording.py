@@ -1,7 +1,7 @@
 """ROS 1 bags of simulated robots."""
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -44,8 +44,8 @@ class Recording:
             for robot in robots:
                 self._add(robot)
         except BagError:
-            for writer in self._writers.values():
-                _give_up(writer)
+            for path, writer in self._writers.items():
+                _give_up(writer, path)
             self._writers.clear()
             raise
 
@@ -65,15 +65,11 @@ class Recording:
         """Write the indices and give the bags their names. A bag of which nothing was written is none.
 
         Raises:
-            BagError: they cannot be written.
+            BagError: they cannot be written; what there is of them keeps its unfinished name.
         """
-        with self._explained():
+        with self._explained(), ExitStack() as all_of_them:
             for path, writer in self._writers.items():
-                if path in self._begun:
-                    writer.close()
-                    writer.path.rename(path)
-                else:
-                    _give_up(writer)
+                all_of_them.callback(_finish if path in self._begun else _give_up, writer, path)
 
     def _add(self, robot: Robot) -> None:
         path = self._bag.with_name(self._bag.name.replace(ROBOT, robot.name))
@@ -106,9 +102,19 @@ class Recording:
         except WriterError as error:
             raise BagError(f"--bag {self._bag}: {error}") from error
         except OSError as error:
-            raise BagError(f"--bag {self._bag}: {error.strerror}") from error
+            raise BagError(f"--bag {self._bag}: {error.strerror or error}") from error
 
 
-def _give_up(writer: Writer) -> None:
+def _finish(writer: Writer, path: Path) -> None:
+    try:
+        writer.close()
+    except OSError:
+        with suppress(OSError):
+            writer.abort()
+        raise
+    writer.path.rename(path)
+
+
+def _give_up(writer: Writer, _path: Path) -> None:
     writer.abort()
     writer.path.unlink(missing_ok=True)

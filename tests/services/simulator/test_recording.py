@@ -1,3 +1,6 @@
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -8,7 +11,7 @@ from gateway.ros1.messages import message_type
 from services.simulator.errors import BagError
 from services.simulator.recording import Recording, one_each
 from services.simulator.robot import Robot
-from services.simulator.topics import Content, Topic
+from services.simulator.topics import Topic
 from tests.services.simulator.small import film, robot
 
 START = 1_700_000_000_000_000_001
@@ -92,9 +95,24 @@ def test_where_nothing_can_be_written_is_said() -> None:
         Recording(Path("/proc/out.bag")).open([robot()])
 
 
-def test_a_full_disk_is_said() -> None:
+@contextmanager
+def small_files() -> Iterator[None]:
+    """Let no file grow beyond 100 kB."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_what_cannot_be_written_is_said_and_what_was_keeps_its_unfinished_name(tmp_path: Path) -> None:
     which = robot()
-    recording = Recording(Path("/dev/full"))
-    with pytest.raises(BagError):
-        recording.open([which])
-    assert Content.COLOR in {topic.content for topic in which.topics}
+    recording = Recording(tmp_path / "out.bag")
+    recording.open([which])
+    with small_files():
+        with pytest.raises(BagError, match=r"out[.]bag: File too large"):
+            recording.write(which, START, [each for _ in range(4) for each in messages(which, 0, START)])
+        with pytest.raises(BagError, match=r"out[.]bag: File too large"):
+            recording.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["out.bag.active"]
