@@ -50,17 +50,17 @@ async def _record(settings: SimulatorSettings, bag: Path, executor: Executor) ->
 
 async def _live(settings: SimulatorSettings, executor: Executor) -> None:
     live: list[LiveRobot] = []
-    try:
-        async with AsyncExitStack() as stack:
-            masters = await _masters(settings, stack)
-            fleet = robots(settings, namespaced=settings.ros_master is not None and settings.robots > 1)
-            if settings.prerender:
-                fleet = iter(await prerender(fleet, executor))
+    async with AsyncExitStack() as stack:
+        masters = await _masters(settings, stack)
+        fleet = robots(settings, namespaced=settings.ros_master is not None and settings.robots > 1)
+        if settings.prerender:
+            fleet = iter(await prerender(fleet, executor))
+        try:
             await _drive(settings, masters, fleet, live, executor)
-    finally:
-        if settings.summary:
-            sys.stdout.write(json.dumps({"sent": {each.robot.name: each.sent for each in live}}) + "\n")
-            sys.stdout.flush()
+        finally:
+            if settings.summary:
+                sys.stdout.write(json.dumps({"sent": {each.robot.name: each.sent for each in live}}) + "\n")
+                sys.stdout.flush()
 
 
 async def _masters(settings: SimulatorSettings, stack: AsyncExitStack) -> Sequence[str]:
@@ -87,13 +87,17 @@ async def _drive(
     executor: Executor,
 ) -> None:
     loop = asyncio.get_running_loop()
-    async with AsyncExitStack() as stack, TaskScope() as scope:
+    async with TaskScope() as scope:
         for number, master in enumerate(masters):
             robot = await loop.run_in_executor(executor, next, fleet)
-            node = await stack.enter_async_context(
-                Node(f"/simulated_{robot.name}_{os.getpid()}", master_uri=master, host=settings.ros_host)
-            )
+            node = Node(f"/simulated_{robot.name}_{os.getpid()}", master_uri=master, host=settings.ros_host)
             live.append(LiveRobot(robot, settings.hz, delay_s=number / settings.robots / settings.hz))
-            scope.start(live[-1].run(node, executor), robot.name)
+            scope.start(_at(node, live[-1], executor), robot.name)
             log.info("robot %s publishes %d topics at %s", robot.name, len(robot.topics), master)
         await (asyncio.Event().wait() if settings.seconds is None else asyncio.sleep(settings.seconds))
+
+
+async def _at(node: Node, live: LiveRobot, executor: Executor) -> None:
+    """Drive a robot; all unregister at the same time when they are stopped."""
+    async with node:
+        await live.run(node, executor)
