@@ -66,7 +66,7 @@ def _in_view(rings: Floats, camera: Camera) -> NDArray[np.bool_]:
     x, y, z = np.moveaxis(rings, -1, 0)
     right, down = camera.fx * x + np.float32(camera.cx) * z, camera.fy * y + np.float32(camera.cy) * z
     beyond = np.stack([right < -z, right > camera.width * z, down < -z, down > camera.height * z])
-    return ~beyond.all(axis=2).any(axis=0)
+    return np.asarray(~beyond.all(axis=2).any(axis=0), np.bool_)
 
 
 def project(rings: Floats, camera: Camera) -> list[Floats]:
