@@ -15,7 +15,7 @@ from services.simulator.world.visibility import toward
 
 Doubles = NDArray[np.float64]
 FULL_CIRCLE: Final = 2 * np.pi
-DIFFUSE: Final = 100.0
+PERCENT: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +75,10 @@ def turn(scene: Scene, pose: Pose, lidar: Lidar, rng: Generator) -> Turn:
     directions = lidar.directions()[ring, column]
     faces = hits.faces[ring, column]
     facing = np.abs(np.einsum("nx,nx->n", scene.surfaces.normals[faces] @ pose.rotation, directions))
+    reflected = np.minimum(scene.surfaces.tints[faces].mean(axis=1), 1) * facing
     return Turn(
         xyz=(directions * measured[ring, column, None]).astype(np.float32),
-        intensity=(DIFFUSE * scene.surfaces.tints[faces].mean(axis=1) * facing).astype(np.float32),
+        intensity=(PERCENT * reflected).astype(np.float32),
         ring=ring.astype(np.uint16),
         instances=scene.cuboids.instances[faces // 6],
     )

@@ -28,9 +28,11 @@ class Visibility:
 def find_visible(cuboids: Cuboids, pose: Pose, camera: Camera) -> Visibility:
     """Draw the faces that look towards the camera, nearest first."""
     faces, rings = facing_rings(cuboids, pose)
+    ahead = _in_view(rings, camera)
+    faces, rings = faces[ahead], rings[ahead]
     polygons = project(rings, camera)
-    low = np.array([p.min(axis=0) for p in polygons]).reshape(-1, 2)
-    high = np.array([p.max(axis=0) for p in polygons]).reshape(-1, 2)
+    corners, firsts = np.concatenate([*polygons, np.empty((0, 2), np.float32)]), np.cumsum([0, *map(len, polygons)])
+    low, high = (extreme.reduceat(corners, firsts[:-1]) for extreme in (np.minimum, np.maximum))
     size = (camera.width, camera.height)
     inside = ((high > -0.5) & (low < np.subtract(size, 0.5))).all(axis=1)
     kept = np.flatnonzero(inside)
@@ -57,6 +59,14 @@ def facing_rings(cuboids: Cuboids, pose: Pose) -> tuple[NDArray[np.intp], Floats
     rings = corners[cuboid[:, None], RINGS[face]]
     before = rings[..., 2].max(axis=1) > NEAR
     return (cuboid * 6 + face)[before], rings[before]
+
+
+def _in_view(rings: Floats, camera: Camera) -> NDArray[np.bool_]:
+    """Which rings are not wholly beyond one border of the image, give or take a pixel."""
+    x, y, z = np.moveaxis(rings, -1, 0)
+    right, down = camera.fx * x + np.float32(camera.cx) * z, camera.fy * y + np.float32(camera.cy) * z
+    beyond = np.stack([right < -z, right > camera.width * z, down < -z, down > camera.height * z])
+    return np.asarray(~beyond.all(axis=2).any(axis=0), np.bool_)
 
 
 def project(rings: Floats, camera: Camera) -> list[Floats]:
