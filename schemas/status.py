@@ -32,6 +32,9 @@ OVER_BUDGET: Final = "over the uplink budget"
 ENDED: Final = "not sent yet when its stream or its publisher ended"
 """Reason: nothing was there any more to send this one for. Its number is missing."""
 
+NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFORE_LINK, ENDED)
+"""Reasons of gateways for which a frame's number is missing at every receiver."""
+
 MAX_STREAMS: Final = 1_000
 
 
