@@ -1,20 +1,17 @@
 """Which topics the doctor looks at. Pure."""
 
 from collections.abc import Iterator, Mapping
-from typing import Final
 
 from gateway.discovery import Plan, plan
+from gateway.discovery.plan import INFOS
 from gateway.discovery.sieve import OF_GATEWAYS, TYPES
-from gateway.discovery.topics import topics_of
+from gateway.discovery.topics import calibrations_of, topics_of
 from gateway.doctor.cameras import TF_STATIC
 from gateway.doctor.evidence import Graph
 from gateway.doctor.stamps import CLOCK
 from gateway.settings import GatewaySettings
 from gateway.translators.camera_info import TYPE_NAME as CAMERA_INFO
-from gateway.translators.compressed_image import TYPE_NAME as COMPRESSED_IMAGE
-from schemas.keys import SensorKey, Stream, StreamKey, sensor_key
-
-_INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
+from schemas.keys import SensorKey, StreamKey, sensor_key
 
 
 def planned(settings: GatewaySettings, graph: Graph) -> Plan:
@@ -43,14 +40,9 @@ def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) ->
 def _calibrations(streams: Mapping[SensorKey, str], graph: Graph) -> Iterator[tuple[SensorKey, str]]:
     taken = set(streams.values())
     for key, topic in streams.items():
-        if isinstance(key, StreamKey) and key.stream in _INFOS:
-            info = _calibration_of(topic, graph)
-            if graph.types.get(info) == CAMERA_INFO and info not in taken:
+        if isinstance(key, StreamKey) and key.stream in INFOS:
+            infos = (name for name in calibrations_of(topic) if graph.types.get(name) == CAMERA_INFO)
+            info = next((name for name in infos if name not in taken), None)
+            if info is not None:
                 taken.add(info)
-                yield StreamKey(key.camera, _INFOS[key.stream]), info
-
-
-def _calibration_of(topic: str, graph: Graph) -> str:
-    """Return where ROS's conventions put the calibration of an image: beside it, or beside what was compressed."""
-    image = topic.rpartition("/")[0] if graph.types.get(topic) == COMPRESSED_IMAGE else topic
-    return f"{image.rpartition('/')[0]}/camera_info"
+                yield StreamKey(key.camera, INFOS[key.stream]), info
