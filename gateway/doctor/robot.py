@@ -13,7 +13,7 @@ from gateway.doctor.listening import Ear, listen
 from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.errors import (
-    CallError,
+    FaultError,
     InvalidNameError,
     LinkRefusedError,
     Ros1Error,
@@ -133,7 +133,5 @@ def _trouble(error: Ros1Error, host: str, port: int) -> Trouble:
             return Trouble(Failure.SILENT, host, port, "it accepts connections but does not answer")
         case ConnectionRefusedError():
             return Trouble(Failure.DEAD, host, port, "connection refused")
-    refused = isinstance(error, LinkRefusedError | InvalidNameError | CallError) and not isinstance(
-        error, UnreachableError
-    )
+    refused = isinstance(error, LinkRefusedError | InvalidNameError | FaultError | StatusError)
     return Trouble(Failure.REFUSED if refused else Failure.FOREIGN, host, port, str(error))
