@@ -137,7 +137,7 @@ class Subscription:
         """Why publishers are not heard now, in words; those that are there and do not fit come first."""
         failing = [(uri, link) for uri, link in self.counters.links.items() if link.problem]
         failing.sort(key=lambda item: item[1].problem.startswith(LinkFailure.UNREACHABLE))
-        return [f"{uri}: {link.problem}" for uri, link in failing]
+        return [one_line(f"{uri}: {link.problem}") for uri, link in failing]
 
     def listed(self) -> list[bool]:
         """Return for each listed publisher whether it is connected."""
