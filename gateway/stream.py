@@ -19,7 +19,7 @@ from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
-from schemas.keys import SensorKey, StreamKey
+from schemas.keys import SensorKey, owner_of
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
 from schemas.status import REPLACED_BEFORE_LINK, THINNED, StreamStatus
@@ -45,9 +45,7 @@ class StreamForward:
         self.topic = topic
         self.kind = kind
         self.thinning = thinning
-        self._robot, self._camera = (
-            (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
-        )
+        self._robot, self._camera = owner_of(key)
         self._boot_id = boot_id
         self._log = SparingLog(log)
         self._translates: dict[TopicType, Translate] = {}

@@ -65,6 +65,11 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     compression: Label = ""
     missing: Count = 0
 
+    @property
+    def name(self) -> str:
+        """What the stream is called among the robot's, as its key has it."""
+        return f"{self.camera}/{self.stream}" if self.camera else self.stream
+
 
 class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):
     """One stream of results on its way to ROS. Counts are messages since the gateway started.

@@ -64,9 +64,7 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:
-    return next(
-        (each for each in streams if name == (f"{each.camera}/{each.stream}" if each.camera else each.stream)), None
-    )
+    return next((each for each in streams if each.name == name), None)
 
 
 def _check_stream(stream: StreamLook, account: Account, before: StreamStatus, now: StreamStatus) -> Iterator[Finding]:

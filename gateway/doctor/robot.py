@@ -21,6 +21,7 @@ from gateway.ros1.errors import (
     UnreachableError,
 )
 from gateway.ros1.master import MasterClient
+from gateway.ros1.sim_clock import PARAMETER
 from schemas.keys import SensorKey
 
 MAX_PUBLISHERS: Final = 16
@@ -114,7 +115,7 @@ class RobotVisit:
 
 async def _sim_time(master: MasterClient) -> bool:
     try:
-        return bool(await master.call("getParam", "/use_sim_time"))
+        return bool(await master.call("getParam", PARAMETER))
     except StatusError:
         return False
 

@@ -9,9 +9,10 @@ from gateway.discovery.topics import calibrations_of, topics_of
 from gateway.doctor.cameras import TF_STATIC
 from gateway.doctor.evidence import Graph
 from gateway.doctor.stamps import CLOCK
+from gateway.ros1.sim_clock import TOPIC as SIM_CLOCK
 from gateway.settings import GatewaySettings
 from gateway.translators.camera_info import TYPE_NAME as CAMERA_INFO
-from schemas.keys import SensorKey, StreamKey, sensor_key
+from schemas.keys import SensorKey, StreamKey, owner_of, sensor_key
 
 
 def planned(settings: GatewaySettings, graph: Graph) -> Plan:
@@ -28,12 +29,12 @@ def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:
 
 def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:
     """Return further topics that tell about the streams: calibrations, static transforms, the simulation's clock."""
-    robot = next((key.camera.robot if isinstance(key, StreamKey) else key.robot for key in streams), "")
+    robot = next((owner_of(key)[0] for key in streams), "")
     found: dict[SensorKey, str] = dict(_calibrations(streams, graph))
     if "/tf_static" in graph.publishers and robot:
         found[sensor_key(robot, TF_STATIC)] = "/tf_static"
     if sim_time and robot:
-        found[sensor_key(robot, CLOCK)] = "/clock"
+        found[sensor_key(robot, CLOCK)] = SIM_CLOCK
     return {key: topic for key, topic in found.items() if key not in streams}
 
 
