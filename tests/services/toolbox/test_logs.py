@@ -73,10 +73,10 @@ def test_what_a_peer_says_writes_no_line_and_no_colour_of_its_own() -> None:
 
 
 def test_a_traceback_has_its_lines() -> None:
-    try:
+    with pytest.raises(ValueError, match="none") as raised:
         int("none")
-    except ValueError:
-        made = logging.LogRecord("name", logging.ERROR, "file", 1, "it failed", (), sys.exc_info())
+    failed = (raised.type, raised.value, raised.tb)
+    made = logging.LogRecord("name", logging.ERROR, "file", 1, "it failed", (), failed)
     first, *_, last = OneLine(FORMAT).format(made).splitlines()
     assert first.endswith("name: it failed")
     assert last == "ValueError: invalid literal for int() with base 10: 'none'"
