@@ -21,7 +21,6 @@ from gateway.ros1.errors import (
     UnreachableError,
 )
 from gateway.ros1.master import MasterClient
-from gateway.ros1.sim_clock import PARAMETER
 from schemas.keys import SensorKey
 
 MAX_PUBLISHERS: Final = 16
@@ -55,7 +54,7 @@ class RobotVisit:
         try:
             state = await master.get_system_state()
             graph = Graph(state.publishers, state.subscribers, await master.get_topic_types())
-            sim_time = await _sim_time(master)
+            sim_time = await master.uses_sim_time()
         except Ros1Error as error:
             return MasterLook(uri, _trouble(error, host, port), remote=remote)
         self._master = master
@@ -111,13 +110,6 @@ class RobotVisit:
         if (host, port) not in self._reaching:
             self._reaching[host, port] = asyncio.ensure_future(reach(host, port, self._patience_s))
         return await self._reaching[host, port]
-
-
-async def _sim_time(master: MasterClient) -> bool:
-    try:
-        return bool(await master.call("getParam", PARAMETER))
-    except StatusError:
-        return False
 
 
 def _host_and_port(uri: str) -> tuple[str, int]:
