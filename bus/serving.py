@@ -4,7 +4,8 @@ import asyncio
 import logging
 import threading
 from asyncio import AbstractEventLoop
-from collections.abc import Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Final
 
@@ -65,9 +66,15 @@ class Server:
         else:
             self._inbox.offer(call.request.key, call)
 
-    def begin(self) -> None:
-        """Answer from now on. Event loop only."""
+    @asynccontextmanager
+    async def serving(self) -> AsyncIterator[None]:
+        """Answer for as long as the context lasts; returns when the handlers have ended. Event loop only."""
         self._running = self._loop.create_task(self._run())
+        try:
+            yield
+        finally:
+            self.end()
+            await asyncio.wait({self._running})
 
     def end(self) -> None:
         """Cancel the handlers and leave the rest unanswered. Event loop only."""
@@ -79,11 +86,6 @@ class Server:
             self._running.cancel()
         for call in rest:
             self._finish(call, None)
-
-    async def ended(self) -> None:
-        """Wait until the handlers have ended."""
-        if self._running is not None:
-            await asyncio.wait({self._running})
 
     async def _run(self) -> None:
         async with asyncio.TaskGroup() as group:

@@ -17,8 +17,8 @@ from zenoh.handlers import Callback
 
 from bus.asking import Asking
 from bus.config import session_config
+from bus.connections import tune
 from bus.errors import BusError, NotServedError
-from bus.linger import shorten
 from bus.panics import panics_are_errors
 from bus.queries import send_query
 from bus.serving import serves
@@ -149,7 +149,7 @@ class SessionThread:
         self._do(partial(act, event.link.src, event.link.dst))
 
     def _link_up(self, own: str, other: str) -> None:
-        shorten(own)
+        tune(own)
         if self._settings.mode == "client":
             _log.info("connected to the router at %s", other)
 

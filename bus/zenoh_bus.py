@@ -111,13 +111,8 @@ class ZenohBus:
             check_free(server.key, self._handles)
             return server
 
-        async with self._held(make) as server:
-            server.begin()
-            try:
-                yield
-            finally:
-                server.end()
-                await server.ended()
+        async with self._held(make) as server, server.serving():
+            yield
 
     async def request(
         self, key: str, payload: bytes | bytearray = b"", /, *, encoding: str = DEFAULT_ENCODING, timeout_s: float

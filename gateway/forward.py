@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from bus import Bus, Publisher
@@ -32,8 +32,7 @@ looks at.
 class Forward:
     """A stream that is offered on the bus.
 
-    subscription and latched: there while it is subscribed on ROS. broken_before: links that earlier subscriptions lost,
-    by reason. replaced_before: of latched messages.
+    subscription and latched: there while it is subscribed on ROS; what they counted is the stream's afterwards.
     """
 
     bus: Bus
@@ -45,9 +44,6 @@ class Forward:
     linger_s: float
     subscription: Subscription | None = None
     latched: Latched | None = None
-    broken_before: Counter[str] = field(default_factory=Counter)
-    replaced_before: int = 0
-    shaped_before: OutletCounts = field(default_factory=OutletCounts)
 
     def status(self) -> StreamStatus:
         """Account for the stream's messages so far."""
@@ -55,36 +51,23 @@ class Forward:
         return self.stream.status(
             wanted=self.demand.wanted,
             publishers=sum(link.connected for link in links),
-            replaced=self._replaced(),
-            broken_links=self.broken_before + self._broken_now(),
-            outlet=self._shaped(),
+            replaced=self.publisher.counts.dropped + (self.latched.dropped if self.latched else 0),
+            broken_links=self._broken(),
+            outlet=self.outlet.counts + (self.latched.counts if self.latched else OutletCounts()),
             now_ns=time.time_ns(),
             problem="; ".join(self._problems())[:MAX_LABEL],
         )
 
     def retire(self) -> None:
         """Hand the stream what was counted here; to be called once, when it is offered no longer."""
-        broken_links = self.broken_before + self._broken_now()
-        self.stream.retire(replaced=self._replaced(), broken_links=broken_links, outlet=self._shaped())
+        self.stream.retire(replaced=self.publisher.counts.dropped, broken_links={}, outlet=self.outlet.counts)
+
+    def _broken(self) -> Counter[str]:
+        return Counter(self.subscription.counters.failures) if self.subscription else Counter()
 
     def _problems(self) -> list[str]:
         said = [self.latched.problem] if self.latched and self.latched.problem else []
         return said + (self.subscription.problems if self.subscription else [])
-
-    def _replaced(self) -> int:
-        return self.publisher.counts.dropped + self.replaced_before + self._replaced_now()
-
-    def _replaced_now(self) -> int:
-        return self.latched.dropped if self.latched else 0
-
-    def _shaped(self) -> OutletCounts:
-        return self.outlet.counts + self.shaped_before + self._shaped_now()
-
-    def _shaped_now(self) -> OutletCounts:
-        return self.latched.counts if self.latched else OutletCounts()
-
-    def _broken_now(self) -> Counter[str]:
-        return Counter(self.subscription.counters.failures) if self.subscription else Counter()
 
     async def run(self, node: Node) -> None:
         """Subscribe on ROS whenever the stream is wanted, for ever."""
@@ -107,9 +90,8 @@ class Forward:
             self._add_up()
 
     def _add_up(self) -> None:
-        self.broken_before += self._broken_now()
-        self.replaced_before += self._replaced_now()
-        self.shaped_before += self._shaped_now()
+        if self.latched:
+            self.stream.retire(replaced=self.latched.dropped, broken_links=self._broken(), outlet=self.latched.counts)
         self.subscription = self.latched = None
 
     def _on_message(self, message: Message) -> None:

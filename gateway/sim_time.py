@@ -5,7 +5,7 @@ import logging
 from typing import Final
 
 from bus.shared_demand import SharedDemand, while_wanted
-from gateway.ros1.errors import MessageError, Ros1Error, StatusError
+from gateway.ros1.errors import MessageError, Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock, decode_clock
 from gateway.ros1.subscriber import Message
@@ -29,9 +29,7 @@ async def follow_sim_time(node: Node, clock: SimClock, *, poll_s: float = POLL_S
 
 async def _is_set(node: Node, *, before: bool) -> bool:
     try:
-        return await node.master.call("getParam", PARAMETER) is True
-    except StatusError:
-        return False
+        return await node.master.uses_sim_time()
     except Ros1Error:  # a master that is away has not changed its mind
         return before
 

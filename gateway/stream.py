@@ -19,7 +19,7 @@ from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
-from schemas.keys import SensorKey, StreamKey
+from schemas.keys import SensorKey, owner_of
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
 from schemas.status import REPLACED_BEFORE_LINK, THINNED, StreamStatus
@@ -45,9 +45,7 @@ class StreamForward:
         self.topic = topic
         self.kind = kind
         self.thinning = thinning
-        self._robot, self._camera = (
-            (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
-        )
+        self._robot, self._camera = owner_of(key)
         self._boot_id = boot_id
         self._log = SparingLog(log)
         self._translates: dict[TopicType, Translate] = {}
@@ -123,13 +121,13 @@ class StreamForward:
         )
 
     def retire(self, *, replaced: int, broken_links: Mapping[str, int], outlet: OutletCounts) -> None:
-        """Remember what an ending offer has counted (see `status`): when the stream is offered again it counts on."""
+        """Remember what has been counted (see `status`) by something that ends: the stream counts on."""
         self._replaced += replaced
         self._broken_links.update(broken_links)
         self._shaped += outlet
 
     def dropped(self) -> Counter[str]:
-        """Return how many messages were dropped until the last offer ended, by reason."""
+        """Return how many messages were dropped by what has ended, by reason."""
         return self._dropped + self._lost(0, self._shaped)
 
     def _lost(self, replaced: int, outlet: OutletCounts) -> Counter[str]:
@@ -149,7 +147,7 @@ class StreamForward:
         """Account for every message.
 
         replaced: how many payloads a newer one replaced before the link. outlet: what became of them before that.
-        These and `broken_links` are about the current offer; what was told to `retire` is added. now_ns: as `take` has
+        These and `broken_links` are about what goes on now; what was told to `retire` is added. now_ns: as `take` has
         it.
         """
         shaped = self._shaped + (outlet or OutletCounts())

@@ -286,6 +286,11 @@ SENSOR_STREAMS: Final = frozenset({Stream.COLOR, Stream.DEPTH, Stream.INFO, Stre
 SensorKey = StreamKey | RobotStreamKey
 
 
+def owner_of(key: SensorKey) -> tuple[str, str]:
+    """Return the robot and the camera that a stream is of, as headers have them: no camera, if of the whole robot."""
+    return (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
+
+
 def sensor_key(robot: str, name: str) -> SensorKey:
     """Return the key of a stream that sensors send, named `{camera}/{stream}` or, of a whole robot, `{stream}`.
 

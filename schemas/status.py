@@ -32,6 +32,9 @@ OVER_BUDGET: Final = "over the uplink budget"
 ENDED: Final = "not sent yet when its stream or its publisher ended"
 """Reason: nothing was there any more to send this one for. Its number is missing."""
 
+NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFORE_LINK, ENDED)
+"""Reasons of gateways for which a frame's number is missing at every receiver."""
+
 MAX_STREAMS: Final = 1_000
 
 
@@ -61,6 +64,11 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     bytes: Count = 0
     compression: Label = ""
     missing: Count = 0
+
+    @property
+    def name(self) -> str:
+        """What the stream is called among the robot's, as its key has it."""
+        return f"{self.camera}/{self.stream}" if self.camera else self.stream
 
 
 class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):

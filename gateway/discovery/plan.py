@@ -10,7 +10,7 @@ from gateway.discovery.candidates import READERS, Candidate, one_of_each_image
 from gateway.discovery.naming import name_cameras
 from gateway.discovery.reading import Path, read
 from gateway.discovery.sieve import why_not
-from gateway.discovery.topics import Topic, image_of
+from gateway.discovery.topics import Topic, calibrations_of, image_of
 from gateway.discovery.wishes import Wishes
 from gateway.nodes import ros_chunk
 from gateway.translators import camera_info, transforms
@@ -169,8 +169,7 @@ class _Planning:
         used = {source.topic for source in self._streams.values()}
         for key, source in list(self._streams.items()):
             if isinstance(key, StreamKey) and key.stream in INFOS:
-                space = image_of(source.topic).rpartition("/")[0]
-                for name in (f"{space}/camera_info", f"{space}/left/camera_info"):
+                for name in calibrations_of(source.topic):
                     info = StreamKey(key.camera, INFOS[key.stream])
                     if name in infos - used and info not in self._streams:
                         self._streams[info] = Source(name, camera_info.TYPE_NAME)

@@ -37,6 +37,12 @@ def image_of(name: str) -> str:
     return image if image and transport in TRANSPORTS else name
 
 
+def calibrations_of(name: str) -> tuple[str, str]:
+    """Return where ROS's conventions put the calibration of an image: beside it, or beside the left one of two."""
+    space = image_of(name).rpartition("/")[0]
+    return f"{space}/camera_info", f"{space}/left/camera_info"
+
+
 def topics_of(publishers: Mapping[str, tuple[str, ...]], types: Mapping[str, str]) -> list[Topic]:
     """Return what is published, given the names of publishing nodes and of message types by topic."""
     known = {name: kind for name, kind in types.items() if kind != "*"}

@@ -8,6 +8,7 @@ from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH, UNWANTED
 from schemas.status import (
+    ENDED,
     OVER_BUDGET,
     REPLACED_BEFORE_LINK,
     REPLACED_BEFORE_SHAPING,
@@ -24,6 +25,7 @@ _DROPS: Final = {
     THINNED: "that is what max_hz is for: raise it if more is needed",
     REPLACED_BEFORE_SHAPING: "this machine compresses slower than the camera sends: lower the rate or the size",
     UNSHAPED: "this stream's scaling or compression does not suit its images: change it",
+    ENDED: "they were on their way when who wanted them or who sent them left; that is how it should be",
     UNWANTED: "they came in the two seconds in which the topic stays subscribed; that is how it should be",
 }
 _LINKS: Final = {
@@ -62,9 +64,7 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:
-    return next(
-        (each for each in streams if name == (f"{each.camera}/{each.stream}" if each.camera else each.stream)), None
-    )
+    return next((each for each in streams if each.name == name), None)
 
 
 def _check_stream(stream: StreamLook, account: Account, before: StreamStatus, now: StreamStatus) -> Iterator[Finding]:

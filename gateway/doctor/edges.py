@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.shaping.pixels import pixels_of
 from schemas.image import DEPTH_ENCODINGS, RAW, ImageFrame
 
 Floats = NDArray[np.float32]
@@ -35,7 +36,7 @@ GAP_CELLS: Final = 6
 STEP: Final = (0.05, 0.25)
 """Neighbouring distances whose logarithms differ by less are one surface, by more surely two."""
 
-_CHANNELS: Final = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
+_COLORS: Final = frozenset({"rgb8", "bgr8", "rgba8", "bgra8", "mono8"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ def placement(color: ImageFrame, depth: ImageFrame) -> Placement | None:
 def _readable(color: ImageFrame, depth: ImageFrame) -> bool:
     sizes = (color.width, color.height) == (depth.width, depth.height)
     plain = {color.format, depth.format} == {RAW}
-    return sizes and plain and color.encoding in _CHANNELS and depth.encoding in DEPTH_ENCODINGS
+    return sizes and plain and color.encoding in _COLORS and depth.encoding in DEPTH_ENCODINGS
 
 
 def _around(place: Sequence[int], near: Sequence[int]) -> tuple[slice, ...]:
@@ -136,10 +137,7 @@ def _cells(pixels: Floats, cell: int) -> Floats:
 
 def _color_edges(color: ImageFrame, cell: int) -> tuple[Floats, Floats]:
     """Return how much the brightness changes across and down, 1 being much in this image."""
-    channels = _CHANNELS[color.encoding]
-    rows = np.frombuffer(color.data, np.uint8).reshape(color.height, color.step)
-    pixels = rows[:, : color.width * channels].reshape(color.height, color.width, channels)[..., :3]
-    grey = np.sqrt(_cells(pixels.mean(2, dtype=np.float32), cell).mean(2))
+    grey = np.sqrt(_cells(pixels_of(color)[..., :3].mean(2, dtype=np.float32), cell).mean(2))
     down, across = np.gradient(grey)
     much = float(np.percentile(np.hypot(across, down), 95)) + 1e-6
     return np.minimum(np.abs(across) / much, 1), np.minimum(np.abs(down) / much, 1)
@@ -147,10 +145,7 @@ def _color_edges(color: ImageFrame, cell: int) -> tuple[Floats, Floats]:
 
 def _depth_edges(depth: ImageFrame, cell: int) -> tuple[Floats, Floats]:
     """Return where one surface ends before another, across and down: 1 is surely, 0 not."""
-    order = ">" if depth.is_bigendian else "<"
-    kind = np.dtype(f"{order}{'u2' if depth.encoding == '16UC1' else 'f4'}")
-    rows = np.frombuffer(depth.data, np.uint8).reshape(depth.height, depth.step)
-    metres = np.ascontiguousarray(rows[:, : depth.width * kind.itemsize]).view(kind).astype(np.float32)
+    metres = pixels_of(depth)[..., 0].astype(np.float32)
     distances = _cells(np.where(np.isfinite(metres) & (metres > 0), metres, 0), cell)
     readings = (distances > 0).sum(2)
     logs = np.log(distances, out=np.zeros_like(distances), where=distances > 0).sum(2) / np.maximum(readings, 1)

@@ -10,7 +10,7 @@ from gateway.translators import kind_of
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
-from schemas.keys import SensorKey, StreamKey
+from schemas.keys import SensorKey, owner_of
 
 _TIME: Final = struct.Struct("<II")
 _HEADERS: Final = frozenset({"Header", "std_msgs/Header"})
@@ -55,5 +55,5 @@ def translated(key: SensorKey, message: Message, now_ns: int) -> codec.Message |
 
 
 def _header(key: SensorKey, now_ns: int) -> Header:
-    robot, camera = (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
+    robot, camera = owner_of(key)
     return Header(robot=robot, camera=camera, boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=now_ns)

@@ -4,14 +4,22 @@ import asyncio
 import time
 import uuid
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 from urllib.parse import urlsplit
 
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
 from gateway.doctor.listening import Ear, listen
 from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
-from gateway.ros1.errors import CallError, LinkRefusedError, Ros1Error, StatusError, UnreachableError, XmlRpcError
+from gateway.ros1.addresses import parse_offer
+from gateway.ros1.errors import (
+    FaultError,
+    InvalidNameError,
+    LinkRefusedError,
+    Ros1Error,
+    StatusError,
+    UnreachableError,
+)
 from gateway.ros1.master import MasterClient
 from schemas.keys import SensorKey
 
@@ -45,8 +53,8 @@ class RobotVisit:
         master = MasterClient(self._client, uri=uri_of(address, port), caller_id=self._name)
         try:
             state = await master.get_system_state()
-            graph = Graph(state.publishers, state.subscribers, _types(await master.call("getTopicTypes")))
-            sim_time = await _sim_time(master)
+            graph = Graph(state.publishers, state.subscribers, await master.get_topic_types())
+            sim_time = await master.uses_sim_time()
         except Ros1Error as error:
             return MasterLook(uri, _trouble(error, host, port), remote=remote)
         self._master = master
@@ -83,7 +91,7 @@ class RobotVisit:
         if isinstance(address, Trouble):
             return PublisherLook(node, address)
         uri = uri_of(address, slave[1])
-        host, port = _offered(await self._client.call(uri, "requestTopic", self._name, topic, [["TCPROS"]]))
+        host, port = parse_offer(await self._client.call(uri, "requestTopic", self._name, topic, [["TCPROS"]]))
         found = await resolve(host, self._patience_s)
         if not found:
             return PublisherLook(node, Trouble(Failure.UNRESOLVED, host, port))
@@ -104,13 +112,6 @@ class RobotVisit:
         return await self._reaching[host, port]
 
 
-async def _sim_time(master: MasterClient) -> bool:
-    try:
-        return bool(await master.call("getParam", "/use_sim_time"))
-    except StatusError:
-        return False
-
-
 def _host_and_port(uri: str) -> tuple[str, int]:
     """Raise ValueError unless the URI has both."""
     parts = urlsplit(uri)
@@ -119,25 +120,11 @@ def _host_and_port(uri: str) -> tuple[str, int]:
     return parts.hostname, parts.port
 
 
-def _types(value: Any) -> dict[str, str]:
-    match value:
-        case [*pairs] if all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-            return {str(topic): str(name) for topic, name in pairs}
-    raise XmlRpcError(f"topic types expected, not {str(value)[:80]!r}")
-
-
-def _offered(answer: Any) -> tuple[str, int]:
-    match answer:
-        case ["TCPROS", str(host), int(port)] if host and 0 < port < 65536:
-            return host, port
-    raise LinkRefusedError(f"it offers {str(answer)[:80]!r} instead of TCPROS")
-
-
 def _trouble(error: Ros1Error, host: str, port: int) -> Trouble:
     match error.__cause__ if isinstance(error, UnreachableError) else None:
         case TimeoutError():
             return Trouble(Failure.SILENT, host, port, "it accepts connections but does not answer")
         case ConnectionRefusedError():
             return Trouble(Failure.DEAD, host, port, "connection refused")
-    refused = isinstance(error, LinkRefusedError | CallError) and not isinstance(error, UnreachableError)
+    refused = isinstance(error, LinkRefusedError | InvalidNameError | FaultError | StatusError)
     return Trouble(Failure.REFUSED if refused else Failure.FOREIGN, host, port, str(error))

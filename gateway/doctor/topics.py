@@ -1,20 +1,18 @@
 """Which topics the doctor looks at. Pure."""
 
 from collections.abc import Iterator, Mapping
-from typing import Final
 
 from gateway.discovery import Plan, plan
+from gateway.discovery.plan import INFOS
 from gateway.discovery.sieve import OF_GATEWAYS, TYPES
-from gateway.discovery.topics import topics_of
+from gateway.discovery.topics import calibrations_of, topics_of
 from gateway.doctor.cameras import TF_STATIC
 from gateway.doctor.evidence import Graph
 from gateway.doctor.stamps import CLOCK
+from gateway.ros1.sim_clock import TOPIC as SIM_CLOCK
 from gateway.settings import GatewaySettings
 from gateway.translators.camera_info import TYPE_NAME as CAMERA_INFO
-from gateway.translators.compressed_image import TYPE_NAME as COMPRESSED_IMAGE
-from schemas.keys import SensorKey, Stream, StreamKey, sensor_key
-
-_INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
+from schemas.keys import SensorKey, StreamKey, owner_of, sensor_key
 
 
 def planned(settings: GatewaySettings, graph: Graph) -> Plan:
@@ -31,26 +29,21 @@ def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:
 
 def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:
     """Return further topics that tell about the streams: calibrations, static transforms, the simulation's clock."""
-    robot = next((key.camera.robot if isinstance(key, StreamKey) else key.robot for key in streams), "")
+    robot = next((owner_of(key)[0] for key in streams), "")
     found: dict[SensorKey, str] = dict(_calibrations(streams, graph))
     if "/tf_static" in graph.publishers and robot:
         found[sensor_key(robot, TF_STATIC)] = "/tf_static"
     if sim_time and robot:
-        found[sensor_key(robot, CLOCK)] = "/clock"
+        found[sensor_key(robot, CLOCK)] = SIM_CLOCK
     return {key: topic for key, topic in found.items() if key not in streams}
 
 
 def _calibrations(streams: Mapping[SensorKey, str], graph: Graph) -> Iterator[tuple[SensorKey, str]]:
     taken = set(streams.values())
     for key, topic in streams.items():
-        if isinstance(key, StreamKey) and key.stream in _INFOS:
-            info = _calibration_of(topic, graph)
-            if graph.types.get(info) == CAMERA_INFO and info not in taken:
+        if isinstance(key, StreamKey) and key.stream in INFOS:
+            infos = (name for name in calibrations_of(topic) if graph.types.get(name) == CAMERA_INFO)
+            info = next((name for name in infos if name not in taken), None)
+            if info is not None:
                 taken.add(info)
-                yield StreamKey(key.camera, _INFOS[key.stream]), info
-
-
-def _calibration_of(topic: str, graph: Graph) -> str:
-    """Return where ROS's conventions put the calibration of an image: beside it, or beside what was compressed."""
-    image = topic.rpartition("/")[0] if graph.types.get(topic) == COMPRESSED_IMAGE else topic
-    return f"{image.rpartition('/')[0]}/camera_info"
+                yield StreamKey(key.camera, INFOS[key.stream]), info

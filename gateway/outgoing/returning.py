@@ -1,6 +1,7 @@
 """Return one stream of results while somebody on the robot's ROS graph listens."""
 
 import asyncio
+import logging
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from dataclasses import dataclass, field
 from typing import Generic
@@ -9,11 +10,13 @@ from bus import Bus, Sample
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.translator import R
-from gateway.ros1.errors import MessageError
+from gateway.ros1.errors import MessageError, Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.publisher import Publication
 from schemas.errors import SchemaError
 from schemas.status import ReturnStatus
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
@@ -33,10 +36,18 @@ class Return(Generic[R]):
         )
 
     async def run(self, node: Node, bus: Bus) -> None:
-        """Advertise on ROS and subscribe on the bus whenever ROS wants the stream, for ever. To be run once."""
+        """Advertise on ROS and subscribe on the bus whenever ROS wants the stream, for ever. To be run once.
+
+        Returns at once, and says so in the log, where the node cannot advertise: remapped, a camera that was found may
+        have a topic that is in use.
+        """
         async with AsyncExitStack() as stack:
-            for topic in self.stream.topics.values():
-                self.publications[topic] = await stack.enter_async_context(self._advertise(node, topic))
+            try:
+                for topic in self.stream.topics.values():
+                    self.publications[topic] = await stack.enter_async_context(self._advertise(node, topic))
+            except Ros1Error as error:
+                log.warning("%s is not returned: %s", self.stream.key, error)
+                return
             self.demand.of("the gateway itself")(self.stream.translator.unasked)
             await while_wanted(self.demand, lambda: self._subscribe(bus))
 

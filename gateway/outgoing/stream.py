@@ -11,7 +11,7 @@ from gateway.sparing_log import SparingLog
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
-from schemas.keys import RobotStreamKey, StreamKey
+from schemas.keys import RobotStreamKey, StreamKey, owner_of
 from schemas.status import ReturnStatus
 
 log = logging.getLogger(__name__)
@@ -91,7 +91,7 @@ class StreamReturn(Generic[R]):
     def status(self, *, wanted: bool, subscribers: int, slow: int) -> ReturnStatus:
         """Account for every message; `slow` is how many were replaced while they waited for a ROS subscriber."""
         return ReturnStatus(
-            camera=self.key.camera.camera if isinstance(self.key, StreamKey) else "",
+            camera=owner_of(self.key)[1],
             stream=self.key.stream,
             topic=", ".join(self.topics.values())[:MAX_LABEL],
             wanted=wanted,

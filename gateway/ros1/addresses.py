@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from gateway.ros1.errors import InvalidNameError
 
@@ -35,6 +36,19 @@ def parse_rosrpc(uri: str) -> tuple[str, int]:
     if match is None or not 0 < int(match["port"]) < 65536:
         raise InvalidNameError(f"{uri[:80]!r} is no service's address, which looks like rosrpc://robot:40001")
     return match["host"].strip("[]"), int(match["port"])
+
+
+def parse_offer(answer: Any) -> tuple[str, int]:
+    """Return the host and port at which a publisher speaks TCPROS, given what it answers to requestTopic.
+
+    Raises:
+        InvalidNameError: it offers nothing of the kind.
+
+    """
+    match answer:
+        case ["TCPROS", str(host), int(port)] if host and 0 < port < 65536:
+            return host, port
+    raise InvalidNameError(f"it offers {str(answer)[:80]!r} instead of TCPROS")
 
 
 def validate_host(text: str) -> str:

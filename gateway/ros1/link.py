@@ -40,7 +40,7 @@ async def run_link(
         async with asyncio.timeout(handshake_timeout):
             await loop.create_connection(lambda: link, *address)
             await link.first_event.wait()
-    except (TimeoutError, OSError) as error:
+    except (TimeoutError, OSError, UnicodeError) as error:  # UnicodeError: no host can be called so
         await link.abort()
         raise UnreachableError(f"no TCPROS connection to {address[0]}:{address[1]}: {error!r}") from error
     except BaseException:

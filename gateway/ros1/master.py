@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gateway.ros1.errors import XmlRpcError
+from gateway.ros1.errors import StatusError, XmlRpcError
+from gateway.ros1.sim_clock import PARAMETER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -69,6 +70,13 @@ class MasterClient:
 
     async def get_pid(self) -> int:
         return _is(int, await self.call("getPid"))
+
+    async def uses_sim_time(self) -> bool:
+        """Return whether nodes take their time from /clock: as in rospy, for any value that is not false."""
+        try:
+            return bool(await self.call("getParam", PARAMETER))
+        except StatusError:
+            return False
 
     async def call(self, method: str, *params: Any) -> Any:
         """Return the value that the master answers to any method of its API."""

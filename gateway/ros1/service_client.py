@@ -84,7 +84,7 @@ class ServiceClient:
                 return await self._call(service, host, port, connection, make_request)
         except TimeoutError as error:
             raise ServiceTimeoutError(f"{service} did not answer within {timeout_s:g} s") from error
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # UnicodeError: no host can be called so
             raise UnreachableError(f"{service} cannot be reached: {error}") from error
 
     async def _lookup(self, service: str) -> tuple[str, int]:

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from gateway.ros1.addresses import parse_offer
 from gateway.ros1.backoff import Backoff
 from gateway.ros1.errors import (
     FaultError,
+    InvalidNameError,
     LinkRefusedError,
     Ros1Error,
     StatusError,
@@ -135,7 +137,7 @@ class Subscription:
         """Why publishers are not heard now, in words; those that are there and do not fit come first."""
         failing = [(uri, link) for uri, link in self.counters.links.items() if link.problem]
         failing.sort(key=lambda item: item[1].problem.startswith(LinkFailure.UNREACHABLE))
-        return [f"{uri}: {link.problem}" for uri, link in failing]
+        return [one_line(f"{uri}: {link.problem}") for uri, link in failing]
 
     def listed(self) -> list[bool]:
         """Return for each listed publisher whether it is connected."""
@@ -219,12 +221,7 @@ class Subscription:
         return LinkFailure.CLOSED, "end of stream"
 
     async def _request_topic(self, uri: str) -> tuple[str, int]:
-        answer = await self._client.call(uri, "requestTopic", self._callerid, self.topic, [["TCPROS"]])
-        match answer:
-            case ["TCPROS", str(host), int(port)] if host and 0 < port < 65536:
-                return host, port
-            case _:
-                raise UnreachableError(f"{uri} offers {str(answer)[:80]!r} instead of TCPROS")
+        return parse_offer(await self._client.call(uri, "requestTopic", self._callerid, self.topic, [["TCPROS"]]))
 
     def accept(self, found: TopicType) -> None:
         """Take a publisher's type.
@@ -281,7 +278,7 @@ def _failure_of(error: Ros1Error) -> LinkFailure:
             return LinkFailure.MISMATCH
         case LinkRefusedError() | FaultError() | StatusError():
             return LinkFailure.REFUSED
-        case UnreachableError():
+        case UnreachableError() | InvalidNameError():
             return LinkFailure.UNREACHABLE
         case _:
             return LinkFailure.PROTOCOL

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from typing import Final
 
-from schemas.status import GatewayStatus, StreamStatus
+from schemas.status import GatewayStatus
 
 MAX_SHOWN: Final = 5
 
@@ -23,8 +23,4 @@ def _of(status: GatewayStatus) -> Iterator[str]:
         yield f"{status.robot} waits for {status.waiting_for}"
     for stream in status.streams:
         if stream.problem:
-            yield f"{status.robot} {_name(stream)}: {stream.problem}"
-
-
-def _name(stream: StreamStatus) -> str:
-    return f"{stream.camera}/{stream.stream}" if stream.camera else stream.stream
+            yield f"{status.robot} {stream.name}: {stream.problem}"

@@ -87,6 +87,15 @@ class RateLimitFilter(logging.Filter):
         return True
 
 
+class OneLine(logging.Formatter):
+    """Writes messages without what could write a line of its own: peers' words are in them."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the base class calls it so
+        """Return the line, before any traceback."""
+        record.message = "".join(each if each.isprintable() else "?" for each in record.message)
+        return super().formatMessage(record)
+
+
 class StderrHandler(logging.StreamHandler[TextIO]):
     """Writes to what sys.stderr is at that moment, so that a live picture on the terminal is not written over."""
 
@@ -103,6 +112,6 @@ class StderrHandler(logging.StreamHandler[TextIO]):
 def configure(level: str) -> None:
     """Write records of `level` and above to stderr."""
     handler = StderrHandler()
-    handler.setFormatter(logging.Formatter(FORMAT))
+    handler.setFormatter(OneLine(FORMAT))
     handler.addFilter(RateLimitFilter(RateLimit()))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)

@@ -29,11 +29,9 @@ async def test_what_arrives_before_it_begins_is_answered_then() -> None:
     serving.arrive(call(outcomes, b"early"))
     await asyncio.sleep(0)
     assert outcomes == []
-    serving.begin()
-    await until(lambda: bool(outcomes))
-    assert outcomes == [Reply(b"early")]
-    serving.end()
-    await serving.ended()
+    async with serving.serving():
+        await until(lambda: bool(outcomes))
+        assert outcomes == [Reply(b"early")]
 
 
 async def test_what_arrives_after_its_end_is_let_go_at_once() -> None:
@@ -42,21 +40,18 @@ async def test_what_arrives_after_its_end_is_let_go_at_once() -> None:
     serving.end()
     serving.arrive(call(outcomes))
     assert outcomes == [None]
-    await serving.ended()
 
 
 async def test_every_call_is_finished_once_whenever_the_end_comes() -> None:
     for turns in range(10):
         outcomes: list[Outcome] = []
         serving = server(at_once=2, waiting=2)
-        serving.begin()
-        for number in range(4):
-            serving.arrive(call(outcomes, b"%d" % number))
-        for _ in range(turns):
-            await asyncio.sleep(0)
-        serving.end()
-        serving.end()
-        await serving.ended()
+        async with serving.serving():
+            for number in range(4):
+                serving.arrive(call(outcomes, b"%d" % number))
+            for _ in range(turns):
+                await asyncio.sleep(0)
+            serving.end()
         assert len(outcomes) == 4
 
 
@@ -69,21 +64,17 @@ async def test_a_handler_that_breaks_the_rules_fails_alone() -> None:
         return Reply(b"fine") if request.payload else None
 
     serving = server(wrong, waiting=3)
-    serving.begin()
-    for payload in (b"", b"cancel", b"good"):
-        serving.arrive(call(outcomes, payload))
-    await until(lambda: len(outcomes) == 3)
+    async with serving.serving():
+        for payload in (b"", b"cancel", b"good"):
+            serving.arrive(call(outcomes, payload))
+        await until(lambda: len(outcomes) == 3)
     assert outcomes == [INTERNAL, None, Reply(b"fine")]
-    serving.end()
-    await serving.ended()
 
 
 async def test_a_call_whose_time_is_up_is_not_begun() -> None:
     outcomes: list[Outcome] = []
     serving = server()
-    serving.begin()
-    serving.arrive(call(outcomes, left_s=0))
-    await until(lambda: bool(outcomes))
+    async with serving.serving():
+        serving.arrive(call(outcomes, left_s=0))
+        await until(lambda: bool(outcomes))
     assert outcomes == ["it waited too long to be begun"]
-    serving.end()
-    await serving.ended()

@@ -1,18 +1,28 @@
 """What a gateway offers, for tests: nothing is shaped, and everything is returned."""
 
 import asyncio
+from collections.abc import Callable
+from typing import Any
 
 from bus import Bus
 from gateway.offers import Offers
 from gateway.outgoing.returned import camera_returns
+from gateway.outgoing.stream import StreamReturn
 from gateway.ros1.node import Node
 from gateway.shaping.consumers import Consumers
 from gateway.shaping.settings import ShapingSettings
 from gateway.shaping.shaping import Shaping
+from schemas.keys import CameraKey
 from tests.gateway.outgoing.namespaces import IN_ROOT
 
+Returned = Callable[[CameraKey, str], list[StreamReturn[Any]]]
 
-def new_offers(group: asyncio.TaskGroup, bus: Bus, node: Node) -> Offers:
+
+def returned_in_root(camera: CameraKey, root: str) -> list[StreamReturn[Any]]:
+    return camera_returns(camera, root, IN_ROOT)
+
+
+def new_offers(group: asyncio.TaskGroup, bus: Bus, node: Node, returned: Returned = returned_in_root) -> Offers:
     shaping = Shaping(ShapingSettings.model_validate({"compression": "raw"}), Consumers("r1", "here", near=True))
     return Offers(
         group,
@@ -20,5 +30,5 @@ def new_offers(group: asyncio.TaskGroup, bus: Bus, node: Node) -> Offers:
         node,
         boot_id="boot",
         shaping=shaping,
-        returned=lambda camera, root: camera_returns(camera, root, IN_ROOT),
+        returned=returned,
     )

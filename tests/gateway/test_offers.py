@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
 
@@ -10,14 +10,17 @@ from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
 from gateway.discovery.plan import NOTHING, Plan, Source
 from gateway.offers import MAX_RETURNED, Offers
+from gateway.outgoing.returned import camera_returns
+from gateway.outgoing.texts import STRING
 from gateway.ros1.image import TYPE_NAME
+from gateway.ros1.names import Names
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.stream import MALFORMED
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
-from tests.gateway.offering import new_offers
+from tests.gateway.offering import Returned, new_offers, returned_in_root
 from tests.gateway.ros1.waiting import until
 from tests.gateway.test_forward import message
 
@@ -37,8 +40,8 @@ class Rig:
         await self.offers.change(Plan({key: Source(topic) for key, topic in topics.items()}, first=first))
 
 
-@pytest.fixture
-async def rig() -> AsyncIterator[Rig]:
+@asynccontextmanager
+async def rigged(returned: Returned = returned_in_root) -> AsyncIterator[Rig]:
     network = FakeNetwork()
     async with AsyncExitStack() as stack:
         theirs = await stack.enter_async_context(network.open_bus())
@@ -47,9 +50,15 @@ async def rig() -> AsyncIterator[Rig]:
         camera = await stack.enter_async_context(Node("/camera", master_uri=master.uri))
         node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
         async with asyncio.TaskGroup() as group:
-            offers = new_offers(group, ours, node)
+            offers = new_offers(group, ours, node, returned)
             yield Rig(theirs, camera, offers)
             await offers.close()
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    async with rigged() as made:
+        yield made
 
 
 async def test_what_is_planned_is_present_and_what_is_not_no_longer_is(rig: Rig) -> None:
@@ -137,3 +146,22 @@ async def test_results_are_returned_for_no_more_cameras_than_a_status_lists(
     await rig.offer(topics)
     assert len({returned.camera for returned in rig.offers.returns()}) == MAX_RETURNED
     assert f"results are returned for {MAX_RETURNED} cameras, not for 2 more" in caplog.text
+
+
+async def test_results_whose_topic_is_in_use_are_refused_and_others_not(caplog: pytest.LogCaptureFixture) -> None:
+    used = {"/ultralytics/rear/detection/classes": "/ultralytics/detection/classes"}
+    async with rigged(lambda camera, root: camera_returns(camera, root, Names("/gateway", used).resolve)) as rig:
+        rear = StreamKey(REAR, Stream.COLOR)
+        await rig.offer({COLOR: TOPIC, rear: "/rear"}, first="front")
+        async with (
+            rig.camera.subscribe("/ultralytics/detection/classes", STRING, print),
+            rig.camera.subscribe("/ultralytics/rear/detection/distance", STRING, print),
+            rig.camera.subscribe("/ultralytics/detection/distance", STRING, print),
+        ):
+            wanted = {("front", "classes"), ("front", "distances"), ("rear", "distances")}
+            await until(lambda: returned_to(rig) == wanted, "what is not refused is returned")
+    assert "fleet/r1/rear/classes is not returned: /gateway publishes /ultralytics/detection/classes" in caplog.text
+
+
+def returned_to(rig: Rig) -> set[tuple[str, str]]:
+    return {(status.camera, status.stream) for status in rig.offers.returns() if status.wanted}

@@ -177,3 +177,8 @@ def test_other_keys_are_no_services(key: str) -> None:
 def test_a_robots_clock_has_a_key() -> None:
     assert keys.robot_clock("r1") == "fleet/r1/clock"
     assert keys.parse_robot("fleet/r1/clock") == "r1"
+
+
+def test_whose_a_stream_is() -> None:
+    assert keys.owner_of(StreamKey(CameraKey("r1", "front"), Stream.DEPTH)) == ("r1", "front")
+    assert keys.owner_of(RobotStreamKey("r1", "tf")) == ("r1", "")

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
-from gateway.ros1.errors import LinkRefusedError, TcprosError, TypeMismatchError
+from gateway.ros1.errors import TcprosError
 from gateway.ros1.wire.header import LENGTH, MAX_HEADER_BYTES, decode_header, encode_header
-from gateway.ros1.wire.tcpros import ANY, TopicType, message_prefix
+from gateway.ros1.wire.tcpros import ANY, TopicType, checked_type, message_prefix
 from gateway.ros1.wire.text import one_line
 
 if TYPE_CHECKING:
@@ -101,17 +101,7 @@ class ServiceConnection:
         return event
 
     def _accept(self, fields: Mapping[str, str]) -> ServiceAccepted:
-        if "error" in fields:
-            raise LinkRefusedError(one_line(fields["error"]))
-        if missing := [key for key in ("type", "md5sum") if key not in fields]:
-            raise TcprosError(f"service's header lacks {' and '.join(missing)}")
-        found = TopicType(fields["type"], fields["md5sum"])
-        wanted = self._expected
-        if wanted.name not in (ANY, found.name) or wanted.md5sum not in (ANY, found.md5sum):
-            raise TypeMismatchError(
-                f"{self._service} is {one_line(found.name)} [{one_line(found.md5sum)}], "
-                f"expected {wanted.name} [{wanted.md5sum}]"
-            )
+        found = checked_type(fields, "service", self._service, self._expected)
         return ServiceAccepted(one_line(fields.get("callerid", "")), found)
 
     def _answer(self) -> ServiceEvent | None:

@@ -146,22 +146,35 @@ class SubscriberConnection:
         return event
 
     def _accept(self, fields: Mapping[str, str]) -> PublisherAccepted:
-        if "error" in fields:
-            raise LinkRefusedError(one_line(fields["error"]))
-        if missing := [key for key in ("type", "md5sum") if key not in fields]:
-            raise TcprosError(f"publisher's header lacks {' and '.join(missing)}")
-        found = TopicType(fields["type"], fields["md5sum"])
-        if not _fits(self._expected, found):
-            raise TypeMismatchError(
-                f"{self._topic} is {one_line(found.name)} [{one_line(found.md5sum)}], "
-                f"expected {self._expected.name} [{self._expected.md5sum}]"
-            )
+        found = checked_type(fields, "publisher", self._topic, self._expected)
         return PublisherAccepted(
             callerid=one_line(fields.get("callerid", "")),
             type=found,
             definition=fields.get("message_definition", ""),
             latching=fields.get("latching") == "1",
         )
+
+
+def checked_type(fields: Mapping[str, str], sender: str, subject: str, expected: TopicType) -> TopicType:
+    """Return the type in a header that answers ours; `sender` and `subject` are what an error calls them.
+
+    Raises:
+        LinkRefusedError: the header says `error=`.
+        TcprosError: it does not say its type.
+        TypeMismatchError: that is not the expected one.
+
+    """
+    if "error" in fields:
+        raise LinkRefusedError(one_line(fields["error"]))
+    if missing := [key for key in ("type", "md5sum") if key not in fields]:
+        raise TcprosError(f"{sender}'s header lacks {' and '.join(missing)}")
+    found = TopicType(fields["type"], fields["md5sum"])
+    if not _fits(expected, found):
+        raise TypeMismatchError(
+            f"{subject} is {one_line(found.name)} [{one_line(found.md5sum)}], "
+            f"expected {expected.name} [{expected.md5sum}]"
+        )
+    return found
 
 
 def _fits(expected: TopicType, found: TopicType) -> bool:

@@ -3,20 +3,8 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
 
-from schemas.status import (
-    MISSING,
-    OVER_BUDGET,
-    REPLACED_BEFORE_LINK,
-    REPLACED_BEFORE_SHAPING,
-    UNSHAPED,
-    GatewayStatus,
-    WorkerStatus,
-)
-
-NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFORE_LINK)
-"""Reasons of gateways for which a frame's number is missing at every receiver."""
+from schemas.status import MISSING, NUMBERED, GatewayStatus, WorkerStatus
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,6 +85,7 @@ def test_wanted_and_silent() -> None:
         ("thinned to max_hz", "raise it if more is needed"),
         ("replaced by a newer frame before it was compressed", "slower than the camera sends"),
         ("cannot be scaled or compressed as set", "change it"),
+        ("not sent yet when its stream or its publisher ended", "left"),
         ("something new", ""),
     ],
 )

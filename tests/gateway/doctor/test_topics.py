@@ -54,6 +54,12 @@ def test_the_calibration_of_a_compressed_image_is_beside_what_was_compressed() -
     assert names(found) == {"front/depth_info": "/front/depth/camera_info"}
 
 
+def test_the_calibration_of_disparities_is_that_of_the_left_camera() -> None:
+    graph = Graph(types={"/stereo/left/camera_info": INFO})
+    found = beside(streams(front__depth="/stereo/disparity"), graph, sim_time=False)
+    assert names(found) == {"front/depth_info": "/stereo/left/camera_info"}
+
+
 def test_what_is_a_stream_already_or_of_another_type_is_left_alone() -> None:
     graph = Graph(
         publishers={"/tf_static": ("/a",)},

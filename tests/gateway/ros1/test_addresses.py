@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.ros1.addresses import parse_rosrpc, validate_host, validate_master_uri
+from gateway.ros1.addresses import parse_offer, parse_rosrpc, validate_host, validate_master_uri
 from gateway.ros1.errors import InvalidNameError
 
 
@@ -49,3 +49,15 @@ def test_the_address_of_a_service(uri: str, address: tuple[str, int]) -> None:
 def test_no_address_of_a_service(uri: str) -> None:
     with pytest.raises(InvalidNameError, match="is no service's address"):
         parse_rosrpc(uri)
+
+
+def test_what_a_publisher_offers() -> None:
+    assert parse_offer(["TCPROS", "robot", 65535]) == ("robot", 65535)
+
+
+@pytest.mark.parametrize(
+    "answer", [0, [], ["TCPROS"], ["UDPROS", "robot", 1], ["TCPROS", "", 1], ["TCPROS", "robot", 65536]]
+)
+def test_what_is_no_offer(answer: object) -> None:
+    with pytest.raises(InvalidNameError, match="instead of TCPROS"):
+        parse_offer(answer)

@@ -48,6 +48,12 @@ async def receive(
     return events
 
 
+@pytest.mark.parametrize("host", ["no-such-host.invalid", "robot..lan", "x" * 64, "\u00e9" * 64])
+async def test_a_host_that_is_none_is_unreachable(host: str) -> None:
+    with pytest.raises(UnreachableError, match="no TCPROS connection"):
+        await receive((host, 1))
+
+
 async def test_events_come_until_the_stream_ends() -> None:
     async with publisher(PUBLISHER_HEADER + IMAGE * 3) as address:
         assert len(await receive(address)) == 4

@@ -45,3 +45,8 @@ async def test_system_state() -> None:
 async def test_answer_of_another_kind_is_an_error(method: str, arguments: tuple[Any, ...], answer: Any) -> None:
     with pytest.raises(XmlRpcError):
         await ask(method, *arguments, answer=answer)
+
+
+@pytest.mark.parametrize(("value", "used"), [(True, True), (1, True), (False, False), (0, False), ("", False)])
+async def test_simulated_time_is_used_where_rospy_would(value: object, used: bool) -> None:  # noqa: FBT001 - a case
+    assert await ask("uses_sim_time", answer=value) is used

@@ -117,6 +117,13 @@ async def test_a_service_that_closes_the_connection(master: MasterClient) -> Non
             await call(master)
 
 
+@pytest.mark.parametrize("host", ["robot..lan", "x" * 64])
+async def test_a_service_at_a_host_that_cannot_be_one(master: MasterClient, host: str) -> None:
+    await master.call("registerService", "/reset", f"rosrpc://{host}:4000", "http://127.0.0.1:1/")
+    with pytest.raises(UnreachableError, match="/reset cannot be reached"):
+        await call(master)
+
+
 async def test_a_service_that_was_killed_stays_registered(master: MasterClient) -> None:
     await master.call("registerService", "/reset", "rosrpc://127.0.0.1:9", "http://127.0.0.1:1/")
     with pytest.raises(UnreachableError, match="/reset cannot be reached"):

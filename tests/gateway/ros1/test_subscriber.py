@@ -218,6 +218,26 @@ async def test_publisher_that_offers_no_tcpros_is_tried_again(master: RosMaster,
     assert slave.calls[0] == ("requestTopic", ("/a", "/chat", [["TCPROS"]]))
 
 
+@pytest.mark.parametrize("host", ["robot..lan", "x" * 64, "no-such-host.invalid"])
+async def test_publisher_at_a_host_that_cannot_be_one_costs_its_own_link(master: RosMaster, host: str) -> None:
+    slave = FakeSlave(lambda _method, _params: ["TCPROS", host, 4000])
+    async with (
+        XmlRpcServer(slave, host="127.0.0.1") as server,
+        node("/a", master) as a,
+        a.subscribe("/chat", STRING, print) as subscription,
+    ):
+        await register(master, server.uri)
+        await until(lambda: subscription.counters.failures[LinkFailure.UNREACHABLE] >= 2, "it has failed twice")
+
+
+async def test_the_address_of_a_publisher_is_one_line_of_a_problem(master: RosMaster) -> None:
+    async with node("/a", master) as a, a.subscribe("/chat", STRING, print) as subscription:
+        await until(lambda: a.registered, "the master's own list has come")
+        a.publishers_updated("/chat", ["a\n\x1bb"])
+        await until(lambda: subscription.problems, "it has failed")
+        assert subscription.problems == ["a ?b: unreachable: a ?b requestTopic: not the address of an HTTP server"]
+
+
 async def test_number_of_links_is_bounded(master: RosMaster) -> None:
     async with node("/a", master) as a, a.subscribe("/chat", STRING, print) as subscription:
         a.publishers_updated("/chat", [f"http://127.0.0.1:9/{i}" for i in range(MAX_PUBLISHERS + 1)])

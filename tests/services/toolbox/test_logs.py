@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from services.toolbox.logs import Admitted, RateLimit, RateLimitFilter, StderrHandler
+from services.toolbox.logs import FORMAT, Admitted, OneLine, RateLimit, RateLimitFilter, StderrHandler
 
 
 def test_one_event_a_period_and_the_count_of_the_rest() -> None:
@@ -65,3 +65,18 @@ def test_lines_go_to_where_stderr_points_when_they_are_written(monkeypatch: pyte
     monkeypatch.setattr(sys, "stderr", redirected)
     handler.emit(record("here"))
     assert redirected.getvalue() == "here\n"
+
+
+def test_what_a_peer_says_writes_no_line_and_no_colour_of_its_own() -> None:
+    line = OneLine(FORMAT).format(record("%s left: caf\u00e9 \u2603", "http://a\n2026 ERROR fake\u2028\x1b[31m\r"))
+    assert line.endswith("name: http://a?2026 ERROR fake??[31m? left: caf\u00e9 \u2603")
+
+
+def test_a_traceback_has_its_lines() -> None:
+    with pytest.raises(ValueError, match="none") as raised:
+        int("none")
+    failed = (raised.type, raised.value, raised.tb)
+    made = logging.LogRecord("name", logging.ERROR, "file", 1, "it failed", (), failed)
+    first, *_, last = OneLine(FORMAT).format(made).splitlines()
+    assert first.endswith("name: it failed")
+    assert last == "ValueError: invalid literal for int() with base 10: 'none'"

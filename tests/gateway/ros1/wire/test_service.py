@@ -116,6 +116,14 @@ def test_another_type_is_not_asked(found: dict[str, str]) -> None:
         connection.next_event()
 
 
+@pytest.mark.parametrize("found", [{"type": "*"}, {"md5sum": "*"}])
+def test_a_service_of_any_type_is_of_none(found: dict[str, str]) -> None:
+    connection = caller(ANY)
+    connection.receive_data(service_header(**found))
+    with pytest.raises(TypeMismatchError, match="/good is"):
+        connection.next_event()
+
+
 @pytest.mark.parametrize("field", ["type", "md5sum"])
 def test_a_header_that_does_not_say_the_type(field: str) -> None:
     fields = decode_header(service_header()[4:])

@@ -1,7 +1,7 @@
 import pytest
 
-from schemas.status import MISSING, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
-from services.toolbox.demo.summary import NUMBERED, Summary, drops, percentile
+from schemas.status import ENDED, MISSING, NUMBERED, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from services.toolbox.demo.summary import Summary, drops, percentile
 
 
 def summary(*, lists: dict[str, int], ages_s: tuple[float, ...] = (0.1, 0.2), first: float | None = 6.5) -> Summary:
@@ -64,7 +64,7 @@ def test_drops_are_added_up_by_place_and_reason() -> None:
     assert drops(gateways, workers) == {"at the gateway: bad": 5, "at the detector: late": 3}
 
 
-@pytest.mark.parametrize("reason", NUMBERED)
+@pytest.mark.parametrize("reason", sorted({*NUMBERED, ENDED}))
 def test_what_the_gateway_numbered_and_left_out_is_not_counted_again_where_it_is_missing(reason: str) -> None:
     stream = StreamStatus(
         camera="c",

@@ -1,7 +1,8 @@
-"""Links that close in time although the other end no longer reads.
+"""What Zenoh (1.10) has no setting for on its own TCP connections.
 
-Zenoh 1.10 gives its TCP connections ten seconds to get rid of what is unsent, waits for that when it closes a session,
-and has no setting for it.
+Links close in time although the other end no longer reads: Zenoh gives its connections ten seconds to get rid of what
+is unsent, and waits for that when it closes a session. Small messages do not wait behind images in the system where a
+link is slow: what is not on its way yet stays with Zenoh, which sends by priority.
 """
 
 import os
@@ -11,18 +12,22 @@ from pathlib import Path
 from typing import Final
 
 LINGER_S: Final = 1
+UNSENT_BYTES: Final = 64 << 10
+"""What the system takes ahead of a link, beside what is on its way: as much as Zenoh writes at once."""
 
 _FILES: Final = Path("/proc/self/fd")
 _LINGER: Final = struct.pack("ii", 1, LINGER_S)
 
 
-def shorten(locator: str) -> int:
-    """Let this process's connections whose own end is at a locator linger for LINGER_S; return how many there are.
+def tune(locator: str) -> int:
+    """Bound how long this process's connections whose own end is at a locator linger, and what they hold unsent.
+
+    Returns how many there are.
 
     A locator is like tcp/127.0.0.1:7447 or tcp/[::1]:7447?rel=0.
     """
     address = locator.partition("/")[2].partition("?")[0].partition("#")[0]
-    return sum(_shorten(int(entry.name), address) for entry in _FILES.iterdir() if _is_socket(entry))
+    return sum(_tune(int(entry.name), address) for entry in _FILES.iterdir() if _is_socket(entry))
 
 
 def _is_socket(entry: Path) -> bool:
@@ -32,7 +37,7 @@ def _is_socket(entry: Path) -> bool:
         return False
 
 
-def _shorten(descriptor: int, address: str) -> bool:
+def _tune(descriptor: int, address: str) -> bool:
     try:
         duplicate = os.dup(descriptor)
     except OSError:  # closed meanwhile
@@ -46,6 +51,7 @@ def _shorten(descriptor: int, address: str) -> bool:
         if connection.type != socket.SOCK_STREAM or _text(connection.getsockname()) != address:
             return False
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
         return True
 
 

@@ -4,12 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from bus.linger import LINGER_S, shorten
+from bus.connections import LINGER_S, UNSENT_BYTES, tune
 
 
 def linger(connection: socket.socket) -> tuple[int, int]:
     on, seconds = struct.unpack("ii", connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
     return on, seconds
+
+
+def unsent(connection: socket.socket) -> int:
+    return connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT)
 
 
 @pytest.mark.parametrize(
@@ -20,21 +24,23 @@ def linger(connection: socket.socket) -> tuple[int, int]:
         (socket.AF_INET6, "::1", "tcp/[::1]:{}"),
     ],
 )
-def test_only_connections_of_that_address_are_shortened(family: socket.AddressFamily, host: str, locator: str) -> None:
+def test_only_connections_of_that_address_are_tuned(family: socket.AddressFamily, host: str, locator: str) -> None:
     with socket.socket(family) as server, socket.socket(family) as client, socket.socket(family) as other:
         server.bind((host, 0))
         server.listen()
         client.connect(server.getsockname())
         other.connect(server.getsockname())
-        assert shorten(locator.format(client.getsockname()[1])) == 1
+        assert tune(locator.format(client.getsockname()[1])) == 1
         assert linger(client) == (1, LINGER_S)
+        assert unsent(client) == UNSENT_BYTES
         assert linger(other) == (0, 0)
+        assert unsent(other) != UNSENT_BYTES
         client.sendall(b"still open")
 
 
 def test_an_address_of_nobody_finds_nothing() -> None:
-    assert shorten("tcp/127.0.0.1:1") == 0
-    assert shorten("nonsense") == 0
+    assert tune("tcp/127.0.0.1:1") == 0
+    assert tune("nonsense") == 0
 
 
 def test_no_file_is_left_open() -> None:
@@ -43,7 +49,7 @@ def test_no_file_is_left_open() -> None:
 
     with socket.socket() as unconnected, Path(__file__).open() as file:
         before = open_files()
-        shorten("tcp/127.0.0.1:1")
+        tune("tcp/127.0.0.1:1")
         assert open_files() == before
         assert file.readable()
         assert linger(unconnected) == (0, 0)

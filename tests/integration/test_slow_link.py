@@ -1,0 +1,42 @@
+"""Small messages on a real Zenoh link that images fill: they wait for little of what was sent before them."""
+
+import asyncio
+import os
+import statistics
+
+from bus import QUEUE, BusSettings, QoS, open_bus
+from bus.connections import UNSENT_BYTES
+from services.toolbox.demo.ports import free_ports
+from tests.gateway.ros1.waiting import until
+from tests.integration.thin_link import thin_link
+
+LINK_BYTES_PER_S = 1_000_000
+IMAGE = os.urandom(200_000)
+ROUNDS = 20
+
+
+async def test_a_small_message_waits_for_what_is_on_its_way_and_not_for_all_that_a_socket_takes() -> None:
+    port = free_ports(1)
+    router_settings = BusSettings(mode="router", listen=[f"tcp/127.0.0.1:{port}"], shared_memory=False)
+    async with (
+        open_bus(router_settings) as router,
+        thin_link(port, LINK_BYTES_PER_S) as (link, through),
+        open_bus(BusSettings(connect=[f"tcp/127.0.0.1:{through}"], shared_memory=False)) as robot,
+        router.subscribe("image", QUEUE(1), history=False),
+        router.subscribe("small", QUEUE(ROUNDS), history=False) as arrived,
+        robot.publisher("image", QoS.IMAGE) as images,
+        robot.publisher("small", QoS.RESULT) as small,
+    ):
+        await until(lambda: images.wanted and small.wanted, "both are wanted")
+        ahead = []
+        for number in range(ROUNDS):
+            for _ in range(10):
+                images.put(IMAGE)
+                await asyncio.sleep(0.01)
+            before = link.passed
+            small.put(b"%d" % number)
+            async with asyncio.timeout(20):
+                assert (await anext(arrived)).payload == b"%d" % number
+            ahead.append(link.passed - before)
+    assert link.passed > ROUNDS * 50_000, "the images filled the link"
+    assert statistics.median(ahead) < 3 * UNSENT_BYTES, "without a bound it is all that both ends' sockets hold"
