@@ -1,46 +1,66 @@
-"""The simulator process: masters where none is given, a node and a camera per robot."""
+"""The simulator process: masters where none is given, and a node per robot; or a bag."""
 
 import asyncio
 import json
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AsyncExitStack
+from pathlib import Path
 
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
-from services.simulator.film import Film
-from services.simulator.robot import TOPIC, Robot
+from gateway.ros1.tasks import TaskScope
+from services.simulator.bagging import write_bags
+from services.simulator.errors import MasterError
+from services.simulator.fleet import robots
+from services.simulator.live import LiveRobot
+from services.simulator.prerendering import prerender
+from services.simulator.recording import one_each
+from services.simulator.robot import Robot
 from services.simulator.settings import SimulatorSettings
-from services.simulator.world import Camera
 
 log = logging.getLogger(__name__)
 
-FIELD_OF_VIEW_RAD = 1.2
-
-
-class MasterError(Exception):
-    """A robot's own ROS master cannot be started."""
-
 
 async def run(settings: SimulatorSettings) -> None:
-    """Drive the robots until cancelled.
+    """Drive the robots until their time is over or until cancelled.
 
     Raises:
         MasterError: a robot's own ROS master cannot listen where it should.
+        BagError: a bag cannot be written.
     """
-    robots: list[Robot] = []
-    try:
-        with ThreadPoolExecutor(1, thread_name_prefix="render") as executor:
-            async with AsyncExitStack() as stack:
-                masters = await _masters(settings, stack)
-                await _drive(settings, masters, robots, executor)
-    finally:
-        if settings.summary:
-            sys.stdout.write(json.dumps({"sent": {robot.name: robot.sent for robot in robots}}) + "\n")
-            sys.stdout.flush()
+    with ThreadPoolExecutor(1, thread_name_prefix="render") as executor:
+        if settings.bag is None:
+            await _live(settings, executor)
+        else:
+            await _record(settings, settings.bag, executor)
+
+
+async def _record(settings: SimulatorSettings, bag: Path, executor: Executor) -> None:
+    namespaced = settings.robots > 1 and not one_each(bag)
+    loop = asyncio.get_running_loop()
+    fleet = await loop.run_in_executor(executor, lambda: list(robots(settings, namespaced=namespaced)))
+    instants = settings.frames if settings.seconds is None else max(1, round(settings.seconds * settings.hz))
+    await write_bags(bag, fleet, hz=settings.hz, instants=instants, executor=executor)
+    log.info("wrote %d robots, %g s each: %s", len(fleet), instants / settings.hz, bag)
+
+
+async def _live(settings: SimulatorSettings, executor: Executor) -> None:
+    live: list[LiveRobot] = []
+    async with AsyncExitStack() as stack:
+        masters = await _masters(settings, stack)
+        fleet = robots(settings, namespaced=settings.ros_master is not None and settings.robots > 1)
+        if settings.prerender:
+            fleet = iter(await prerender(fleet, executor))
+        try:
+            await _drive(settings, masters, fleet, live, executor)
+        finally:
+            if settings.summary:
+                sys.stdout.write(json.dumps({"sent": {each.robot.name: each.sent for each in live}}) + "\n")
+                sys.stdout.flush()
 
 
 async def _masters(settings: SimulatorSettings, stack: AsyncExitStack) -> Sequence[str]:
@@ -59,18 +79,25 @@ async def _masters(settings: SimulatorSettings, stack: AsyncExitStack) -> Sequen
     return uris
 
 
-async def _drive(settings: SimulatorSettings, masters: Sequence[str], robots: list[Robot], executor: Executor) -> None:
-    camera = Camera.with_field_of_view(settings.width, settings.height, FIELD_OF_VIEW_RAD)
-    async with AsyncExitStack() as stack, asyncio.TaskGroup() as group:
-        for number, master in enumerate(masters, 1):
-            name = f"r{number}"
-            shared = settings.ros_master is not None and settings.robots > 1
-            topic = f"/{name}/{TOPIC}" if shared else f"/{TOPIC}"
-            node = await stack.enter_async_context(
-                Node(f"/simulated_{name}_{os.getpid()}", master_uri=master, host=settings.ros_host)
-            )
-            loop = asyncio.get_running_loop()
-            film = await loop.run_in_executor(executor, Film, settings.seed + number, camera, settings.frames)
-            robots.append(Robot(name, topic, film, settings.hz))
-            group.create_task(robots[-1].run(node, executor))
-            log.info("robot %s publishes %s at %s", name, topic, master)
+async def _drive(
+    settings: SimulatorSettings,
+    masters: Sequence[str],
+    fleet: Iterator[Robot],
+    live: list[LiveRobot],
+    executor: Executor,
+) -> None:
+    loop = asyncio.get_running_loop()
+    async with TaskScope() as scope:
+        for number, master in enumerate(masters):
+            robot = await loop.run_in_executor(executor, next, fleet)
+            node = Node(f"/simulated_{robot.name}_{os.getpid()}", master_uri=master, host=settings.ros_host)
+            live.append(LiveRobot(robot, settings.hz, delay_s=number / settings.robots / settings.hz))
+            scope.start(_at(node, live[-1], executor), robot.name)
+            log.info("robot %s publishes %d topics at %s", robot.name, len(robot.topics), master)
+        await (asyncio.Event().wait() if settings.seconds is None else asyncio.sleep(settings.seconds))
+
+
+async def _at(node: Node, live: LiveRobot, executor: Executor) -> None:
+    """Drive a robot; all unregister at the same time when they are stopped."""
+    async with node:
+        await live.run(node, executor)

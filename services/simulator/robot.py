@@ -1,63 +1,101 @@
-"""A robot that is not there: a ROS 1 node that publishes its camera."""
+"""A robot that is not there: what its sensors' drivers would publish at an instant. Pure."""
 
-import asyncio
-import time
-from concurrent.futures import Executor
-from typing import Final
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Final, assert_never
 
-from gateway.ros1.image import TYPE_NAME, Image, encode_image
-from gateway.ros1.node import Node
-from services.simulator.film import Film
+import numpy as np
 
-TOPIC: Final = "camera/color/image_raw"
-FRAME_ID: Final = "camera_color_optical_frame"
+from services.simulator.clouds import colored_points, metres, packed, projected
+from services.simulator.film import Array, Film, Part
+from services.simulator.messages import Head, cloud_message, image_message, info_message, transforms_message
+from services.simulator.placement import BASE, COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, MAP, ODOM, Placement, odometry_error
+from services.simulator.topics import Content, Topic
+
+NEEDED: Final[Mapping[Content, frozenset[Part]]] = {
+    Content.COLOR: frozenset({Part.COLOR}),
+    Content.DEPTH: frozenset({Part.DEPTH}),
+    Content.POINTS: frozenset({Part.COLOR, Part.DEPTH}),
+    Content.LIDAR: frozenset({Part.SWEEP}),
+}
+"""What has to be measured for a message; for the others nothing."""
 
 
 class Robot:
-    """Publishes a film on a topic at a rate. `executor` renders, off the event loop.
+    """Drives along a film, `ahead` instants ahead of one that starts at its beginning.
 
-    sent: images handed to subscribers so far.
+    namespace: `` or like `/r1`; its topics are below it.
     """
 
-    def __init__(self, name: str, topic: str, film: Film, hz: float) -> None:
+    def __init__(self, name: str, namespace: str, film: Film, topics: Sequence[Topic], ahead: int = 0) -> None:
         self.name = name
-        self.sent = 0
-        self._topic = topic
-        self._film = film
-        self._period_s = 1 / hz
+        self.topics = topics
+        self._namespace = namespace
+        self.film = film
+        self.ahead = ahead
 
-    async def run(self, node: Node, executor: Executor) -> None:
-        """Drive for ever. Pictures are rendered and sent only while somebody subscribes."""
-        loop = asyncio.get_running_loop()
-        async with node.advertise(self._topic, TYPE_NAME) as publication:
-            begun_s = loop.time()
-            number = 0
-            try:
-                while True:
-                    if publication.subscriber_count:
-                        picture = await loop.run_in_executor(executor, self._message, number)
-                        publication.publish(picture)
-                        self.sent = publication.counters.sent
-                    number = max(number + 1, round((loop.time() - begun_s) / self._period_s))
-                    await asyncio.sleep(begun_s + number * self._period_s - loop.time())
-            finally:
-                self.sent = publication.counters.sent
+    def path(self, topic: Topic) -> str:
+        """Return the topic's global name."""
+        return f"{self._namespace}/{topic.name}"
 
-    def _message(self, number: int) -> bytes:
-        picture = self._film.picture(number)
-        height, width, channels = picture.shape
-        stamp_s, stamp_ns = divmod(time.time_ns(), 1_000_000_000)
-        return encode_image(
-            Image(
-                seq=number,
-                stamp_s=stamp_s,
-                stamp_ns=stamp_ns,
-                frame_id=FRAME_ID,
-                height=height,
-                width=width,
-                encoding="rgb8",
-                is_bigendian=False,
-                step=width * channels,
-                data=picture.data.cast("B"),
-            )
-        )
+    @property
+    def parts(self) -> frozenset[Part]:
+        """What has to be measured for its topics."""
+        return _parts(self.topics)
+
+    def publish(self, number: int, wanted: Collection[Topic], clock: Callable[[], int]) -> list[tuple[Topic, bytes]]:
+        """Return the wanted topics' messages of an instant, transforms first; all have the stamp that `clock` gives.
+
+        The clock is read once all is measured: simulating takes time that measuring does not.
+        """
+        instant = number + self.ahead
+        measured = self.film.measure(instant, _parts(wanted))
+        stamp = clock()
+        return [
+            (topic, self._message(topic.content, Head(number, stamp), instant, measured))
+            for topic in self.topics
+            if topic in wanted
+        ]
+
+    def _message(self, content: Content, head: Head, instant: int, measured: Mapping[Part, Array]) -> bytes:
+        sensors = self.film.equipment
+        match content:
+            case Content.COLOR_INFO:
+                message = info_message(head.of(COLOR_OPTICAL), sensors.color)
+            case Content.DEPTH_INFO:
+                message = info_message(head.of(sensors.depth_frame), sensors.depth_camera)
+            case Content.COLOR:
+                message = image_message(head.of(COLOR_OPTICAL), measured[Part.COLOR])
+            case Content.DEPTH:
+                depth = measured[Part.DEPTH]
+                message = image_message(head.of(sensors.depth_frame), metres(depth) if sensors.metric else depth)
+            case Content.POINTS:
+                message = cloud_message(head.of(sensors.depth_frame), self._points(measured))
+            case Content.LIDAR:
+                message = cloud_message(head.of(LIDAR), measured[Part.SWEEP])
+            case Content.TF:
+                message = transforms_message(head.stamp, self._way(instant))
+            case Content.TF_STATIC:
+                message = transforms_message(head.stamp, self.film.rig.static())
+            case _:
+                assert_never(content)
+        return message
+
+    def _points(self, measured: Mapping[Part, Array]) -> Array:
+        sensors = self.film.equipment
+        depth, rgb = metres(measured[Part.DEPTH]), packed(measured[Part.COLOR])
+        if not sensors.aligned:
+            rgb = projected(rgb, sensors.color, depth, sensors.depth_camera, self._color_of_depth())
+        return colored_points(depth, sensors.depth_camera, rgb)
+
+    def _color_of_depth(self) -> Placement:
+        """Where depth's optical frame is in that of colour."""
+        rig = self.film.rig
+        return np.linalg.inv(rig.on_robot(COLOR_OPTICAL)) @ rig.on_robot(DEPTH_OPTICAL)
+
+    def _way(self, instant: int) -> list[tuple[str, str, Placement]]:
+        odom = odometry_error(self.film.fraction(instant))
+        return [(MAP, ODOM, odom), (ODOM, BASE, np.linalg.inv(odom) @ self.film.robot(instant))]
+
+
+def _parts(topics: Collection[Topic]) -> frozenset[Part]:
+    return frozenset[Part]().union(*(NEEDED.get(topic.content, ()) for topic in topics))

@@ -1,11 +1,13 @@
 """Settings of the simulated robots."""
 
 import os
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field
 
 from gateway.ros1.addresses import validate_host, validate_master_uri
+from services.simulator.topics import Stream
 
 
 def master_uri() -> str | None:
@@ -14,20 +16,55 @@ def master_uri() -> str | None:
 
 
 class SimulatorSettings(BaseModel):
-    """Publish the cameras of robots that are not there, in rendered warehouses, on a ROS 1 graph.
+    """Publish the sensors of robots that are not there, in rendered warehouses, on a ROS 1 graph or into bags.
 
-    Each robot has a ROS master of its own, as on a real one, and publishes /camera/color/image_raw. At a real master
-    (--ros-master, or ROS_MASTER_URI) several robots share it, each under its own name: /r1/camera/color/image_raw.
+    A robot has a colour and depth camera (/camera/..., as RealSense's driver names it), a spinning lidar
+    (/velodyne_points), /tf and /tf_static; all that is measured at an instant has the same stamp. Only what somebody
+    subscribes to is rendered.
+
+    Each robot has a ROS master of its own, as on a real one. At a real master (--ros-master, or ROS_MASTER_URI) and in
+    a bag several robots share the topics, each under its own name: /r1/camera/color/image_raw, /r1/tf.
+
+    --bag needs no ROS master and waits for nothing: stamps are as --hz says, from midnight UTC, 1 January 2026. A bag
+    that is interrupted is whole as far as it goes.
     """
 
     robots: Annotated[int, Field(ge=1, le=100, description="how many robots; they are called r1, r2, ...")] = 1
-    hz: Annotated[float, Field(gt=0, le=60, description="images per second and robot")] = 2.0
+    hz: Annotated[float, Field(gt=0, le=60, description="instants per second and robot")] = 2.0
+    streams: Annotated[list[Stream], Field(min_length=1, description="what the robots publish beside transforms")] = (
+        list(Stream)
+    )
     width: Annotated[int, Field(ge=16, le=4096, description="pixels in a row")] = 640
     height: Annotated[int, Field(ge=16, le=4096, description="rows of an image")] = 480
-    frames: Annotated[
-        int, Field(ge=1, le=10_000, description="images of a robot's drive; it starts over after the last")
-    ] = 120
-    seed: Annotated[int, Field(ge=0, description="robot n drives through the warehouse of seed + n")] = 0
+    align_depth: Annotated[
+        bool,
+        Field(description="depth is registered to colour; else it has a place, a field of view and a size of its own"),
+    ] = True
+    depth_encoding: Annotated[
+        Literal["16UC1", "32FC1"], Field(description="depth in whole millimetres, or in metres")
+    ] = "16UC1"
+    depth_width: Annotated[int, Field(ge=16, le=4096, description="pixels in a row of depth not registered")] = 848
+    depth_height: Annotated[int, Field(ge=16, le=4096, description="rows of depth not registered")] = 480
+    frames: Annotated[int, Field(ge=1, le=10_000, description="instants of a drive; it starts over after the last")] = (
+        120
+    )
+    seed: Annotated[int, Field(ge=0, description="warehouse n is that of seed + n")] = 0
+    warehouses: Annotated[
+        int, Field(ge=1, le=100, description="how many; with more robots some follow each other through one")
+    ] = 3
+    prerender: Annotated[
+        bool, Field(description="render everything before it starts, not each thing when first subscribed to")
+    ] = False
+    memory_mb: Annotated[
+        int, Field(ge=1, description="keep at most so much of what was rendered; the rest is rendered again")
+    ] = 512
+    seconds: Annotated[
+        float | None, Field(gt=0, description="stop by itself; a bag has one round of the drive unless given")
+    ] = None
+    bag: Annotated[
+        Path | None,
+        Field(description="write this ROS 1 bag instead; {robot} in its name gives each robot its own"),
+    ] = None
     ros_master: Annotated[str, AfterValidator(validate_master_uri)] | None = Field(
         default_factory=master_uri,
         validate_default=True,

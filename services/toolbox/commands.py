@@ -102,10 +102,10 @@ COMMANDS: Final = (
     ),
     Command(
         "simulate",
-        "robots that are not there: ROS 1 cameras in a rendered warehouse",
+        "robots that are not there: ROS 1 sensors in a rendered warehouse, live or as bags",
         "services.simulator.settings:SimulatorSettings",
         "services.simulator.process:run",
-        refusals=("services.simulator.process:MasterError",),
+        refusals=("services.simulator.errors:SimulatorError",),
         extra="simulator",
     ),
     Command(

@@ -3,6 +3,7 @@
 import inspect
 import textwrap
 from collections.abc import Iterator
+from enum import StrEnum
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
@@ -89,8 +90,8 @@ def _placeholder(kind: Any) -> str:
         return _placeholder(inner[0])
     if origin in (Union, UnionType):
         return _placeholder(next(each for each in inner if each is not NoneType))
-    if origin is Literal:
-        return "|".join(str(choice) for choice in inner)
+    if origin is Literal or (isinstance(kind, type) and issubclass(kind, StrEnum)):
+        return "|".join(str(choice) for choice in inner or kind)
     if origin is list:
         return f"{_placeholder(inner[0])},..."
     if origin is dict:

@@ -4,7 +4,7 @@ set -euo pipefail
 packages=(
     python3-rosmaster python3-rospy python3-rosbag rosbash python3-rostopic
     python3-rosnode python3-rosparam python3-roslaunch topic-tools rviz xvfb
-    python3-sensor-msgs python3-std-msgs python3-std-srvs python3-stereo-msgs python3-tf2-msgs
+    python3-sensor-msgs python3-std-msgs python3-std-srvs python3-stereo-msgs python3-tf2-msgs python3-tf2-ros
 )
 
 missing=()

@@ -152,3 +152,36 @@ while not rospy.is_shutdown():
     except rospy.ROSInterruptException:
         break
 """
+
+INSTANTS = """
+import json, sys, rospy, tf2_ros
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+kinds = {kind.__name__: kind for kind in (CameraInfo, Image, PointCloud2)}
+topics = dict(argument.split("=") for argument in sys.argv[2:])
+rospy.init_node("instants")
+buffer = tf2_ros.Buffer()
+listener = tf2_ros.TransformListener(buffer)
+instants = {}
+def show(stamp, messages):
+    frames = {message.header.frame_id for message in messages.values()}
+    rospy.sleep(0.1)
+    found = {}
+    for frame in frames:
+        at = buffer.lookup_transform("map", frame, stamp).transform
+        t, r = at.translation, at.rotation
+        found[frame] = [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
+    heads = {topic: [m.header.seq, m.header.frame_id, m.height, m.width] for topic, m in messages.items()}
+    print("instant " + json.dumps([heads, found, stamp.to_nsec()]), flush=True)
+def receive(message, topic):
+    messages = instants.setdefault(message.header.stamp.to_nsec(), {})
+    messages[topic] = message
+    if len(messages) == len(topics):
+        whole.append((message.header.stamp, messages))
+whole = []
+for topic, kind in topics.items():
+    rospy.Subscriber(topic, kinds[kind], receive, topic)
+while not rospy.is_shutdown() and len(whole) < int(sys.argv[1]):
+    rospy.sleep(0.05)
+for stamp, messages in whole:
+    show(stamp, messages)
+"""

@@ -2,6 +2,7 @@ import pytest
 from pydantic import ValidationError
 
 from services.simulator.settings import SimulatorSettings
+from services.simulator.topics import Stream
 
 
 @pytest.fixture(autouse=True)
@@ -21,9 +22,28 @@ def test_ros_own_variable_names_a_real_master(monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("ros_master", "nonsense"), ("ros_host", "bad host"), ("robots", 0), ("hz", 0), ("height", 1), ("seed", -1)],
+    [
+        ("streams", []),
+        ("streams", ["nothing"]),
+        ("depth_encoding", "8UC1"),
+        ("seconds", 0),
+        ("memory_mb", 0),
+        ("warehouses", 0),
+        ("width", 100_000),
+        ("ros_master", "nonsense"),
+        ("ros_host", "bad host"),
+        ("robots", 0),
+        ("hz", 0),
+        ("height", 1),
+        ("seed", -1),
+    ],
 )
 def test_what_is_wrong_is_named(field: str, value: object) -> None:
     with pytest.raises(ValidationError) as caught:
         SimulatorSettings.model_validate({field: value})
     assert caught.value.errors()[0]["loc"][0] == field
+
+
+def test_a_robot_has_all_its_sensors_unless_told_otherwise() -> None:
+    assert SimulatorSettings().streams == ["color", "depth", "points", "lidar"]
+    assert SimulatorSettings.model_validate({"streams": ["depth"]}).streams == [Stream.DEPTH]

@@ -1,3 +1,4 @@
+from enum import StrEnum, auto
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -12,6 +13,11 @@ class Common(BaseModel):
     heading: ClassVar = "any"
 
     level: Literal["low", "high"] = Field(default="low", description="how much")
+
+
+class Kind(StrEnum):
+    ONE = auto()
+    OTHER = auto()
 
 
 class Base(BaseModel):
@@ -33,11 +39,12 @@ class Settings(Base):
     on: bool = Field(default=True, description="whether")
     changed: int = Field(default=2, description="again")
     file: Path = Field(default_factory=lambda: Path("made"), description="where")
+    kinds: list[Kind] = Field(default=list(Kind), description="what")
 
 
 def test_every_setting_its_own_first_under_its_heading_with_its_default() -> None:
     shown = help_text(Settings, Common, prog="test", env_prefix="X_", width=80)
-    assert shown.splitlines()[:21] == [
+    assert shown.splitlines()[:22] == [
         "usage: test [OPTION ...]",
         "",
         "What it is for.",
@@ -51,6 +58,7 @@ def test_every_setting_its_own_first_under_its_heading_with_its_default() -> Non
         "  --pairs NAME=VALUE,...  which (default: a=b)",
         "  --on, --no-on           whether (default: yes)",
         "  --file FILE             where (default: made)",
+        "  --kinds one|other,...   what (default: one,other)",
         "",
         "further:",
         "  --changed N             again (default: 2)",

@@ -1,0 +1,40 @@
+"""Which robot drives where."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from services.simulator.film import Equipment, Film
+from services.simulator.robot import Robot
+from services.simulator.settings import SimulatorSettings
+from services.simulator.store import Store
+from services.simulator.topics import topics
+from services.simulator.world import Camera
+
+COLOR_FIELD_RAD: Final = 1.2
+DEPTH_FIELD_RAD: Final = 1.5
+BEHIND: Final = 4
+"""Instants between a robot and the one behind it in the same warehouse.
+
+Near enough that what the first one needed is still all that the others need: a loop is rendered at the rate of one
+robot, however many drive along it.
+"""
+
+
+def equipment(settings: SimulatorSettings) -> Equipment:
+    """Return the sensors that the settings describe."""
+    color = Camera.with_field_of_view(settings.width, settings.height, COLOR_FIELD_RAD)
+    depth = Camera.with_field_of_view(settings.depth_width, settings.depth_height, DEPTH_FIELD_RAD)
+    return Equipment(color, None if settings.align_depth else depth, metric=settings.depth_encoding == "32FC1")
+
+
+def robots(settings: SimulatorSettings, *, namespaced: bool) -> Iterator[Robot]:
+    """Make the robots one after the other; each new warehouse takes a moment. namespaced: topics like `/r1/tf`."""
+    store = Store(settings.memory_mb << 20)
+    films: dict[int, Film] = {}
+    published = topics(settings.streams, aligned=settings.align_depth)
+    for number in range(settings.robots):
+        convoy, warehouse = divmod(number, settings.warehouses)
+        if warehouse not in films:
+            films[warehouse] = Film(settings.seed + 1 + warehouse, equipment(settings), settings.frames, store)
+        name = f"r{number + 1}"
+        yield Robot(name, f"/{name}" if namespaced else "", films[warehouse], published, ahead=convoy * BEHIND)

@@ -1,0 +1,122 @@
+"""ROS messages of what simulated sensors measure. Pure."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.ros1.image import Image, encode_image
+from gateway.ros1.messages import Time, new_message, serialise
+from gateway.ros1.point_cloud import PointCloud, PointField, encode_point_cloud
+from services.simulator.placement import Placement, quaternion
+from services.simulator.topics import CAMERA_INFO, TF_MESSAGE
+from services.simulator.world import Camera
+
+ENCODINGS: Final = {"uint8": "rgb8", "uint16": "16UC1", "float32": "32FC1"}
+DATATYPES: Final = {"uint8": 2, "uint16": 4, "uint32": 6, "float32": 7}
+"""The numbers of sensor_msgs/PointField."""
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What a message's header says. stamp: nanoseconds."""
+
+    seq: int
+    stamp: int
+    frame_id: str = ""
+
+    def of(self, frame_id: str) -> Self:
+        """The same instant in another frame."""
+        return replace(self, frame_id=frame_id)
+
+
+def image_message(head: Head, pixels: NDArray[Any]) -> bytes:
+    """Turn RGB (height, width, 3), or depth (height, width) in uint16 mm or float32 m, into a sensor_msgs/Image."""
+    rows = np.ascontiguousarray(pixels)
+    secs, nsecs = divmod(head.stamp, 1_000_000_000)
+    return encode_image(
+        Image(
+            seq=head.seq,
+            stamp_s=secs,
+            stamp_ns=nsecs,
+            frame_id=head.frame_id,
+            height=rows.shape[0],
+            width=rows.shape[1],
+            encoding=ENCODINGS[rows.dtype.name],
+            is_bigendian=False,
+            step=rows.strides[0],
+            data=rows.data.cast("B"),
+        )
+    )
+
+
+def cloud_message(head: Head, points: NDArray[Any]) -> bytes:
+    """Turn structured points (height, width), whose fields become the cloud's, into a sensor_msgs/PointCloud2."""
+    rows = np.ascontiguousarray(points)
+    cloud = PointCloud(
+        stamp=head.stamp,
+        frame_id=head.frame_id,
+        height=rows.shape[0],
+        width=rows.shape[1],
+        fields=_fields(rows.dtype),
+        is_bigendian=False,
+        point_step=rows.itemsize,
+        row_step=rows.shape[1] * rows.itemsize,
+        data=rows.reshape(-1).view(np.uint8).data,
+        is_dense=bool(np.isfinite(rows["x"]).all()),
+    )
+    return encode_point_cloud(cloud, seq=head.seq)
+
+
+def _fields(points: np.dtype[Any]) -> tuple[PointField, ...]:
+    described: Any = points.fields or {}
+    return tuple(PointField(name, offset, DATATYPES[kind.name], 1) for name, (kind, offset) in described.items())
+
+
+def info_message(head: Head, camera: Camera) -> bytes:
+    """Turn a camera without distortion into a sensor_msgs/CameraInfo."""
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+    whole = new_message("sensor_msgs/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
+    info = new_message(
+        CAMERA_INFO,
+        header=_header(head),
+        height=camera.height,
+        width=camera.width,
+        distortion_model="plumb_bob",
+        D=np.zeros(5),
+        K=matrix.ravel(),
+        R=np.eye(3).ravel(),
+        P=np.hstack([matrix, np.zeros((3, 1))]).ravel(),
+        binning_x=0,
+        binning_y=0,
+        roi=whole,
+    )
+    return serialise(CAMERA_INFO, info)
+
+
+def transforms_message(stamp: int, joints: Iterable[tuple[str, str, Placement]]) -> bytes:
+    """Turn (parent, child, where the child is in it) into a tf2_msgs/TFMessage."""
+    return serialise(TF_MESSAGE, new_message(TF_MESSAGE, transforms=[_transform(stamp, *joint) for joint in joints]))
+
+
+def _transform(stamp: int, parent: str, child: str, placement: Placement) -> Any:
+    x, y, z = (float(metres) for metres in placement[:3, 3])
+    qx, qy, qz, qw = quaternion(placement[:3, :3])
+    moved = new_message(
+        "geometry_msgs/Transform",
+        translation=new_message("geometry_msgs/Vector3", x=x, y=y, z=z),
+        rotation=new_message("geometry_msgs/Quaternion", x=qx, y=qy, z=qz, w=qw),
+    )
+    return new_message(
+        "geometry_msgs/TransformStamped",
+        header=_header(Head(0, stamp, parent)),
+        child_frame_id=child,
+        transform=moved,
+    )
+
+
+def _header(head: Head) -> Any:
+    stamp = Time(*divmod(head.stamp, 1_000_000_000))
+    return new_message("std_msgs/Header", seq=head.seq, stamp=stamp, frame_id=head.frame_id)
