@@ -89,9 +89,9 @@ def model_card(settings: TrainingSettings, masks: MaskFigures, near: NearFigures
 
 
 def _command(settings: TrainingSettings) -> str:
-    asked = {"seed", "images", "holdout", "epochs", "imgsz", "batch"}
+    asked = {"seed", "images", "holdout", "coarse_epochs", "epochs", "imgsz", "batch"}
     options = settings.model_dump(include=asked, exclude_defaults=True)
-    return " ".join(["fleetsight train", *(f"--{name} {value}" for name, value in options.items())])
+    return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {value}" for name, value in options.items())])
 
 
 def _near_row(near: NearFigures, name: str) -> str:

@@ -1,4 +1,4 @@
-"""The training run itself: Ultralytics' trainer on our data set, from scratch, resumable."""
+"""The training run itself: Ultralytics' trainer on our data set, from scratch, stage by stage, resumable."""
 
 import shutil
 from pathlib import Path
@@ -7,9 +7,10 @@ from typing import Any, Final
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.progress import Progress
 from services.simulator.training.settings import TrainingSettings
+from services.simulator.training.stages import Stage, stages_of
+from services.simulator.training.trainer import prepare_torch, quick_arithmetic, trainer_class
 
 ARCHITECTURE: Final = "yolo11n-seg.yaml"
-RUN_NAME: Final = "fit"
 AUGMENTATION: Final = {
     "mosaic": 0.0,
     "erasing": 0.0,
@@ -23,29 +24,18 @@ AUGMENTATION: Final = {
 }
 
 
-def last_checkpoint(work_dir: Path) -> Path:
-    """Where the state after the last whole epoch is kept; always a whole file, unlike Ultralytics' own."""
-    return work_dir / "checkpoint.pt"
-
-
 def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
-    """Train to the last epoch, going on from an earlier checkpoint, and return the last checkpoint's path."""
-    ultralytics = load_ultralytics(settings.work_dir / "ultralytics")
-    checkpoint = last_checkpoint(settings.work_dir)
-    if checkpoint.exists() and epochs_done(checkpoint) >= settings.epochs:
-        return checkpoint
-    resumed = checkpoint.exists()
-    model = ultralytics.YOLO(str(checkpoint) if resumed else ARCHITECTURE, task="segment")
-    _watch(model, settings, progress)
-    model.train(
-        trainer=_trainer(),
-        resume=resumed,
-        data=str(dataset),
-        project=str(settings.work_dir.resolve()),
-        name=RUN_NAME,
-        **_arguments(settings),
-    )
-    return checkpoint
+    """Train every stage to its last epoch, going on from an earlier checkpoint; return the last checkpoint's path."""
+    load_ultralytics(settings.work_dir / "ultralytics")
+    prepare_torch(settings)
+    weights: Path | None = None
+    for stage in stages_of(settings):
+        checkpoint = stage.checkpoint(settings.work_dir)
+        if not checkpoint.exists() or epochs_done(checkpoint) < stage.epochs:
+            _fit_stage(stage, weights, settings, dataset, progress)
+        weights = checkpoint
+    assert weights is not None  # noqa: S101 - there is at least one stage
+    return weights
 
 
 def epochs_done(checkpoint: Path) -> int:
@@ -65,24 +55,46 @@ def device_name(settings: TrainingSettings) -> str:
     return "0" if torch.cuda.is_available() else "cpu"
 
 
-def _arguments(settings: TrainingSettings) -> dict[str, Any]:
+def _fit_stage(
+    stage: Stage, weights: Path | None, settings: TrainingSettings, dataset: Path, progress: Progress
+) -> None:
+    """Train a stage, from its own checkpoint if there is one, else from `weights`, else from nothing."""
+    from ultralytics.models import YOLO  # noqa: PLC0415 - after load_ultralytics
+
+    checkpoint = stage.checkpoint(settings.work_dir)
+    resumed = checkpoint.exists()
+    model = YOLO(str(checkpoint if resumed else weights or ARCHITECTURE), task="segment")
+    _watch(model, stage, settings, progress)
+    with quick_arithmetic(device_name(settings)):
+        model.train(
+            trainer=trainer_class(),
+            resume=resumed,
+            data=str(dataset),
+            project=str(settings.work_dir.resolve()),
+            name=f"fit-{stage.name}",
+            **_arguments(stage, settings),
+        )
+
+
+def _arguments(stage: Stage, settings: TrainingSettings) -> dict[str, Any]:
+    device = device_name(settings)
     return {
-        "epochs": settings.epochs,
-        "imgsz": settings.imgsz,
+        "epochs": stage.epochs,
+        "imgsz": stage.imgsz,
         "batch": settings.batch,
         "nbs": settings.batch,
         "seed": settings.seed,
-        "device": device_name(settings),
+        "device": device,
         "rect": True,
         "cache": "ram",
-        "workers": 0,
+        "workers": settings.workers,
         "optimizer": "AdamW",
-        "lr0": 2e-3,
-        "lrf": 0.02,
+        "lr0": stage.first_rate,
+        "lrf": stage.last_rate / stage.first_rate,
         "cos_lr": True,
-        "warmup_epochs": 0.5,
-        "pretrained": False,
-        "amp": False,
+        "warmup_epochs": 0.3,
+        "warmup_bias_lr": 0.0,
+        "amp": device != "cpu",
         "val": False,
         "plots": False,
         "exist_ok": True,
@@ -91,27 +103,13 @@ def _arguments(settings: TrainingSettings) -> dict[str, Any]:
     }
 
 
-def _trainer() -> type:
-    from ultralytics.models.yolo.segment import SegmentationTrainer  # noqa: PLC0415 - after load_ultralytics
-
-    class Trainer(SegmentationTrainer):
-        """Leaves the last checkpoint as it is: the evaluation is ours, and of the file that is shipped."""
-
-        def final_eval(self) -> None:
-            return
-
-        def validate(self) -> tuple[dict[str, float], float]:
-            return {}, 0.0
-
-    return Trainer
-
-
-def _watch(model: Any, settings: TrainingSettings, progress: Progress) -> None:
-    """Report every batch, keep every epoch, and give torch the threads asked for (Ultralytics takes all but one)."""
+def _watch(model: Any, stage: Stage, settings: TrainingSettings, progress: Progress) -> None:
+    """Report every batch, keep every epoch, and undo what Ultralytics sets: it takes all threads but one."""
     import torch  # noqa: PLC0415 - only the training needs it
 
-    def set_threads(_trainer: Any) -> None:
+    def prepare(trainer: Any) -> None:
         torch.set_num_threads(settings.workers)
+        trainer.model.to(memory_format=torch.channels_last)
 
     done = 0
 
@@ -119,14 +117,14 @@ def _watch(model: Any, settings: TrainingSettings, progress: Progress) -> None:
         nonlocal done
         done += 1
         batches = len(trainer.train_loader)
-        progress("train", trainer.start_epoch * batches + done, trainer.epochs * batches)
+        progress(f"train {stage.name}", trainer.start_epoch * batches + done, trainer.epochs * batches)
 
     def keep(trainer: Any) -> None:
-        checkpoint = last_checkpoint(settings.work_dir)
+        checkpoint = stage.checkpoint(settings.work_dir)
         partial = checkpoint.with_suffix(".part")
         shutil.copyfile(trainer.last, partial)
         partial.replace(checkpoint)
 
-    model.add_callback("on_train_start", set_threads)
+    model.add_callback("on_train_start", prepare)
     model.add_callback("on_model_save", keep)
     model.add_callback("on_train_batch_end", count)

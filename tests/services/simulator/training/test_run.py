@@ -7,9 +7,10 @@ import pytest
 
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.errors import TrainingError
-from services.simulator.training.fitting import epochs_done, last_checkpoint
+from services.simulator.training.fitting import epochs_done
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
+from services.simulator.training.stages import Stage, stages_of
 from services.simulator.training.weights import embedded_paths
 from services.simulator.world import CLASSES
 
@@ -41,6 +42,7 @@ def small(folder: Path) -> TrainingSettings:
         seed=3,
         images=4,
         holdout=1,
+        coarse_epochs=1,
         epochs=2,
         imgsz=64,
         batch=2,
@@ -51,13 +53,17 @@ def small(folder: Path) -> TrainingSettings:
     )
 
 
+def fine(settings: TrainingSettings) -> Stage:
+    return stages_of(settings)[-1]
+
+
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> TrainingSettings:
     """Stop a run in its second epoch."""
     settings = small(tmp_path_factory.mktemp("training"))
     with pytest.raises(Interrupted):
-        train(settings, Recorder(interrupt_at=("train", BATCHES + 1)))
-    assert epochs_done(last_checkpoint(settings.work_dir)) == 1
+        train(settings, Recorder(interrupt_at=("train fine", BATCHES + 1)))
+    assert epochs_done(fine(settings).checkpoint(settings.work_dir)) == 1
     assert not settings.output.exists()
     return settings
 
@@ -71,7 +77,8 @@ def resumed(interrupted: TrainingSettings) -> Recorder:
 
 
 def test_a_run_goes_on_after_the_last_whole_epoch(resumed: Recorder) -> None:
-    assert resumed.of("train") == [BATCHES + 1, 2 * BATCHES]
+    assert resumed.of("train coarse") == []
+    assert resumed.of("train fine") == [BATCHES + 1, 2 * BATCHES]
     assert resumed.of("render")[-1] == 3
     stage, done, total = resumed.reports[-1]
     assert (stage, done) == ("evaluate", total)
@@ -91,7 +98,7 @@ def test_the_weights_are_a_segmentation_model_in_half_precision(interrupted: Tra
 @pytest.mark.usefixtures("resumed")
 def test_nothing_in_the_weights_says_where_they_were_made(interrupted: TrainingSettings) -> None:
     assert embedded_paths(interrupted.output.read_bytes()) == []
-    assert embedded_paths(last_checkpoint(interrupted.work_dir).read_bytes()) != []
+    assert embedded_paths(fine(interrupted).checkpoint(interrupted.work_dir).read_bytes()) != []
     with zipfile.ZipFile(interrupted.output) as archive:
         content = b"".join(archive.read(name) for name in archive.namelist() if "/data/" not in name)
     for word in (interrupted.work_dir.parent.name, "dataset.yaml", "branch", "commit", "save_dir"):
@@ -101,7 +108,7 @@ def test_nothing_in_the_weights_says_where_they_were_made(interrupted: TrainingS
 @pytest.mark.usefixtures("resumed")
 def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
     card = interrupted.output.with_suffix(".md").read_text()
-    assert "fleetsight train --seed 3 --images 4 --holdout 1 --epochs 2 --imgsz 64 --batch 2" in card
+    assert "fleetsight train --seed 3 --images 4 --holdout 1 --coarse-epochs 1 --epochs 2 --imgsz 64 --batch 2" in card
     assert "no photograph" in card
     assert str(interrupted.work_dir) not in card
     for name in CLASSES:
@@ -113,7 +120,7 @@ def test_a_run_that_is_done_is_not_trained_again(interrupted: TrainingSettings) 
     recorder = Recorder(interrupt_at=("evaluate", 0))
     with pytest.raises(Interrupted):
         train(interrupted, recorder)
-    assert recorder.of("train") == []
+    assert recorder.of("train coarse") == recorder.of("train fine") == []
 
 
 def test_a_work_directory_belongs_to_one_set_of_settings(interrupted: TrainingSettings) -> None:

@@ -1,0 +1,29 @@
+"""The stages of a training run: first small pictures, which teach most for their time, then whole ones."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from services.simulator.training.settings import TrainingSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Epochs at one size of the model's input; the learning rate falls from `first_rate` to `last_rate`."""
+
+    name: str
+    imgsz: int
+    epochs: int
+    first_rate: float
+    last_rate: float
+
+    def checkpoint(self, work_dir: Path) -> Path:
+        """Where the state after the last whole epoch is kept; always a whole file, unlike Ultralytics' own."""
+        return work_dir / f"{self.name}.pt"
+
+
+def stages_of(settings: TrainingSettings) -> tuple[Stage, ...]:
+    """The stages in their order; the last one's checkpoint is the run's."""
+    half = -(-settings.imgsz // 64) * 32
+    coarse = Stage("coarse", half, settings.coarse_epochs, 2e-3, 5e-4)
+    fine = Stage("fine", settings.imgsz, settings.epochs, 1.5e-3, 3e-5)
+    return (coarse, fine) if settings.coarse_epochs else (fine,)
