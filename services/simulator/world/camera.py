@@ -29,7 +29,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Where a camera's optical frame (x right, y down, z forward) is in the map frame (z up), in metres."""
+    """Where a frame, mostly a camera's optical one (x right, y down, z forward), is in the map (z up), in metres."""
 
     position: Floats
     rotation: Floats
@@ -41,3 +41,14 @@ class Pose:
         right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
         rotation = np.stack([right, np.cross(forward, right), forward], axis=1)
         return cls(np.array([x, y, z], np.float32), rotation.astype(np.float32))
+
+    @classmethod
+    def upright(cls, x: float, y: float, z: float, yaw: float) -> Self:
+        """An upright frame (x ahead along `yaw`, y left, z up) at (x, y, z), as robots and lidars have it."""
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        rotation = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], np.float32)
+        return cls(np.array([x, y, z], np.float32), rotation)
+
+    def to_map(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (..., 3) of the frame in the map."""
+        return np.asarray(points @ self.rotation.T.astype(np.float64) + self.position)

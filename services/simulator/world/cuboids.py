@@ -1,6 +1,6 @@
 """Everything in the world is an oriented cuboid: how they are stored, and how objects are built of them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Final, Literal, Self
 
@@ -69,6 +69,10 @@ class Cuboids:
 
     def __len__(self) -> int:
         return len(self.centres)
+
+    def taken(self, rows: NDArray[np.intp]) -> Self:
+        """Some of them, in the order of `rows`."""
+        return type(self)(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     def corners(self) -> Floats:
         """The corners in the map frame, (N, 8, 3), in the order of `CORNER_SIGNS`."""

@@ -10,22 +10,28 @@ from services.simulator.world.cuboids import BACKGROUND, Floats
 from services.simulator.world.scene import Scene
 from services.simulator.world.shading import Shader
 from services.simulator.world.textures import atlas
-from services.simulator.world.visibility import find_visible
+from services.simulator.world.visibility import Visibility, find_visible
 
 FLOOR_TOP = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rendering:
-    """What an ideal camera sees, each (height, width).
+class Geometry:
+    """What an ideal depth camera sees, each (height, width).
 
-    `color` is RGB (a third axis of 3), `depth` is metres along the optical axis and 0 where nothing is,
-    `instances` are the scene's instance numbers and 0 for the background.
+    `depth` is metres along the optical axis and 0 where nothing is, `instances` are the scene's instance numbers and 0
+    for the background.
     """
 
-    color: NDArray[np.uint8]
     depth: Floats
     instances: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rendering(Geometry):
+    """What an ideal camera sees: `color` is RGB (height, width, 3)."""
+
+    color: NDArray[np.uint8]
 
 
 def render(scene: Scene, pose: Pose, camera: Camera) -> Rendering:
@@ -40,7 +46,17 @@ def render(scene: Scene, pose: Pose, camera: Camera) -> Rendering:
         camera=camera,
         pose=pose,
     )
+    geometry = _geometry(scene, visible)
+    return Rendering(geometry.depth, geometry.instances, shader.image())
+
+
+def render_geometry(scene: Scene, pose: Pose, camera: Camera) -> Geometry:
+    """The depth and instances of `render`, without its colours."""
+    return _geometry(scene, find_visible(scene.cuboids, pose, camera))
+
+
+def _geometry(scene: Scene, visible: Visibility) -> Geometry:
     owners = np.append(scene.cuboids.instances[visible.faces // 6], np.int32(BACKGROUND))
     seen = visible.inverse_depth > 0
     depth = np.divide(1, visible.inverse_depth, out=np.zeros_like(visible.inverse_depth), where=seen)
-    return Rendering(shader.image(), depth, owners[visible.slots])
+    return Geometry(depth, owners[visible.slots])

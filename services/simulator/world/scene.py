@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.world.cuboids import CLASSES, Cuboids, Floats
+from services.simulator.world.cuboids import CLASSES, ClassName, Cuboids, Floats
 from services.simulator.world.floor import Floor
 from services.simulator.world.lighting import Lighting
 from services.simulator.world.surfaces import Surfaces
@@ -28,7 +28,7 @@ class Scene:
     floor: Floor
     surfaces: Surfaces
 
-    def class_name(self, instance: int) -> str:
+    def class_name(self, instance: int) -> ClassName:
         """The name of an object's class. Raises ValueError for the background."""
         index = int(self.instance_classes[instance])
         if index < 0:

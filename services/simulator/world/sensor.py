@@ -2,15 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any, Final, Self
+from typing import Any, Self
 
 import cv2
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from services.simulator.world.noise import PLANE, window
+
 Image = NDArray[np.uint8]
-PLANE: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +88,6 @@ def _noise_plane() -> NDArray[np.int8]:
 
 def _with_noise(image: Image, sigma: float, rng: Generator) -> Image:
     height, width = image.shape[:2]
-    top, left = int(rng.integers(0, PLANE)), int(rng.integers(0, PLANE))
-    plane = np.take(_noise_plane(), np.arange(top, top + height), axis=0, mode="wrap")
-    plane = np.take(plane, np.arange(left, left + width), axis=1, mode="wrap")
+    plane = window(_noise_plane(), height, width, rng)
     noisy = cv2.addWeighted(image, 1.0, plane, sigma / 24, 0.0, dtype=cv2.CV_8U)
     return np.asarray(noisy, np.uint8)

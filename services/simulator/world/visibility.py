@@ -27,8 +27,8 @@ class Visibility:
 
 def find_visible(cuboids: Cuboids, pose: Pose, camera: Camera) -> Visibility:
     """Draw the faces that look towards the camera, nearest first."""
-    faces, rings = _facing_rings(cuboids, pose)
-    polygons = _project(rings, camera)
+    faces, rings = facing_rings(cuboids, pose)
+    polygons = project(rings, camera)
     low = np.array([p.min(axis=0) for p in polygons]).reshape(-1, 2)
     high = np.array([p.max(axis=0) for p in polygons]).reshape(-1, 2)
     size = (camera.width, camera.height)
@@ -37,16 +37,21 @@ def find_visible(cuboids: Cuboids, pose: Pose, camera: Camera) -> Visibility:
     kept = kept[np.argsort(rings[kept, :, 2].min(axis=1), kind="stable")]
     starts = np.clip(np.floor(low[kept]), 0, size).astype(int)
     ends = np.clip(np.ceil(high[kept]) + 1, 0, size).astype(int)
-    planes = _planes(rings[kept], camera)
+    planes = planes_of(rings[kept], camera)
     slots = _draw([polygons[i] for i in kept], starts, ends, planes, camera)
     nearest = (1 / np.maximum(rings[kept, :, 2].min(axis=1), NEAR)).astype(np.float32)
     return Visibility(faces[kept], slots, _inverse_depth(slots, planes, nearest), planes)
 
 
-def _facing_rings(cuboids: Cuboids, pose: Pose) -> tuple[NDArray[np.intp], Floats]:
+def toward(cuboids: Cuboids, position: Floats) -> NDArray[np.bool_]:
+    """Which faces (cuboids, 6) are turned to a point of the map."""
+    viewer = np.einsum("kij,ki->kj", cuboids.rotations, position - cuboids.centres)
+    return np.stack([viewer < -cuboids.half_extents, viewer > cuboids.half_extents], axis=2).reshape(-1, 6)
+
+
+def facing_rings(cuboids: Cuboids, pose: Pose) -> tuple[NDArray[np.intp], Floats]:
     """The faces turned to the camera and at least partly before it, with their corners in the optical frame."""
-    viewer = np.einsum("kij,ki->kj", cuboids.rotations, pose.position - cuboids.centres)
-    facing = np.stack([viewer < -cuboids.half_extents, viewer > cuboids.half_extents], axis=2).reshape(-1, 6)
+    facing = toward(cuboids, pose.position)
     corners = (cuboids.corners() - pose.position) @ pose.rotation
     cuboid, face = np.nonzero(facing & (corners[..., 2].max(axis=1) > NEAR)[:, None])
     rings = corners[cuboid[:, None], RINGS[face]]
@@ -54,7 +59,7 @@ def _facing_rings(cuboids: Cuboids, pose: Pose) -> tuple[NDArray[np.intp], Float
     return (cuboid * 6 + face)[before], rings[before]
 
 
-def _project(rings: Floats, camera: Camera) -> list[Floats]:
+def project(rings: Floats, camera: Camera) -> list[Floats]:
     """Image polygons of the rings, cut off at the near plane."""
     focal, centre = np.array([camera.fx, camera.fy], np.float32), np.array([camera.cx, camera.cy], np.float32)
     whole = rings[..., :2] / np.maximum(rings[..., 2:], NEAR) * focal + centre
@@ -75,7 +80,7 @@ def _clip(ring: Floats) -> Floats:
     return np.asarray(points, np.float32)
 
 
-def _planes(rings: Floats, camera: Camera) -> Floats:
+def planes_of(rings: Floats, camera: Camera) -> Floats:
     """(a, b, c) of each face, with 1 / depth = a * column + b * row + c."""
     normals = np.cross(rings[:, 1] - rings[:, 0], rings[:, 3] - rings[:, 0]).astype(np.float64)
     scaled = normals / np.sum(normals * rings[:, 0], axis=1, keepdims=True)

@@ -24,3 +24,9 @@ def test_a_pose_is_a_level_right_handed_frame(yaw: float, pitch: float) -> None:
     assert right[2] == 0
     assert down[2] < 0
     assert forward == pytest.approx([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)], abs=1e-6)
+
+
+def test_an_upright_frame_has_its_z_up() -> None:
+    pose = Pose.upright(1, 2, 3, np.pi / 2)
+    points = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
+    assert pose.to_map(points) == pytest.approx(np.array([[1, 3, 3], [0, 2, 3], [1, 2, 4]]), abs=1e-6)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.simulator.world import CLASSES, Camera, Drive, Pose, Rendering, Scene, generate, render
+from services.simulator.world import CLASSES, Camera, Drive, Pose, Rendering, Scene, generate, render, render_geometry
 from services.simulator.world.render import FLOOR_TOP
 from services.simulator.world.shading import Shader
 from services.simulator.world.textures import atlas
@@ -41,6 +41,12 @@ def test_the_same_again_from_the_seed_alone(views: list[Rendering]) -> None:
     assert np.array_equal(again.color, views[3].color)
     assert np.array_equal(again.depth, views[3].depth)
     assert np.array_equal(again.instances, views[3].instances)
+
+
+def test_the_geometry_alone_is_the_same(scene: Scene, drive: Drive, views: list[Rendering]) -> None:
+    alone = render_geometry(scene, drive.pose(3 / 8), Camera())
+    assert np.array_equal(alone.depth, views[3].depth)
+    assert np.array_equal(alone.instances, views[3].instances)
 
 
 def test_depth_is_positive_wherever_an_object_is(views: list[Rendering]) -> None:

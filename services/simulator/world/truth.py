@@ -1,0 +1,142 @@
+"""What is really in a view: every visible object's mask, how much of it is hidden, how far and where it is. Exact."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.world.boxes import Box, Points, box_of, parts_of
+from services.simulator.world.camera import Camera, Pose
+from services.simulator.world.cuboids import BACKGROUND, ClassName, Cuboids
+from services.simulator.world.render import Geometry, render_geometry
+from services.simulator.world.scene import Scene
+from services.simulator.world.silhouette import Silhouette
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A scene, from where it is seen, and what an ideal camera sees."""
+
+    scene: Scene
+    pose: Pose
+    camera: Camera
+    geometry: Geometry
+
+
+@dataclass(frozen=True, eq=False)
+class SeenObject:
+    """One visible object of a view; whatever takes time is worked out when it is first asked for.
+
+    `instance` is the same for the same object in every view of a scene. `mask` (rows, columns) is the window of its
+    visible pixels whose upper left pixel is (`top`, `left`). Optical frame: x right, y down, z forward. Metres.
+    """
+
+    view: View
+    instance: int
+    name: ClassName
+    top: int
+    left: int
+    mask: Mask
+
+    @cached_property
+    def pixels(self) -> int:
+        """How many pixels it is seen in."""
+        return int(np.count_nonzero(self.mask))
+
+    @property
+    def image_share(self) -> float:
+        """The share of the image's pixels that it is seen in."""
+        return self.pixels / (self.view.camera.width * self.view.camera.height)
+
+    def full_mask(self) -> Mask:
+        """The mask of the whole image (height, width)."""
+        full = np.zeros((self.view.camera.height, self.view.camera.width), np.bool_)
+        rows, columns = self.mask.shape
+        full[self.top : self.top + rows, self.left : self.left + columns] = self.mask
+        return full
+
+    @cached_property
+    def visibility(self) -> float:
+        """The share seen of the pixels that its own faces would cover with nothing before it on an endless image.
+
+        1 if all of it is in view and nothing hides any of it.
+        """
+        outline = Silhouette.of(self._parts, self.view.pose, self.view.camera)
+        return outline.visibility(self.full_mask(), self.view.geometry.depth)
+
+    @cached_property
+    def points(self) -> Points:
+        """The points seen in its pixels (pixels, 3), row by row, in the optical frame."""
+        rows, columns = np.nonzero(self.mask)
+        rows, columns = rows + self.top, columns + self.left
+        depth = self.view.geometry.depth[rows, columns].astype(np.float64)
+        camera = self.view.camera
+        return np.stack([(columns - camera.cx) / camera.fx * depth, (rows - camera.cy) / camera.fy * depth, depth], 1)
+
+    @cached_property
+    def depth_m(self) -> float:
+        """The median distance along the optical axis."""
+        return float(np.median(self.points[:, 2]))
+
+    @cached_property
+    def distance_m(self) -> float:
+        """The median straight distance from the camera's centre."""
+        return float(np.median(np.linalg.norm(self.points, axis=1)))
+
+    @cached_property
+    def centroid(self) -> Points:
+        """The mean of the points seen in its pixels, in the optical frame (3,)."""
+        return np.asarray(self.points.mean(axis=0))
+
+    @property
+    def centroid_in_map(self) -> Points:
+        """The same point in the map."""
+        return self.view.pose.to_map(self.centroid)
+
+    @cached_property
+    def box(self) -> Box:
+        """The upright box around the whole object, in the map; `box.seen_from(pose)` is that in the optical frame."""
+        return box_of(self._parts)
+
+    @cached_property
+    def visible_box(self) -> Box:
+        """The upright box in the map, along the object's own axes, around what is seen of it."""
+        return Box.around(self.box.clipped(self.view.pose.to_map(self.points)), self.box.yaw)
+
+    @cached_property
+    def _parts(self) -> Cuboids:
+        return parts_of(self.view.scene, self.instance)
+
+
+def truth(scene: Scene, pose: Pose, camera: Camera, *, least_pixels: int = 1) -> tuple[SeenObject, ...]:
+    """Every object of which at least so many pixels are visible, by instance."""
+    return truth_of(scene, render_geometry(scene, pose, camera), pose, camera, least_pixels=least_pixels)
+
+
+def truth_of(
+    scene: Scene, geometry: Geometry, pose: Pose, camera: Camera, *, least_pixels: int = 1
+) -> tuple[SeenObject, ...]:
+    """The same for a view that is rendered already."""
+    view = View(scene, pose, camera, geometry)
+    instances = geometry.instances
+    places = np.flatnonzero(instances != BACKGROUND)
+    owners = instances.ravel()[places]
+    order = np.argsort(owners.astype(np.uint16), kind="stable")  # stable sorting of 16 bits is by radix
+    present, starts, counts = np.unique(owners[order], return_index=True, return_counts=True)
+    found = []
+    for instance, start, count in zip(present.tolist(), starts, counts, strict=True):
+        if count >= least_pixels:
+            own = places[order[start : start + count]]
+            found.append(_seen(view, instance, own))
+    return tuple(found)
+
+
+def _seen(view: View, instance: int, places: NDArray[np.intp]) -> SeenObject:
+    rows, columns = np.divmod(places, view.camera.width)
+    top, left = int(rows[0]), int(columns.min())
+    mask = np.zeros((int(rows[-1]) - top + 1, int(columns.max()) - left + 1), np.bool_)
+    mask[rows - top, columns - left] = True
+    return SeenObject(view, instance, view.scene.class_name(instance), top, left, mask)
