@@ -24,6 +24,7 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,8 +45,8 @@ DEFAULT_CONFIDENCE: Final[float] = DetectorSettings.model_fields["confidence"].d
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "pycocotools", "numpy", "opencv-python-headless")
 
 
-def main() -> None:
-    """Measure and print."""
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measure and print. Bad weights end it with one line and the exit code 2."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.accuracy", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -54,8 +55,10 @@ def main() -> None:
     parser.add_argument("--scenes", type=_count, default=300, help="how many (default: 300)")
     parser.add_argument("--device", help="cpu, cuda:0, ...; the best there is unless given")
     parser.add_argument("--workers", type=_count, default=os.cpu_count(), help="processes that render (default: cores)")
-    parser.add_argument("--work-dir", type=Path, default=Path("runs/accuracy"), help="keeps scenes (default: %(default)s)")
-    arguments = parser.parse_args()
+    parser.add_argument(
+        "--work-dir", type=Path, default=Path("runs/accuracy"), help="keeps scenes (default: %(default)s)"
+    )
+    arguments = parser.parse_args(argv)
     try:
         with contextlib.redirect_stdout(sys.stderr):
             found = measure(

@@ -11,7 +11,7 @@ TARGETS: Final = {"mask_map50": 0.90, "mask_map50_95": 0.65, "classes_exact": 0.
 
 
 def report(score: HeldOutScore, confidence: float) -> dict[str, Any]:
-    """Return the figures, the class lists' at a detector's default confidence, and whether they are what was aimed at."""
+    """Return the figures, the class lists' at a detector's default confidence, and whether each target is met."""
     masks, lists = score.masks.figures(), score.lists.figures(confidence)
     found = {
         **_precision(masks.overall),

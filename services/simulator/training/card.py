@@ -28,15 +28,15 @@ one command:
     {command}
 
 - Seed {seed}; {images} images of 640x480, two of each scene, {epochs} epochs, batch {batch}.
-- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time with {workers} workers and
-  the device {device!r}, rendering included.
+- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering included, with
+  {workers} workers on device {device}.
 - Python {python}, {versions}.
 
 ## On scenes that it was not trained on
 
 One picture of each of {holdout} scenes (seeds {first} to {last}), seen as a detector sees a camera's: COCO's average
-precision of masks, over the objects of which at least {visibility:.0%} is visible on at least {area:.1%} of the picture.
-All other objects are ignore regions.
+precision of masks, over the objects of which at least {visibility:.0%} is visible, on at least {area:.1%} of the
+picture. All other objects are ignore regions.
 
 | class | objects | mask mAP50 | mask mAP50-95 |
 |---|---|---|---|
@@ -48,9 +48,9 @@ By visible size, in pixels, over all classes:
 |---|---|---|---|
 {size_rows}
 
-At a confidence of {confidence:.2f} the list of classes was right in {exact:.1%} of these pictures: it had every class with
-an object of which at least {visibility:.0%} is visible on at least {required:.1%} of the picture, and none of which no
-object is visible on more than {visible:.2%} of it.
+At a confidence of {confidence:.2f} the list of classes was right in {exact:.1%} of these pictures: it had every class
+with an object of which at least {visibility:.0%} is visible, on at least {required:.1%} of the picture, and none
+without an object that is visible on more than {visible:.2%} of it.
 
 | class | pictures where it was missed | pictures where it was invented |
 |---|---|---|
@@ -79,7 +79,7 @@ Licence: AGPL-3.0-or-later, as the project and the architecture's definition in 
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What the evaluation of a run's weights found."""
+    """What the evaluation of a run's weights found; `lists` at `CONFIDENCE`."""
 
     masks: MaskFigures
     lists: ListFigures

@@ -36,9 +36,7 @@ def draw_view(scene: Scene, clearance: Clearance, rng: Generator) -> View:
 
 def shows_enough(rendering: Rendering) -> bool:
     """Whether objects cover `MIN_OBJECT_AREA` of the picture and half of it is beyond `MIN_MEDIAN_DEPTH` metres."""
-    return bool(
-        np.mean(rendering.instances > 0) > MIN_OBJECT_AREA and np.median(rendering.depth) > MIN_MEDIAN_DEPTH
-    )
+    return bool(np.mean(rendering.instances > 0) > MIN_OBJECT_AREA and np.median(rendering.depth) > MIN_MEDIAN_DEPTH)
 
 
 def _any_view(scene: Scene, clearance: Clearance, rng: Generator) -> View:

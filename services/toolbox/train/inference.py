@@ -18,6 +18,7 @@ from services.simulator.training.evaluation.looking import Look
 from services.simulator.training.evaluation.precision import MAX_DETECTIONS
 from services.simulator.world import CLASSES
 
+NAMED: Final = 5
 HEADER: Final = Header(robot="r1", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
 
 
@@ -28,14 +29,14 @@ def open_weights(weights: Path, *, confidence: float, device: str | None, folder
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
     settings = DetectorSettings(
-        model=str(weights), confidence=confidence, max_detections=MAX_DETECTIONS, device=device
+        model=str(weights), confidence=confidence, max_detections=MAX_DETECTIONS, device=device, threads=1
     )
     model = load(settings, folder)
     if not model.segments:
         raise ModelError(f"{weights}: a model that finds no masks")
     if unknown := sorted(set(model.classes).difference(CLASSES)):
-        names = ", ".join(unknown[:5]) + (", ..." if len(unknown) > 5 else "")
-        raise ModelError(f"{weights}: a model for {names}, the scenes have {', '.join(CLASSES)} alone")
+        names = ", ".join(unknown[:NAMED]) + (", ..." if len(unknown) > NAMED else "")
+        raise ModelError(f"{weights}: a model for {names}; the scenes have {', '.join(CLASSES)} alone")
 
     def look(image: NDArray[np.uint8]) -> Sequence[Detection]:
         return model.infer(to_bgr(framed(image)), masks=True)

@@ -92,7 +92,13 @@ class MaskScore:
         segmentation = {"size": list(mask.size), "counts": mask.counts}
         category = _CATEGORIES[name]
         area = int(masks.area(segmentation))
-        return {"image_id": len(self._images), "category_id": category, "segmentation": segmentation, "area": area, **more}
+        return {
+            "image_id": len(self._images),
+            "category_id": category,
+            "segmentation": segmentation,
+            "area": area,
+            **more,
+        }
 
     def _count(self, name: str, band: tuple[float, float]) -> int:
         """How many objects of a class are asked for in a band, whose ends both belong to it."""

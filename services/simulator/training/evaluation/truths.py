@@ -2,16 +2,13 @@
 
 from typing import Final
 
-import cv2
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from pycocotools import mask as coco
 
 from schemas.detections import Mask
 from services.simulator.training.framing import View
-from services.simulator.world import Scene
-from services.simulator.world import visibility
+from services.simulator.world import Scene, SeenObject, truth_of
 
 MIN_VISIBILITY: Final = 0.5
 
@@ -40,36 +37,10 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
 
 def truths_of(scene: Scene, view: View) -> list[Truth]:
     """Every object of which at least a pixel is visible."""
-    instances = view.rendering.instances
-    pixels = np.bincount(instances.ravel(), minlength=len(scene.instance_classes))
-    return [
-        Truth(
-            name=scene.class_name(int(instance)),
-            mask=encoded(instances == instance),
-            pixels=int(pixels[instance]),
-            visibility=float(pixels[instance] / _silhouette(scene, view, int(instance), int(pixels[instance]))),
-        )
-        for instance in np.flatnonzero(pixels[1:]) + 1
-    ]
+    return [_truth(seen) for seen in truth_of(scene, view.rendering, view.pose, view.camera)]
 
 
-def encoded(visible: NDArray[np.bool_]) -> Mask:
-    """A mask (height, width) as COCO run-length encoding."""
-    rle = coco.encode(np.asfortranarray(visible, np.uint8))
-    return Mask((rle["size"][0], rle["size"][1]), rle["counts"].decode("ascii"))
-
-
-def _silhouette(scene: Scene, view: View, instance: int, least: int) -> int:
-    own = scene.cuboids.instances == instance
-    import dataclasses
-
-    cub = dataclasses.replace(scene.cuboids, **{f.name: getattr(scene.cuboids, f.name)[own] for f in dataclasses.fields(scene.cuboids)})
-    _, rings = visibility._facing_rings(cub, view.pose)
-    polygons = visibility._project(rings, view.camera)
-    low = np.clip(np.floor(np.min([p.min(axis=0) for p in polygons], axis=0)), -2000, 2000).astype(int)
-    high = np.clip(np.ceil(np.max([p.max(axis=0) for p in polygons], axis=0)) + 1, -2000, 2600).astype(int)
-    size = np.maximum(high - low, 1)
-    canvas = np.zeros((size[1], size[0]), np.uint8)
-    for p in polygons:
-        cv2.fillConvexPoly(canvas, (np.clip(p - low, -10000, 10000) * 256).astype(np.int32), 1, cv2.LINE_8, 8)
-    return max(least, int(np.count_nonzero(canvas)))
+def _truth(seen: SeenObject) -> Truth:
+    rle = coco.encode(np.asfortranarray(seen.full_mask(), np.uint8))
+    mask = Mask((rle["size"][0], rle["size"][1]), rle["counts"].decode("ascii"))
+    return Truth(name=seen.name, mask=mask, pixels=seen.pixels, visibility=seen.visibility)
