@@ -1,8 +1,9 @@
-"""How well the shipped model sees held-out scenes of the simulated warehouse, in about three minutes on two cores.
+"""How well the shipped model sees held-out scenes of the simulated warehouse.
 
-Each scene is of a seed that no training run takes, and seen once, at 640x480, from where the training's pictures are
-taken too, by a camera with faults drawn at random. The model looks at it the way a detector looks at a camera's picture,
-but at a confidence of 0.001 and for at most 100 objects.
+Each scene is of a seed that no training run takes, and seen once, at 640x480, from a place as the training's pictures
+are taken from, by a camera with faults drawn at random. The model looks at it the way a detector looks at a camera's
+picture, but at a confidence of 0.001, for at most 100 objects, and with one thread: more would gain little on a machine
+that has nothing else to do, and lose much on one that has.
 
     mask_map50, mask_map50_95  COCO's average precision of masks, over the objects of which at least half is visible, on
                                at least 0.1 % of the picture; all other objects are ignore regions

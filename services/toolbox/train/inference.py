@@ -23,7 +23,7 @@ HEADER: Final = Header(robot="r1", boot_id="", seq=0, stamp_ns=0, frame_id="", r
 
 
 def open_weights(weights: Path, *, confidence: float, device: str | None, folder: Path) -> Look:
-    """Load `weights` as a detector does; see `Opener`.
+    """Load `weights` as a detector does, for one thread; see `Opener`.
 
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
