@@ -32,7 +32,7 @@ def test_the_weights_see_what_a_detector_sees(tmp_path: Path) -> None:
     bgr = near_view()
     found = opened(SHIPPED_MODEL, tmp_path)(np.ascontiguousarray(bgr[..., ::-1]))
     assert found
-    assert found == load(DetectorSettings(device="cpu"), tmp_path).infer(bgr, masks=True)
+    assert found == load(DetectorSettings(device="cpu", threads=1), tmp_path).infer(bgr, masks=True)
     assert {each.mask.size for each in found if each.mask is not None} == {(480, 640)}
 
 
