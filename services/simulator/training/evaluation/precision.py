@@ -30,7 +30,7 @@ MIN_AREA: Final = 0.001
 MAX_DETECTIONS: Final = 100
 EVERY_SIZE: Final = (0.0, 1e10)
 SIZES: Final = {"small": (0.0, 32.0**2), "medium": (32.0**2, 96.0**2), "large": (96.0**2, 1e10)}
-_CATEGORIES: Final = {name: number for number, name in enumerate(CLASSES, start=1)}
+_CATEGORIES: Final[dict[str, int]] = {name: number for number, name in enumerate(CLASSES, start=1)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ class HeldOutView(msgspec.Struct, frozen=True, kw_only=True):
 
     def image(self) -> NDArray[np.uint8]:
         """The picture, height x width x 3 in RGB."""
-        return np.asarray(cv2.imdecode(np.frombuffer(self.png, np.uint8), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
+        return np.asarray(cv2.imdecode(np.frombuffer(self.png, np.uint8), cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
 
 
 def held_out_seeds(seed: int, count: int) -> list[int]:

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ def opened(weights: Path, folder: Path) -> Look:
 
 def untrained(architecture: str, folder: Path, *names: str) -> Path:
     """Write a model that was never trained."""
-    yolo, path = YOLO(architecture), folder / architecture.replace("yaml", "pt")
+    yolo: Any = YOLO(architecture)
+    path = folder / architecture.replace("yaml", "pt")
     if names:
         yolo.model.names = dict(enumerate(names))
     yolo.save(path)
