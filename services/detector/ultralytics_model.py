@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import MAX_DETECTIONS, Box, Detection
 from services.detector.masks import to_coco
-from services.detector.model import Model, ModelError
+from services.detector.model import ModelError
 from services.detector.settings import DetectorSettings
 
 TASKS: Final = ("segment", "detect")
@@ -17,7 +17,10 @@ BLANK: Final[NDArray[np.uint8]] = np.zeros((480, 640, 3), np.uint8)
 
 
 class UltralyticsModel:
-    """An Ultralytics model behind the `Model` protocol."""
+    """An Ultralytics model behind the `Model` protocol.
+
+    segments: whether it finds masks. classes: what it can find, by name.
+    """
 
     def __init__(self, yolo: Any, settings: DetectorSettings) -> None:
         self._yolo = yolo
@@ -30,6 +33,8 @@ class UltralyticsModel:
             "verbose": False,
         }
         self.name = Path(settings.model).name
+        self.segments = bool(yolo.task == "segment")
+        self.classes: tuple[str, ...] = tuple(yolo.names.values())
 
     def infer(self, image: NDArray[np.uint8], *, masks: bool) -> list[Detection]:
         """See `Model.infer`."""
@@ -49,7 +54,7 @@ class UltralyticsModel:
         return sorted(found, key=lambda detection: -detection.score)
 
 
-def load(settings: DetectorSettings, folder: Path) -> Model:
+def load(settings: DetectorSettings, folder: Path) -> UltralyticsModel:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours.

@@ -112,7 +112,7 @@ COMMANDS: Final = (
         "train",
         "make the shipped model from nothing: render, train, validate, write weights and card",
         "services.simulator.training.settings:TrainingSettings",
-        "services.simulator.training.process:run",
+        "services.toolbox.train.process:run",
         refusals=("services.simulator.training.errors:TrainingError",),
         extra="train",
     ),

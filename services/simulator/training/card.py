@@ -1,18 +1,17 @@
 """The model card that is written beside the weights."""
 
 import platform
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Final
 
-from services.simulator.training.evaluation import (
-    CONFIDENCE,
-    MATCHING_IOU,
-    NEAR_AREA,
-    NEAR_METRES,
-    MaskFigures,
-    NearFigures,
-)
-from services.simulator.training.fitting import ARCHITECTURE
+from services.simulator.training.evaluation.class_lists import REQUIRED_AREA, VISIBLE_AREA, ListFigures
+from services.simulator.training.evaluation.looking import CONFIDENCE
+from services.simulator.training.evaluation.near import MATCHING_IOU, NEAR_AREA, NEAR_METRES, NearFigures
+from services.simulator.training.evaluation.precision import MIN_AREA, MaskFigures, Precision
+from services.simulator.training.evaluation.scenes import held_out_seeds
+from services.simulator.training.evaluation.truths import MIN_VISIBILITY
+from services.simulator.training.fitting import ARCHITECTURE, device_name
 from services.simulator.training.metering import Effort
 from services.simulator.training.settings import TrainingSettings
 from services.simulator.world import CLASSES
@@ -29,18 +28,33 @@ one command:
     {command}
 
 - Seed {seed}; {images} images of 640x480, two of each scene, {epochs} epochs, batch {batch}.
-- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time on {workers} workers,
-  rendering included.
+- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering included, with
+  {workers} workers on device {device}.
 - Python {python}, {versions}.
 
 ## On scenes that it was not trained on
 
-{holdout} held-out images from random viewpoints, every object of at least 0.04 % of the image asked for: mask mAP50
-{map50:.3f}, mask mAP50-95 {map50_95:.3f}.
+One picture of each of {holdout} scenes (seeds {first} to {last}), seen as a detector sees a camera's: COCO's average
+precision of masks, over the objects of which at least {visibility:.0%} is visible, on at least {area:.1%} of the
+picture. All other objects are ignore regions.
 
-| class | mask mAP50 |
-|---|---|
+| class | objects | mask mAP50 | mask mAP50-95 |
+|---|---|---|---|
 {mask_rows}
+
+By visible size, in pixels, over all classes:
+
+| size | objects | mask mAP50 | mask mAP50-95 |
+|---|---|---|---|
+{size_rows}
+
+At a confidence of {confidence:.2f} the list of classes was right in {exact:.1%} of these pictures: it had every class
+with an object of which at least {visibility:.0%} is visible, on at least {required:.1%} of the picture, and none
+without an object that is visible on more than {visible:.2%} of it.
+
+| class | pictures where it was missed | pictures where it was invented |
+|---|---|---|
+{list_rows}
 
 On drives through held-out scenes, of the objects whose visible part covers at least {near_area:.0%} of the picture
 within {near_metres:.0f} m, {near_share:.1%} were named right: a box of the right class with an IoU of at least
@@ -63,8 +77,19 @@ Licence: AGPL-3.0-or-later, as the project and the architecture's definition in 
 """
 
 
-def model_card(settings: TrainingSettings, masks: MaskFigures, near: NearFigures, effort: Effort) -> str:
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What the evaluation of a run's weights found; `lists` at `CONFIDENCE`."""
+
+    masks: MaskFigures
+    lists: ListFigures
+    near: NearFigures
+
+
+def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> str:
     """Describe a run's weights as Markdown."""
+    masks, lists, near = figures.masks, figures.lists, figures.near
+    seeds = held_out_seeds(settings.seed, settings.holdout)
     return _CARD.format(
         name=settings.output.stem,
         architecture=ARCHITECTURE,
@@ -74,9 +99,17 @@ def model_card(settings: TrainingSettings, masks: MaskFigures, near: NearFigures
         cpu_min=effort.cpu_s / 60,
         python=platform.python_version(),
         versions=", ".join(f"{name} {version(name)}" for name in PACKAGES),
-        map50=masks.map50,
-        map50_95=masks.map50_95,
-        mask_rows="\n".join(f"| {name} | {masks.per_class.get(name, 0.0):.3f} |" for name in CLASSES),
+        device=device_name(settings),
+        first=seeds[0],
+        last=seeds[-1],
+        area=MIN_AREA,
+        visibility=MIN_VISIBILITY,
+        mask_rows="\n".join(_mask_row(*row) for row in [*masks.per_class.items(), ("all", masks.overall)]),
+        size_rows="\n".join(_mask_row(*row) for row in masks.per_size.items()),
+        exact=lists.share,
+        required=REQUIRED_AREA,
+        visible=VISIBLE_AREA,
+        list_rows="\n".join(_row(name, lists.missed.get(name, 0), lists.invented.get(name, 0)) for name in CLASSES),
         near_area=NEAR_AREA,
         near_metres=NEAR_METRES,
         near_share=near.share,
@@ -95,5 +128,13 @@ def _command(settings: TrainingSettings) -> str:
 
 
 def _near_row(near: NearFigures, name: str) -> str:
-    counts = (figures.get(name, 0) for figures in (near.objects, near.named, near.misnamed, near.invented))
-    return f"| {name} | " + " | ".join(str(count) for count in counts) + " |"
+    return _row(name, *(counts.get(name, 0) for counts in (near.objects, near.named, near.misnamed, near.invented)))
+
+
+def _mask_row(name: str, precision: Precision) -> str:
+    averages = (precision.map50, precision.map50_95)
+    return _row(name, precision.truths, *("-" if average is None else f"{average:.3f}" for average in averages))
+
+
+def _row(*cells: object) -> str:
+    return f"| {' | '.join(map(str, cells))} |"

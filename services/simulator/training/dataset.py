@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.simulator.training.framing import draw_view
 from services.simulator.training.polygons import Polygon, outline
 from services.simulator.training.progress import Progress
-from services.simulator.training.viewpoints import draw_camera, draw_pose
-from services.simulator.world import CLASSES, Rendering, Scene, Sensor, expose, generate, render
+from services.simulator.world import CLASSES, Rendering, Scene, Sensor, expose, generate
 from services.simulator.world.clearance import Clearance
 
 VIEWS: Final = 2
@@ -22,8 +22,6 @@ SEEDS_PER_RUN: Final = 1_000_000
 HOLDOUT_OFFSET: Final = 500_000
 MIN_AREA: Final = 0.0004
 MIN_SIDE: Final = 5
-MIN_OBJECT_AREA: Final = 0.003
-MAX_TRIES: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,18 +91,8 @@ def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[La
     scene, rng = generate(seed), np.random.default_rng([seed, 2])
     clearance = Clearance.of(scene)
     for _ in range(count):
-        rendering = _view(scene, clearance, rng)
+        rendering = draw_view(scene, clearance, rng).rendering
         yield expose(rendering.color, Sensor.draw(rng), rng), labels_of(scene, rendering)
-
-
-def _view(scene: Scene, clearance: Clearance, rng: np.random.Generator) -> Rendering:
-    """A view that shows enough: tries a few poses and takes the last one if none does."""
-    rendering = render(scene, draw_pose(scene, clearance, rng), draw_camera(rng))
-    for _ in range(MAX_TRIES - 1):
-        if np.mean(rendering.instances > 0) > MIN_OBJECT_AREA and np.median(rendering.depth) > 0.8:
-            break
-        rendering = render(scene, draw_pose(scene, clearance, rng), draw_camera(rng))
-    return rendering
 
 
 def labels_of(scene: Scene, rendering: Rendering) -> list[Label]:

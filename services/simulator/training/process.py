@@ -13,12 +13,15 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from services.simulator.training.evaluation.looking import Opener
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
 
 
-async def run(settings: TrainingSettings) -> None:
+async def run(settings: TrainingSettings, opener: Opener) -> None:
     """Train. Interrupted, the next run with the same settings goes on from the last checkpoint.
+
+    opener: loads the weights as a detector would, to evaluate them.
 
     Raises:
         TrainingError: the work directory belongs to a run with other settings.
@@ -42,7 +45,7 @@ async def run(settings: TrainingSettings) -> None:
             bars.update(stages[stage], completed=done, total=total)
 
         try:
-            await asyncio.to_thread(train, settings, progress)
+            await asyncio.to_thread(train, settings, progress, opener)
         finally:
             cancelled.set()  # the thread notices where it next reports
     bars.console.print(f"wrote {settings.output} and its card beside it", highlight=False)

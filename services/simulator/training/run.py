@@ -1,29 +1,40 @@
 """The whole run: render, train, strip, evaluate, write the card."""
 
+import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from services.simulator.training.card import model_card
+from services.simulator.training.card import Figures, model_card
 from services.simulator.training.dataset import VIEWS, holdout_seed, write_dataset
+from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.errors import TrainingError
-from services.simulator.training.evaluation import mask_figures, near_figures
-from services.simulator.training.fitting import device_name, fit
+from services.simulator.training.evaluation.held_out import scored
+from services.simulator.training.evaluation.looking import CONFIDENCE, LOWEST_CONFIDENCE, Opener
+from services.simulator.training.evaluation.near import near_figures
+from services.simulator.training.evaluation.scenes import held_out_seeds, held_out_views
+from services.simulator.training.fitting import device_name, epochs_done, fit
 from services.simulator.training.metering import effort_so_far, metered
 from services.simulator.training.progress import Progress
 from services.simulator.training.settings import TrainingSettings
+from services.simulator.training.stages import stages_of
 from services.simulator.training.weights import write_weights
 
 DRIVES: Final = 20
 FRAMES_PER_DRIVE: Final = 24
 
 
-def train(settings: TrainingSettings, progress: Progress) -> None:
+def train(settings: TrainingSettings, progress: Progress, opener: Opener) -> None:
     """Make `settings.output` and the model card beside it, going on where an earlier run was interrupted.
 
-    Raises TrainingError when the work directory belongs to a run with other settings.
+    opener: loads the weights as a detector would, to evaluate them.
+
+    Raises TrainingError, before anything is rendered, when the work directory belongs to a run with other settings or
+    what it holds is no checkpoint, when the device is not there, and when the output cannot be written.
     """
     work_dir = settings.work_dir
     _claim(work_dir, settings)
+    _check(settings)
     record = work_dir / "effort.json"
     with metered(record):
         dataset = write_dataset(
@@ -36,15 +47,25 @@ def train(settings: TrainingSettings, progress: Progress) -> None:
         )
         write_weights(fit(settings, dataset, progress), settings.output, settings.imgsz)
     with metered(record):
-        progress("evaluate", 0, 1 + DRIVES)
-        masks = mask_figures(settings.output, dataset, work_dir, settings.batch, device_name(settings))
-        drives = min(DRIVES, settings.holdout)
-        seeds = [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)]
-        near = near_figures(
-            settings.output, work_dir, seeds, FRAMES_PER_DRIVE, lambda done: progress("evaluate", 1 + done, 1 + drives)
-        )
-    card = model_card(settings, masks, near, effort_so_far(record))
-    settings.output.with_suffix(".md").write_text(card)
+        figures = evaluate(settings, progress, opener)
+    settings.output.with_suffix(".md").write_text(model_card(settings, figures, effort_so_far(record)))
+
+
+def evaluate(settings: TrainingSettings, progress: Progress, opener: Opener) -> Figures:
+    """Find out how well the weights at `settings.output` do on scenes that they were not trained on."""
+    open_at = partial(opener, settings.output, device=device_name(settings), folder=settings.work_dir / "ultralytics")
+    seeds = held_out_seeds(settings.seed, settings.holdout)
+    views = held_out_views(settings.work_dir, seeds, settings.workers, progress)
+    look = open_at(confidence=LOWEST_CONFIDENCE)
+    score = scored(views, look, lambda done: progress("evaluate", done, len(seeds)))
+    drives = min(DRIVES, settings.holdout)
+    near = near_figures(
+        open_at(confidence=CONFIDENCE),
+        [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
+        FRAMES_PER_DRIVE,
+        lambda done: progress("drive", done, drives),
+    )
+    return Figures(score.masks.figures(), score.lists.figures(CONFIDENCE), near)
 
 
 def _claim(work_dir: Path, settings: TrainingSettings) -> None:
@@ -57,3 +78,32 @@ def _claim(work_dir: Path, settings: TrainingSettings) -> None:
     if note.exists() and note.read_text() != wanted:
         raise TrainingError(f"{work_dir} holds a run with other settings: choose another work_dir or remove it")
     note.write_text(wanted)
+
+
+def _check(settings: TrainingSettings) -> None:
+    """Find out now what would only be found out after hours."""
+    ultralytics = load_ultralytics(settings.work_dir / "ultralytics")
+    try:
+        ultralytics.utils.torch_utils.select_device(device_name(settings), verbose=False)
+    except Exception as error:
+        raise TrainingError(f"--device {settings.device}: {_first_line(error)}") from error
+    for stage in stages_of(settings):
+        _check_checkpoint(stage.checkpoint(settings.work_dir))
+    try:
+        settings.output.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=settings.output.parent):
+            pass
+    except OSError as error:
+        raise TrainingError(f"--output {settings.output}: {error.strerror}") from error
+
+
+def _check_checkpoint(checkpoint: Path) -> None:
+    try:
+        if checkpoint.exists():
+            epochs_done(checkpoint)
+    except Exception as error:
+        raise TrainingError(f"{checkpoint} is no checkpoint, remove it: {_first_line(error)}") from error
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.training.evaluation import Found, near_objects
+from services.simulator.training.evaluation.near import Found, near_objects
 from services.simulator.world import Camera, Drive, Sensor, expose, generate, render
 
 UNSEEN_SEED = 700

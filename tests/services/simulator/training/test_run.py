@@ -13,6 +13,7 @@ from services.simulator.training.settings import TrainingSettings
 from services.simulator.training.stages import Stage, stages_of
 from services.simulator.training.weights import embedded_paths
 from services.simulator.world import CLASSES
+from services.toolbox.train.inference import open_weights
 
 BATCHES = 2
 
@@ -62,7 +63,7 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> TrainingSettings:
     """Stop a run in its second epoch."""
     settings = small(tmp_path_factory.mktemp("training"))
     with pytest.raises(Interrupted):
-        train(settings, Recorder(interrupt_at=("train fine", BATCHES + 1)))
+        train(settings, Recorder(interrupt_at=("train fine", BATCHES + 1)), open_weights)
     assert epochs_done(fine(settings).checkpoint(settings.work_dir)) == 1
     assert not settings.output.exists()
     return settings
@@ -72,7 +73,7 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> TrainingSettings:
 def resumed(interrupted: TrainingSettings) -> Recorder:
     """Take the run up again and let it end."""
     recorder = Recorder()
-    train(interrupted, recorder)
+    train(interrupted, recorder, open_weights)
     return recorder
 
 
@@ -81,7 +82,8 @@ def test_a_run_goes_on_after_the_last_whole_epoch(resumed: Recorder) -> None:
     assert resumed.of("train fine") == [BATCHES + 1, 2 * BATCHES]
     assert resumed.of("render")[-1] == 3
     stage, done, total = resumed.reports[-1]
-    assert (stage, done) == ("evaluate", total)
+    assert (stage, done) == ("drive", total)
+    assert resumed.of("evaluate") == [1]
 
 
 @pytest.mark.usefixtures("resumed")
@@ -112,17 +114,38 @@ def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
     assert "no photograph" in card
     assert str(interrupted.work_dir) not in card
     for name in CLASSES:
-        assert card.count(f"| {name} | ") == 2
+        assert card.count(f"| {name} | ") == 3
+    for held_out in ("| all | ", "mask mAP50-95", "right in", "seeds 3600000 to 3600000", "device cpu"):
+        assert held_out in card
 
 
 @pytest.mark.usefixtures("resumed")
 def test_a_run_that_is_done_is_not_trained_again(interrupted: TrainingSettings) -> None:
-    recorder = Recorder(interrupt_at=("evaluate", 0))
+    recorder = Recorder(interrupt_at=("evaluate", 1))
     with pytest.raises(Interrupted):
-        train(interrupted, recorder)
+        train(interrupted, recorder, open_weights)
     assert recorder.of("train coarse") == recorder.of("train fine") == []
 
 
 def test_a_work_directory_belongs_to_one_set_of_settings(interrupted: TrainingSettings) -> None:
     with pytest.raises(TrainingError, match="other settings"):
-        train(interrupted.model_copy(update={"seed": 4}), Recorder())
+        train(interrupted.model_copy(update={"seed": 4}), Recorder(), open_weights)
+
+
+def refusal(settings: TrainingSettings) -> str:
+    """Return why a run does not begin."""
+    recorder = Recorder()
+    with pytest.raises(TrainingError) as refused:
+        train(settings, recorder, open_weights)
+    assert recorder.reports == []
+    return str(refused.value)
+
+
+def test_what_cannot_work_is_said_before_anything_is_rendered(tmp_path: Path) -> None:
+    assert "--device nonsense: " in refusal(small(tmp_path / "a").model_copy(update={"device": "nonsense"}))
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "out").write_text("a file where a folder should be")
+    assert "tiny-seg.pt: File exists" in refusal(small(tmp_path / "b"))
+    (tmp_path / "c" / "work").mkdir(parents=True)
+    fine(small(tmp_path / "c")).checkpoint(tmp_path / "c" / "work").write_bytes(b"no checkpoint")
+    assert "fine.pt is no checkpoint, remove it: " in refusal(small(tmp_path / "c"))

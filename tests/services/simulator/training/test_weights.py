@@ -5,14 +5,15 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from services.simulator.training.engine import load_ultralytics
-from services.simulator.training.evaluation import match, near_views, predicted
+from services.simulator.training.evaluation.looking import CONFIDENCE
+from services.simulator.training.evaluation.near import near_figures
 from services.simulator.training.settings import WEIGHTS_FOLDER
 from services.simulator.training.weights import embedded_paths
 from services.simulator.world import CLASSES
+from services.toolbox.train.inference import open_weights
 
 SHIPPED = WEIGHTS_FOLDER / "warehouse-n-seg.pt"
 
@@ -59,11 +60,8 @@ def test_the_shipped_file_is_small_and_says_nothing_about_its_maker() -> None:
     assert str(Path.home()) not in SHIPPED.with_suffix(".md").read_text()
 
 
-def test_the_shipped_model_names_near_objects_on_unseen_drives(model: Any) -> None:
-    right = []
-    for seed in (700, 702, 706, 707):
-        for view in near_views(seed, 6):
-            predictions = predicted(model, view.image)
-            right += [match(truth, predictions)[0] for truth in view.near]
-    assert len(right) > 30
-    assert np.mean(right) > 0.8
+def test_the_shipped_model_names_near_objects_on_unseen_drives(tmp_path: Path) -> None:
+    look = open_weights(SHIPPED, confidence=CONFIDENCE, device="cpu", folder=tmp_path)
+    near = near_figures(look, (700, 702, 706, 707), 6, lambda _done: None)
+    assert sum(near.objects.values()) > 30
+    assert near.share > 0.8

@@ -1,32 +1,22 @@
-"""How well the shipped file does on scenes that it was not trained on."""
+"""How a model names what is near on drives through scenes that it was not trained on."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.training.engine import load_ultralytics
+from schemas.detections import Detection
+from services.simulator.training.evaluation.looking import Look
 from services.simulator.world import CLASSES, Camera, Drive, Rendering, Scene, Sensor, expose, generate, render
 
 NEAR_METRES: Final = 4.0
 NEAR_AREA: Final = 0.01
 MATCHING_IOU: Final = 0.5
-CONFIDENCE: Final = 0.35
 FOUNDED_SHARE: Final = 0.1
 Box = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class MaskFigures:
-    """COCO-style average precision of masks on the held-out images; `per_class` is the mAP50 of each class."""
-
-    map50: float
-    map50_95: float
-    per_class: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,36 +55,12 @@ class View:
     classes: NDArray[np.int32]
 
 
-def mask_figures(weights: Path, dataset: Path, work_dir: Path, batch: int, device: str) -> MaskFigures:
-    """Validate `weights` on the held-out split of `dataset`."""
-    ultralytics = load_ultralytics(work_dir / "ultralytics")
-    metrics = ultralytics.YOLO(str(weights)).val(
-        data=str(dataset),
-        batch=batch,
-        device=device,
-        workers=0,
-        plots=False,
-        verbose=False,
-        project=str(work_dir.resolve()),
-        name="evaluate",
-        exist_ok=True,
-    )
-    seg = metrics.seg
-    per_class: dict[str, float] = {
-        CLASSES[int(c)]: float(ap) for c, ap in zip(seg.ap_class_index, seg.ap50, strict=True)
-    }
-    return MaskFigures(float(seg.map50), float(seg.map), per_class)
-
-
-def near_figures(
-    weights: Path, work_dir: Path, seeds: list[int], frames: int, report: Callable[[int], None]
-) -> NearFigures:
-    """Drive through the scenes of `seeds`, `frames` pictures each, and ask the model what is near."""
-    model = load_ultralytics(work_dir / "ultralytics").YOLO(str(weights))
+def near_figures(look: Look, seeds: Sequence[int], frames: int, report: Callable[[int], None]) -> NearFigures:
+    """Drive through the scenes of `seeds`, `frames` pictures each, and ask what is near."""
     objects, named, misnamed, invented = (Counter[str]() for _ in range(4))
     for done, seed in enumerate(seeds, start=1):
         for view in near_views(seed, frames):
-            predictions = predicted(model, view.image)
+            predictions = predicted(look(view.image))
             invented.update(found.name for found in predictions if is_invented(found, view.classes))
             for truth in view.near:
                 right, wrong = match(truth, predictions)
@@ -128,11 +94,9 @@ def near_objects(scene: Scene, rendering: Rendering) -> list[Found]:
     return found
 
 
-def predicted(model: Any, image: NDArray[np.uint8]) -> list[Found]:
-    """What `model` sees in an RGB picture (Ultralytics takes arrays for BGR)."""
-    result = model.predict(np.ascontiguousarray(image[..., ::-1]), conf=CONFIDENCE, verbose=False)[0]
-    boxes, classes = result.boxes.xyxy.cpu().numpy(), result.boxes.cls.cpu().numpy()
-    return [Found(result.names[int(c)], np.asarray(box, np.float64)) for c, box in zip(classes, boxes, strict=True)]
+def predicted(detections: Sequence[Detection]) -> list[Found]:
+    """What a model found, as what is compared."""
+    return [Found(each.name, np.array([each.box.x1, each.box.y1, each.box.x2, each.box.y2])) for each in detections]
 
 
 def match(truth: Found, predictions: list[Found]) -> tuple[bool, bool]:

@@ -1,6 +1,6 @@
 import numpy as np
 
-from services.simulator.training.evaluation import NEAR_AREA, NEAR_METRES, Found, is_invented, match, near_objects
+from services.simulator.training.evaluation.near import NEAR_AREA, NEAR_METRES, Found, is_invented, match, near_objects
 from services.simulator.world import Camera, Drive, generate, render
 
 TRUTH = Found("box", np.array([10.0, 10, 30, 30]))

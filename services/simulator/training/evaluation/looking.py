@@ -1,0 +1,32 @@
+"""What an evaluation asks of a model, whoever runs it."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.detections import Detection
+
+Look = Callable[[NDArray[np.uint8]], Sequence[Detection]]
+"""Finds the objects in a height x width x 3 RGB picture, best score first, with masks of the picture's own size."""
+
+CONFIDENCE: Final = 0.35
+"""The lowest score that counts unless a detector is told otherwise."""
+
+LOWEST_CONFIDENCE: Final = 0.001
+"""The lowest score asked for where a figure is over all scores."""
+
+
+class Opener(Protocol):
+    """Loads a model."""
+
+    def __call__(self, weights: Path, *, confidence: float, device: str | None, folder: Path) -> Look:
+        """Return the way of `weights` to what they see with a score of at least `confidence`.
+
+        device: in Ultralytics' words, or None for the best there is. folder: where files of its own may go.
+
+        Raises:
+            TrainingError: no model, or not one that finds masks of the world's classes.
+        """

@@ -1,0 +1,102 @@
+"""The held-out pictures and what is truly in them: rendered once, kept in a folder."""
+
+import hashlib
+import multiprocessing
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Final
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator import world
+from services.simulator.training import framing, viewpoints
+from services.simulator.training.dataset import holdout_seed
+from services.simulator.training.errors import TrainingError
+from services.simulator.training.evaluation.truths import Truth, truths_of
+from services.simulator.training.framing import draw_view
+from services.simulator.training.progress import Progress
+from services.simulator.world import Sensor, expose, generate
+from services.simulator.world.clearance import Clearance
+
+FIRST: Final = 100_000
+"""The number, among a run's held-out scenes, of the first that is kept for the evaluation alone."""
+
+
+class HeldOutView(msgspec.Struct, frozen=True, kw_only=True):
+    """A picture of the scene of `seed` (a PNG) and every object of which at least a pixel is visible."""
+
+    seed: int
+    png: bytes
+    truths: list[Truth]
+
+    def image(self) -> NDArray[np.uint8]:
+        """The picture, height x width x 3 in RGB."""
+        return np.asarray(cv2.imdecode(np.frombuffer(self.png, np.uint8), cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+
+
+def held_out_seeds(seed: int, count: int) -> list[int]:
+    """The scenes that the models of the run of `seed` are measured on: no run of whatever seed trains on them."""
+    return [holdout_seed(seed, FIRST + index) for index in range(count)]
+
+
+def draw_held_out(seed: int) -> HeldOutView:
+    """The one view of the scene of `seed`, as a training view is drawn, its sensor drawn too."""
+    scene, rng = generate(seed), np.random.default_rng([seed, 2])
+    view = draw_view(scene, Clearance.of(scene), rng)
+    image = expose(view.rendering.color, Sensor.draw(rng), rng)
+    _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return HeldOutView(seed=seed, png=png.tobytes(), truths=truths_of(scene, view))
+
+
+def held_out_views(folder: Path, seeds: Sequence[int], workers: int, progress: Progress) -> Iterator[HeldOutView]:
+    """Yield the view of each scene, in order, after all were rendered; those that are in `folder` are taken from there.
+
+    Raises:
+        TrainingError: a file there is damaged.
+    """
+    kept = folder / f"scenes-{generator_digest()[:12]}"
+    kept.mkdir(parents=True, exist_ok=True)
+    files = [kept / f"{seed:09d}.msgpack" for seed in seeds]
+    missing = [(file, seed) for file, seed in zip(files, seeds, strict=True) if not file.exists()]
+    progress("render scenes", len(seeds) - len(missing), len(seeds))
+    for done, _ in enumerate(_written(missing, workers), start=len(seeds) - len(missing) + 1):
+        progress("render scenes", done, len(seeds))
+    for file in files:
+        yield _read(file)
+
+
+def generator_digest() -> str:
+    """The SHA-256 of the sources that decide what the scenes look like."""
+    sources = sorted(Path(str(world.__file__)).parent.rglob("*.py"))
+    own = [Path(str(module.__file__)) for module in (framing, viewpoints)]
+    digest = hashlib.sha256()
+    for source in (*sources, *own, Path(__file__), Path(__file__).with_name("truths.py")):
+        digest.update(source.name.encode() + b"\0" + source.read_bytes())
+    return digest.hexdigest()
+
+
+def _written(jobs: Sequence[tuple[Path, int]], workers: int) -> Iterator[None]:
+    if workers == 1 or len(jobs) < 2:
+        yield from map(_write, jobs)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
+        yield from pool.map(_write, jobs, chunksize=4)
+
+
+def _write(job: tuple[Path, int]) -> None:
+    file, seed = job
+    partial = file.with_suffix(".part")
+    partial.write_bytes(msgspec.msgpack.encode(draw_held_out(seed)))
+    partial.replace(file)
+
+
+def _read(file: Path) -> HeldOutView:
+    try:
+        return msgspec.msgpack.decode(file.read_bytes(), type=HeldOutView)
+    except msgspec.DecodeError as error:
+        raise TrainingError(f"{file} is damaged, remove it: {error}") from error

@@ -1,0 +1,42 @@
+import json
+
+from benchmarks.accuracy.report import CONFIDENCES, report
+from services.simulator.training.evaluation.held_out import HeldOutScore
+from services.simulator.world import CLASSES
+from tests.services.simulator.training.evaluation.pictures import SIZE, found, truth
+
+
+def score() -> HeldOutScore:
+    """Return that of two pictures, one of them right."""
+    made = HeldOutScore()
+    for detections in ([found("box", 10, 10, 50, 50, score=0.5)], [found("pallet", 10, 10, 50, 50, score=0.4)]):
+        made.masks.add(SIZE, [truth("box", 10, 10, 50, 50)], detections)
+        made.lists.add([truth("box", 10, 10, 50, 50)], detections)
+    return made
+
+
+def test_the_figures_by_name() -> None:
+    found = report(score(), 0.35)
+    assert (found["mask_map50"], found["mask_map50_95"], found["truths"]) == (0.505, 0.505, 2)
+    assert (found["classes_exact"], found["confidence"]) == (0.5, 0.35)
+    assert found["per_class"]["box"] == {"mask_map50": 0.505, "mask_map50_95": 0.505, "truths": 2}
+    assert found["per_class"].keys() == set(CLASSES)
+    assert found["per_size"]["medium"]["truths"] == 2
+    assert found["wrong_pictures"] == {"missed": {"box": 1}, "invented": {"pallet": 1}}
+    assert found["targets"]["mask_map50"] == {"value": 0.505, "at_least": 0.9, "met": False}
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+
+
+def test_class_lists_at_every_confidence() -> None:
+    found = {each["confidence"]: each for each in report(score(), 0.35)["by_confidence"]}
+    assert tuple(found) == CONFIDENCES
+    assert found[0.4]["invented"] == {"pallet": 1}
+    assert found[0.45]["invented"] == {}
+    assert found[0.5]["missed"] == {"box": 1}
+    assert found[0.55] == {"confidence": 0.55, "classes_exact": 0.0, "missed": {"box": 2}, "invented": {}}
+
+
+def test_without_objects_no_precision_is_reached() -> None:
+    found = report(HeldOutScore(), 0.35)
+    assert found["mask_map50"] is None
+    assert not found["targets"]["mask_map50"]["met"]

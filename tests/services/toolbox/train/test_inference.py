@@ -1,0 +1,76 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from ultralytics.models import YOLO
+
+from services.detector.model import ModelError
+from services.detector.pixels import to_bgr
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings
+from services.detector.ultralytics_model import load
+from services.simulator.training.evaluation.looking import CONFIDENCE, Look
+from services.simulator.world import CLASSES
+from services.toolbox.train.inference import framed, open_weights
+from tests.services.simulator.views import near_view
+
+
+def opened(weights: Path, folder: Path) -> Look:
+    return open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=folder)
+
+
+def untrained(architecture: str, folder: Path, *names: str) -> Path:
+    """Write a model that was never trained."""
+    yolo: Any = YOLO(architecture)
+    path = folder / architecture.replace("yaml", "pt")
+    if names:
+        yolo.model.names = dict(enumerate(names))
+    yolo.save(path)
+    return path
+
+
+def test_the_weights_see_what_a_detector_sees(tmp_path: Path) -> None:
+    bgr = near_view()
+    found = opened(SHIPPED_MODEL, tmp_path)(np.ascontiguousarray(bgr[..., ::-1]))
+    assert found
+    assert found == load(DetectorSettings(device="cpu", threads=1), tmp_path).infer(bgr, masks=True)
+    assert {each.mask.size for each in found if each.mask is not None} == {(480, 640)}
+
+
+def test_the_confidence_that_counts_is_a_detectors_default() -> None:
+    assert DetectorSettings().confidence == CONFIDENCE
+
+
+def test_a_picture_is_framed_with_its_own_colours() -> None:
+    image = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3)
+    assert np.array_equal(to_bgr(framed(image)), image[..., ::-1])
+
+
+def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
+    weights = tmp_path / "x.pt"
+    with pytest.raises(ValidationError, match="no such file"):
+        opened(weights, tmp_path)
+    weights.write_bytes(b"nothing of the kind")
+    with pytest.raises(ModelError, match=r"x\.pt: not a model that can be used"):
+        opened(weights, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("architecture", "names", "reason"),
+    [
+        ("yolo11n.yaml", CLASSES, "yolo11n.pt: a model that finds no masks"),
+        (
+            "yolo11n-seg.yaml",
+            ("box", "person", "cat"),
+            "a model for cat, person; the scenes have box, pallet, forklift",
+        ),
+        ("yolo11n-seg.yaml", (), "a model for 0, 1, 10, 11, 12, ...; the scenes have"),
+        ("yolo11n-pose.yaml", (), "a model for 'pose'"),
+    ],
+)
+def test_a_model_for_something_else_is_refused(
+    tmp_path: Path, architecture: str, names: tuple[str, ...], reason: str
+) -> None:
+    with pytest.raises(ModelError, match=reason):
+        opened(untrained(architecture, tmp_path, *names), tmp_path)
