@@ -8,7 +8,7 @@ from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.progress import Progress
 from services.simulator.training.settings import TrainingSettings
 from services.simulator.training.stages import Stage, stages_of
-from services.simulator.training.trainer import prepare_torch, quick_arithmetic, trainer_class
+from services.simulator.training.trainer import quick_arithmetic, trainer_class
 
 ARCHITECTURE: Final = "yolo11n-seg.yaml"
 AUGMENTATION: Final = {
@@ -27,7 +27,6 @@ AUGMENTATION: Final = {
 def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
     """Train every stage to its last epoch, going on from an earlier checkpoint; return the last checkpoint's path."""
     load_ultralytics(settings.work_dir / "ultralytics")
-    prepare_torch(settings)
     weights: Path | None = None
     for stage in stages_of(settings):
         checkpoint = stage.checkpoint(settings.work_dir)
@@ -65,7 +64,7 @@ def _fit_stage(
     resumed = checkpoint.exists()
     model = YOLO(str(checkpoint if resumed else weights or ARCHITECTURE), task="segment")
     _watch(model, stage, settings, progress)
-    with quick_arithmetic(device_name(settings)):
+    with quick_arithmetic(settings, device_name(settings)):
         model.train(
             trainer=trainer_class(),
             resume=resumed,
