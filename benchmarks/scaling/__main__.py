@@ -21,6 +21,8 @@ count.
 
 import argparse
 import json
+import signal
+import sys
 from typing import Any, Final
 
 from benchmarks.gateway.processes import note
@@ -39,6 +41,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--seconds", type=float, default=15.0, help="length of a measurement at rest (default: 15)")
     arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
     with scenario() as fleet:
         found = measure(fleet, arguments.seconds)
     print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))

@@ -4,13 +4,16 @@ from dataclasses import dataclass
 from typing import Final
 
 WINDOW_S: Final = 1.0
-"""For how long what became of frames is watched, at least; so long that each camera had its turn twice."""
+"""For how long what became of frames is watched, at least."""
+
+TURNS: Final = 2
+"""How often each camera had its turn by then, if that takes no longer than LONGEST_S."""
 
 FEWEST: Final = 10
 """Frames that say something about a rate."""
 
-LONGEST_S: Final = 30.0
-"""A window that is so long says something all the same."""
+LONGEST_S: Final = 5.0
+"""A window that is so long says something whatever came."""
 
 MUCH_LOST: Final = 0.1
 """Of its frames this much is lost at a worker that cannot keep up."""
@@ -19,7 +22,10 @@ SOME_LOST: Final = 0.06
 """More lost frames than this make a limit too high."""
 
 IDLE: Final = 0.06
-"""More idle time than this makes a limit too low."""
+"""More idle time than this makes a limit too low, if no frames are lost."""
+
+MUCH_IDLE: Final = 0.3
+"""With more idle time than this it is not the limit that loses frames."""
 
 HEADROOM: Final = 0.95
 """Of the rate at which a worker worked when it was flooded this much can be used with little waiting."""
@@ -56,24 +62,27 @@ class Pace:
             return False
         spent_s = now_s - self._since_s
         done, lost = totals.done - self._before.done, totals.lost - self._before.lost
-        turns_s = 2 * cameras / self.limit_hz if self.limit_hz else 0.0
-        if spent_s < max(WINDOW_S, turns_s) or (done < FEWEST and spent_s < LONGEST_S):
+        turns_s = TURNS * cameras / self.limit_hz if self.limit_hz else 0.0
+        if spent_s < LONGEST_S and (spent_s < max(WINDOW_S, turns_s) or done < FEWEST):
             return False
-        idle = max(0.0, 1 - (totals.busy_s - self._before.busy_s) / spent_s)
+        busy_s = min(spent_s, totals.busy_s - self._before.busy_s)
         before = self.limit_hz
-        self.limit_hz = self._next(done / spent_s, lost / max(1, done + lost), idle)
+        if done and busy_s > 0:
+            lost_part = lost / (done + lost)
+            if before is None:
+                self.limit_hz = done / busy_s * HEADROOM if lost_part > MUCH_LOST else None
+            else:
+                self.limit_hz = _next(before, done / spent_s, lost_part, idle=1 - busy_s / spent_s)
         self._begin(totals, now_s)
         return self.limit_hz != before
 
     def _begin(self, totals: Totals, now_s: float) -> None:
         self._before, self._since_s = totals, now_s
 
-    def _next(self, done_hz: float, lost: float, idle: float) -> float | None:
-        limit = self.limit_hz
-        if limit is None:
-            return done_hz * HEADROOM if lost > MUCH_LOST and done_hz else None
-        if lost > SOME_LOST:
-            return limit * (1 - lost / 2)
-        if idle > IDLE and lost < SOME_LOST / 2:
-            return None if done_hz < limit * UNUSED else limit * (1 + idle / 2)
-        return limit
+
+def _next(limit: float, done_hz: float, lost: float, idle: float) -> float | None:
+    if lost > SOME_LOST and idle < MUCH_IDLE:
+        return limit * (1 - lost / 2)
+    if idle > MUCH_IDLE or (idle > IDLE and lost < SOME_LOST / 2):
+        return None if done_hz < limit * UNUSED else limit * (1 + idle / 2)
+    return limit
