@@ -34,7 +34,12 @@ class FleetCamera:
         self._consumers = consumers
         self._publisher = publisher
         self._boot_id = boot_id
-        self.sent = 0
+        self._numbered = 0
+
+    @property
+    def sent(self) -> int:
+        """How many frames the link took."""
+        return self._publisher.counts.put - self._publisher.counts.dropped
 
     async def run(self, hz: float, phase: float) -> None:
         """Send, for ever."""
@@ -46,7 +51,7 @@ class FleetCamera:
             now_ns = time.time_ns()
             if self._publisher.wanted and self._consumers.passes(self._key, now_ns):
                 self._publisher.put(codec.encode(self._frame(now_ns)))
-                self.sent += 1
+                self._numbered += 1
 
     def _frame(self, now_ns: int) -> ImageFrame:
         camera = self._key.camera
@@ -54,7 +59,7 @@ class FleetCamera:
             robot=camera.robot,
             camera=camera.camera,
             boot_id=self._boot_id,
-            seq=self.sent,
+            seq=self._numbered,
             stamp_ns=now_ns,
             frame_id="optical",
             received_ns=now_ns,

@@ -19,7 +19,7 @@ from services.detector.model import Failed, Found, Model, Outcome, Request
 PATIENCE_S: Final = 0.005
 """How long a batch waits for more cameras' frames."""
 
-SPARE_S: Final = 0.04
+SPARE_S: Final = 0.03
 """How much longer than one call a frame may wait for its turn."""
 
 WEIGHT_OF_NEWEST: Final = 0.1
