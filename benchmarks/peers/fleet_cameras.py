@@ -89,9 +89,7 @@ async def run(router: str, robots: int, cameras: int, hz: float) -> None:
 
 
 async def _offer(bus: Bus, stack: AsyncExitStack, key: StreamKey, consumers: Consumers) -> FleetCamera:
-    publisher = await stack.enter_async_context(
-        bus.publisher(str(key), QoS.IMAGE, encoding=codec.encoding(ImageFrame))
-    )
+    publisher = await stack.enter_async_context(bus.publisher(str(key), QoS.IMAGE, encoding=codec.encoding(ImageFrame)))
     await stack.enter_async_context(bus.announce(key.alive))
     return FleetCamera(key, consumers, publisher, uuid.uuid4().hex)
 

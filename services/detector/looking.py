@@ -1,6 +1,5 @@
 """From the board through the model: batches of different cameras' newest frames, several under way at once."""
 
-import asyncio
 import logging
 import time
 from asyncio import Event, Queue, Semaphore, Task, TaskGroup
@@ -49,6 +48,7 @@ class Looking:
         model: Model,
         worker: str,
         board: Board,
+        *,
         cameras: dict[CameraKey, Camera],
         accounts: dict[CameraKey, Account],
         max_age_s: float | None,

@@ -35,8 +35,10 @@ class DetectorSettings(SharingSettings, BusSettings):
     max_age_s: Annotated[
         float | None,
         Field(
-            gt=0, le=60, description="frames older than that are left out when their turn comes; unless given, those"
-            " older than one call of the model takes, and 30 ms"
+            gt=0,
+            le=60,
+            description="frames older than that are left out when their turn comes; unless given, those"
+            " older than one call of the model takes, and 30 ms",
         ),
     ] = None
     worker: str = Field(

@@ -39,7 +39,15 @@ class Rig:
         self.cameras: dict[CameraKey, Camera] = {}
         self.accounts = {key: Account(key) for key in CAMERAS}
         self.told: list[CameraKey] = []
-        self.looking = Looking(model, "w1", self.board, self.cameras, self.accounts, max_age_s, self.told.append)
+        self.looking = Looking(
+            model,
+            "w1",
+            self.board,
+            cameras=self.cameras,
+            accounts=self.accounts,
+            max_age_s=max_age_s,
+            on_result=self.told.append,
+        )
 
     @asynccontextmanager
     async def running(self, bus: Bus) -> AsyncIterator[Subscription]:
@@ -153,10 +161,14 @@ async def test_what_is_under_way_of_a_camera_can_be_waited_for(bus: Bus) -> None
 async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
     rig = Rig(ToldModel())
     rig.model.broken = True
-    with pytest.raises(ExceptionGroup) as caught:
+
+    async def break_it() -> None:
         async with rig.running(bus):
             rig.post(CAMERAS[0], 1)
             await rig.called(1)
             rig.model.answers[0].set()
-            await asyncio.sleep(10)
+            await asyncio.Event().wait()
+
+    with pytest.raises(ExceptionGroup) as caught:
+        await break_it()
     assert caught.group_contains(ModelError)

@@ -75,7 +75,6 @@ class Rig:
                     return
 
 
-
 @pytest.fixture
 async def rig() -> AsyncIterator[Rig]:
     network = FakeNetwork()
