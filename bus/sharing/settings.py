@@ -1,4 +1,4 @@
-"""How a worker shares the work with others of its service. Plain data: whoever builds it reads environment and files."""
+"""How a worker shares the work with others. Plain data: whoever builds it reads environment, files and arguments."""
 
 from typing import Annotated, ClassVar
 
