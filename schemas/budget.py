@@ -1,9 +1,11 @@
 """RateBudget: how many frames of a camera a consumer can use."""
 
+import math
 from typing import Annotated, Final
 
 import msgspec
 
+from schemas.errors import SchemaError
 from schemas.header import Label, Name
 
 LEAST_HZ: Final = 0.001
@@ -26,3 +28,12 @@ class RateBudget(msgspec.Struct, frozen=True, kw_only=True):
     stream: Label
     hz: Annotated[float, msgspec.Meta(ge=LEAST_HZ)] | None = None
     wait_s: Annotated[float, msgspec.Meta(ge=0, le=MOST_WAIT_S)] = 0.0
+
+    def __post_init__(self) -> None:
+        """Hold the numbers to being some.
+
+        Raises:
+            SchemaError: a rate or a time is infinite, or not a number.
+        """
+        if not math.isfinite(self.wait_s) or not (self.hz is None or math.isfinite(self.hz)):
+            raise SchemaError(f"a budget of {self.hz} Hz in {self.wait_s} s")

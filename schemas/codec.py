@@ -60,7 +60,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     Action: 512 * KIB,
     GatewayStatus: 1024 * KIB,
     WorkerStatus: 1024 * KIB,
-    RateBudget: 4 * KIB,
+    RateBudget: 64 * KIB,
     ClockReading: 64 * KIB,
     ServiceRequest: 9 * KIB * KIB,
     ServiceResponse: 9 * KIB * KIB,

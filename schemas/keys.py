@@ -18,7 +18,7 @@ WANTED: Final = "wanted"
 SERVES: Final = "serves"
 BUDGET: Final = "budget"
 
-WEIGHT: Final = re.compile(r"\d{1,4}(?:\.\d{1,9})?")
+WEIGHT: Final = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,9})?")
 MIN_WEIGHT: Final = 0.01
 MAX_WEIGHT: Final = 1000.0
 

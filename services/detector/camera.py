@@ -22,6 +22,11 @@ class Camera:
     detections: Publisher
     classes: Publisher
 
+    @property
+    def wants_masks(self) -> bool:
+        """Whether somebody has a use for masks."""
+        return self.detections.wanted
+
     def publish(self, found: Detections) -> None:
         """Publish what somebody wants of the results."""
         if self.detections.wanted:

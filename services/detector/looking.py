@@ -114,7 +114,7 @@ class Looking:
         if camera is None or not camera.demand.wanted:
             self._accounts[key].dropped[UNWANTED] += 1
             return None
-        request = Request(key, waiting.frame, camera.detections.wanted)
+        request = Request(key, waiting.frame, camera.wants_masks)
         return Look(camera, max(0, now_ns - waiting.arrived_ns), request)
 
     async def _call(self, requests: Sequence[Request]) -> Sequence[Outcome]:
