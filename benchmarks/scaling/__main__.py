@@ -27,8 +27,8 @@ from typing import Any, Final
 
 from benchmarks.gateway.processes import note
 from benchmarks.machine import machine, versions
-from benchmarks.scaling.scenario import CAMERAS, FRAME_MS, HZ, LEASE_S, ROBOTS, WORKERS, Scenario, scenario
-from benchmarks.targets import at_least, at_most
+from benchmarks.scaling.scenario import CAMERAS, FRAME_MS, HZ, ROBOTS, WORKERS, Scenario, scenario
+from benchmarks.scaling.targets import targets
 
 NAMES: Final = [f"w{number}" for number in range(1, WORKERS + 1)]
 
@@ -82,24 +82,6 @@ def measure(fleet: Scenario, seconds: float) -> dict[str, Any]:
         "machine": machine(),
         "versions": versions(["eclipse-zenoh", "msgspec"]),
     }
-
-
-def targets(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return each target and whether it is met."""
-    return (
-        at_least(found, "efficiency_8", 0.95)
-        | at_most(found, "double_owned", 0)
-        | at_most(found, "unowned", 0)
-        | at_most(found, "max_share", 2.5)
-        | at_most(found, "failover_s", 0.5)
-        | at_most(found, "moved_others", 0)
-        | at_most(found, "hang_failover_s", LEASE_S + 1)
-        | at_most(found, "woken_double_s", 0.5)
-        | at_most(found, "join_gap_s", 0.3)
-        | at_most(found, "rolling_gap_s", 1)
-        | at_least(found, "useful_fraction", 0.9)
-        | at_most(found, "max_age_ms", 2 * FRAME_MS + 50)
-    )
 
 
 if __name__ == "__main__":

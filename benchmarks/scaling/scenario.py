@@ -8,7 +8,7 @@ from typing import Any, Final
 from benchmarks.gateway.flow import free_endpoint
 from benchmarks.gateway.processes import START_S, PeerError, Process, module, note, running
 from benchmarks.scaling.observer import Observer, observing
-from benchmarks.scaling.results import Log
+from benchmarks.scaling.results import Change, Log
 from bus import BusSettings
 
 ROBOTS: Final = 8
@@ -26,6 +26,9 @@ BEFORE_S: Final = 5.0
 
 EVENT_S: Final = 5.0
 """What counts as after it."""
+
+ROLL_S: Final = 1.5
+"""The pause after each step of a rolling restart."""
 
 
 class Scenario:
@@ -137,24 +140,30 @@ class Scenario:
 
     def roll(self) -> dict[str, Any]:
         """Restart all workers, one after the other."""
-        gaps, intervals, ends = [], [], []
+        changes: list[Change] = []
+        ends = []
         began_s = time.time()
         for name in list(self._workers):
             note(f"restarting {name}")
-            for act in (lambda name=name: ends.append(self._workers[name].end()), lambda name=name: self.start(name)):
-                acted_s = time.time()
-                before = self._log(acted_s - BEFORE_S)
-                act()
-                time.sleep(1.5)
-                changes = self._log(acted_s).changes(before)
-                gaps += [change.gap_s for change in changes]
-                intervals += [change.interval_s for change in changes]
+            with self._noting(changes):
+                ends.append(self._workers[name].end())
+            with self._noting(changes):
+                self.start(name)
         return {
-            "rolling_gap_s": round(max(gaps), 3),
-            "rolling_interval_s": round(max(intervals), 3),
+            "rolling_gap_s": round(max(change.gap_s for change in changes), 3),
+            "rolling_interval_s": round(max(change.interval_s for change in changes), 3),
             "rolling_longest_interval_s": round(self._log(began_s).longest_interval_s(), 3),
             "exit_s": round(max(ends), 3),
         }
+
+    @contextmanager
+    def _noting(self, changes: list[Change]) -> Iterator[None]:
+        """Note which cameras go to other workers on account of what is done meanwhile."""
+        began_s = time.time()
+        before = self._log(began_s - BEFORE_S)
+        yield
+        time.sleep(ROLL_S)
+        changes += self._log(began_s).changes(before)
 
 
 @contextmanager

@@ -57,8 +57,8 @@ def test_who_leaves_moves_only_what_it_had(crew: set[WorkerAlive], data: st.Data
 @given(crews)
 def test_who_is_for_a_robot_wins_it_and_gets_no_other(crew: set[WorkerAlive]) -> None:
     for camera, found in owners(crew).items():
-        bound = {worker.worker for worker in crew if worker.robot == camera.robot}
-        free = {worker.worker for worker in crew if worker.robot is None}
+        bound: set[str | None] = {worker.worker for worker in crew if worker.robot == camera.robot}
+        free: set[str | None] = {worker.worker for worker in crew if worker.robot is None}
         assert found in (bound or free or {None})
 
 
