@@ -17,7 +17,7 @@ BLANK: Final[NDArray[np.uint8]] = np.zeros((480, 640, 3), np.uint8)
 
 
 class UltralyticsModel:
-    """An Ultralytics model behind the `Model` protocol.
+    """An Ultralytics model behind the `ImageModel` protocol.
 
     segments: whether it finds masks. classes: what it can find, by name.
     """
@@ -37,7 +37,7 @@ class UltralyticsModel:
         self.classes: tuple[str, ...] = tuple(yolo.names.values())
 
     def infer(self, image: NDArray[np.uint8], *, masks: bool) -> list[Detection]:
-        """See `Model.infer`."""
+        """See `ImageModel.infer`."""
         result = self._yolo.predict(source=image, **self._options)[0].cpu().numpy()
         boxes = result.boxes
         outlines = to_coco(result.masks.data.astype(np.uint8)) if masks and result.masks is not None else None

@@ -15,11 +15,14 @@ from schemas.errors import SchemaError
 from schemas.keys import (
     CameraKey,
     RobotStreamKey,
+    parse_budget,
     parse_robot,
+    parse_serves,
     parse_service,
     parse_stream,
     parse_wanted,
     parse_worker,
+    parse_worker_alive,
     sensor_key,
 )
 from tests.fuzz.target import Target
@@ -35,7 +38,9 @@ KEYS = [
     b"fleet/r1/service/arm/stop",
     b"fleet/r1/alive",
     b"fleet/r1/ros/a/b",
-    b"workers/detector/w1/1/any/alive",
+    b"workers/detector/w1/1.5/-/alive",
+    b"workers/detector/w1/serves/r1/front",
+    b"fleet/r1/front/budget",
     b"front/depth_info",
     b"tf_static",
 ]
@@ -57,6 +62,9 @@ TARGETS = [
     target("stream's key", KEYS, parse_stream, SchemaError),
     target("robot's key", KEYS, parse_robot, SchemaError),
     target("worker's key", KEYS, parse_worker, SchemaError),
+    target("worker's presence", KEYS, parse_worker_alive, SchemaError),
+    target("key of a camera taken over", KEYS, parse_serves, SchemaError),
+    target("key of budgets", KEYS, parse_budget, SchemaError),
     target("sensor's key", KEYS, partial(sensor_key, "r1"), SchemaError),
     target("consumer's key", KEYS, parse_wanted, SchemaError),
     target("service's key", KEYS, parse_service, SchemaError),

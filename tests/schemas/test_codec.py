@@ -4,6 +4,7 @@ import pytest
 from backports import zstd
 
 from schemas import codec
+from schemas.budget import RateBudget
 from schemas.camera_info import CameraInfo, Region
 from schemas.clock import ClockReading
 from schemas.codec import Message
@@ -108,8 +109,12 @@ MESSAGES: list[Message] = [
         worker="w",
         model="m",
         sent_ns=1,
-        cameras=[CameraLoad(robot="r1", camera="front", inferred=1, dropped={"replaced": 2})],
+        cameras=[
+            CameraLoad(robot="r1", camera="front", inferred=1, dropped={"replaced": 2}, serving=True, budget_hz=2.5)
+        ],
     ),
+    RateBudget(robot="r1", camera="front", consumer="w1", stream="color", hz=2.5, wait_s=0.4),
+    RateBudget(robot="r1", camera="front", consumer="w1", stream="color"),
 ]
 
 
