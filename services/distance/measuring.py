@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from schemas.distances import Measured, ObjectDistance, Place
+from schemas.space import MAX_COORDINATE_M
 from services.geometry.camera import CameraModel
 from services.geometry.errors import GeometryError
 from services.geometry.foreground import foreground
@@ -19,7 +20,7 @@ from services.geometry.rotation import moved
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
-SAMPLE: Final = 512
+SAMPLE: Final = 256
 """Readings of an object that its statistics are made of, spread evenly over it."""
 
 RING: Final = 5
@@ -192,4 +193,11 @@ def _placed(
 def _in_frame(frame_id: str, middles: NDArray[Any], from_camera: NDArray[Any] | str) -> list[Place]:
     if isinstance(from_camera, str):
         return [Place(frame_id=frame_id, unknown=from_camera)] * len(middles)
-    return [Place(frame_id=frame_id, at=(x, y, z)) for x, y, z in moved(from_camera, middles).tolist()]
+    return [_place(frame_id, at) for at in moved(from_camera, middles).tolist()]
+
+
+def _place(frame_id: str, at: Sequence[float]) -> Place:
+    if max(map(abs, at)) > MAX_COORDINATE_M:
+        return Place(frame_id=frame_id, unknown=f"more than {MAX_COORDINATE_M:g} m away by the transforms")
+    x, y, z = at
+    return Place(frame_id=frame_id, at=(x, y, z))

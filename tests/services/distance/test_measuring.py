@@ -100,6 +100,14 @@ def test_places_in_further_frames() -> None:
     assert (of_map.at, of_map.unknown) == (None, "nothing is known of frame 'map'")
 
 
+def test_a_transform_to_nowhere_makes_no_result_that_nobody_can_read() -> None:
+    vast = np.identity(4)
+    vast[0, 3] = 1e10
+    seen = view(wall(2.0), "none", Frame("map", vast))
+    measured = known(measure(found(mask(ROWS, COLUMNS)), seen, Criteria())[0])
+    assert measured.places[1].unknown == "more than 1e+09 m away by the transforms"
+
+
 def test_without_a_calibration_there_is_a_distance_and_no_place() -> None:
     seen = View(wall(2.0), FRAME, "no camera info arrived", (Frame("map", np.identity(4)),))
     measured = known(measure(found(mask(ROWS, COLUMNS)), seen, Criteria())[0])
