@@ -110,7 +110,7 @@ class Offers:
     def _offer(self, key: SensorKey, topic: str) -> None:
         if key not in self._streams:
             self._streams[key] = StreamForward(
-                key, topic, kind_of(key), self._boot_id, self._shaping.thinning(key), self._shaping.useful(key)
+                key, topic, kind_of(key), self._boot_id, self._shaping.thinning(key), useful=self._shaping.useful(key)
             )
         stream = self._streams[key]
         stream.topic = topic
