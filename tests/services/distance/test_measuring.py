@@ -180,3 +180,12 @@ def test_objects_of_the_rendered_warehouse(near: Near) -> None:
     measured = measure(found(*masks), View(depth.astype(np.float32), FRAME, lens), Criteria())
     axial = np.array([known(each).axial_m for each in measured])
     assert np.abs(axial / truth - 1).mean() < 0.005
+
+
+def test_an_object_that_fills_the_picture_has_nothing_around_it() -> None:
+    depth = wall(2.0)
+    depth[:, 32:] = 5.0
+    whole = found(mask(slice(0, 48), slice(0, 64)), mask(ROWS, COLUMNS))
+    first, _ = measure(whole, view(depth), Criteria())
+    assert known(first).axial_m in {2.0, 3.5, 5.0}
+    assert known(first).mean_m == pytest.approx(3.5)
