@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.geometry.foreground import foreground
+
+Depths = NDArray[np.float64]
+RNG = np.random.default_rng(3)
+
+
+def seen(*surfaces: tuple[float, int], noise: float = 0.005) -> Depths:
+    return np.sort(np.concatenate([RNG.normal(z, noise, count) for z, count in surfaces]))[np.newaxis]
+
+
+def kept(within: Depths, around: Depths) -> tuple[float, float]:
+    own = within[foreground(within, around)]
+    return float(own.min()), float(own.max())
+
+
+def test_one_surface_is_all_of_it_whatever_is_around() -> None:
+    within = seen((2.0, 512))
+    for around in (seen((2.0, 512)), seen((4.0, 512)), np.full((1, 512), np.nan)):
+        assert foreground(within, around).all()
+
+
+def test_background_through_gaps_is_left_out_even_where_there_is_more_of_it() -> None:
+    assert kept(seen((2.0, 200), (4.0, 312)), seen((4.0, 500), (2.0, 12))) == pytest.approx((2, 2), abs=0.05)
+
+
+def test_what_hides_a_part_of_the_object_is_left_out() -> None:
+    assert kept(seen((1.0, 150), (3.0, 362)), seen((1.0, 400), (6.0, 112))) == pytest.approx((3, 3), abs=0.05)
+
+
+def test_an_object_of_two_parts_is_kept_whole() -> None:
+    assert kept(seen((2.0, 200), (3.0, 312)), seen((6.0, 512))) == pytest.approx((2, 3), abs=0.05)
+
+
+def test_flying_pixels_between_two_surfaces_are_neither() -> None:
+    flying = np.sort(np.concatenate([seen((2.0, 400), (5.0, 92))[0], RNG.uniform(2.1, 4.9, 20)]))[np.newaxis]
+    assert kept(flying, seen((5.0, 512))) == pytest.approx((2, 2), abs=0.1)
+
+
+def test_surfaces_that_all_go_on_outside_are_all_kept() -> None:
+    assert foreground(seen((2.0, 256), (4.0, 256)), seen((2.0, 260), (4.0, 252))).all()
+
+
+def test_readings_that_form_no_surface_are_all_kept() -> None:
+    assert foreground(np.geomspace(1, 10_000, 512)[np.newaxis], seen((2.0, 512))).all()
+
+
+def test_objects_are_judged_each_by_itself() -> None:
+    within = np.concatenate([seen((2.0, 512)), seen((2.0, 256), (4.0, 256))])
+    around = np.concatenate([seen((2.0, 512)), seen((4.0, 512))])
+    assert foreground(within, around).sum(axis=1).tolist() == [512, 256]
