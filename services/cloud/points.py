@@ -1,0 +1,139 @@
+"""A PointCloud's bytes as coordinates and colours, whatever its layout: only what is asked for is copied."""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.compression import ZSTD
+from schemas.points import PointCloud, PointField
+from services.cloud.errors import CloudError
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+Floats = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.intp]
+
+MAX_POINTS: Final = 4_000_000
+"""Points of a cloud that are looked at; a message may hold more, of a byte each."""
+
+AXES: Final = ("x", "y", "z")
+CHANNELS: Final = ("r", "g", "b")
+PACKED: Final = ("rgb", "rgba")
+_TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_UINT8: Final = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """A view of a cloud's points: `records` is (height, width), each the bytes of one point.
+
+    axes: what is where in a record. channels: offsets of red, green and blue in it, none where there is no colour.
+    """
+
+    records: NDArray[np.void]
+    axes: np.dtype[np.void]
+    channels: tuple[int, ...]
+
+    @classmethod
+    def of(cls, cloud: PointCloud) -> Self:
+        """Read the layout of a cloud; its data is copied only to decompress it.
+
+        Raises:
+            CloudError: no x, y or z, too many points, or damaged data.
+        """
+        if cloud.height * cloud.width > MAX_POINTS:
+            raise CloudError(f"a cloud of {cloud.height * cloud.width} points, at most {MAX_POINTS} are looked at")
+        fields = {field.name: field for field in reversed(cloud.fields)}
+        if missing := [axis for axis in AXES if axis not in fields]:
+            raise CloudError(f"a cloud without {', '.join(missing)}")
+        order = ">" if cloud.is_bigendian else "<"
+        axes = np.dtype(
+            {
+                "names": AXES,
+                "formats": [order + _TYPES[fields[axis].datatype] for axis in AXES],
+                "offsets": [fields[axis].offset for axis in AXES],
+                "itemsize": cloud.point_step,
+            }
+        )
+        return cls(_records(cloud), axes, _channels(fields, is_bigendian=cloud.is_bigendian))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width; an unordered cloud has one row."""
+        height, width = self.records.shape
+        return height, width
+
+    @property
+    def is_organised(self) -> bool:
+        """Whether the points lie in rows and columns as a picture's pixels do."""
+        return min(self.shape) > 1
+
+    def take(self, at: Indices) -> "Points":
+        """Return one row of the points with these numbers, counted row by row. Copies them."""
+        if self.records.strides[0] == self.records.shape[1] * self.records.itemsize:
+            taken = self.records.reshape(-1).take(at)
+        else:
+            taken = self.records[np.divmod(at, self.shape[1])]
+        return Points(taken[None], self.axes, self.channels)
+
+    def xyz(self) -> Floats:
+        """Return the coordinates of all points, (3, height * width): metres, NaN and infinities included."""
+        coordinates = self.records.view(self.axes)
+        xyz = np.empty((3, *self.records.shape), np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for number, axis in enumerate(AXES):
+                xyz[number] = coordinates[axis]
+        return xyz.reshape(3, -1)
+
+    def rgb(self) -> Bytes | None:
+        """Return the colours of all points, (height * width, 3), or None where there are none."""
+        if not self.channels:
+            return None
+        octets = self.records.view([("octets", np.uint8, (self.records.itemsize,))])["octets"]
+        return np.stack([octets[..., at] for at in self.channels], axis=-1).reshape(-1, 3)
+
+
+def usable(xyz: Floats) -> NDArray[np.bool_]:
+    """Return which points are measured: finite, and not the origin that some drivers send for no reading."""
+    x, y, z = xyz
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = x * x + y * y + z * z  # infinite or NaN if any of them is
+    return np.isfinite(apart) & (apart > 0)
+
+
+def _records(cloud: PointCloud) -> NDArray[np.void]:
+    data: Any = _decompressed(cloud) if cloud.format == ZSTD else cloud.data
+    shape = (cloud.height, cloud.width)
+    if not cloud.height * cloud.width:
+        return np.zeros(shape, f"V{cloud.point_step}")
+    return np.ndarray(shape, f"V{cloud.point_step}", data, strides=(cloud.row_step, cloud.point_step))
+
+
+def _decompressed(cloud: PointCloud) -> bytes:
+    size = cloud.row_step * cloud.height
+    decoder = zstd.ZstdDecompressor()
+    try:
+        data = decoder.decompress(cloud.data, size + 1)
+    except zstd.ZstdError as error:
+        raise CloudError(f"zstd data that cannot be decoded: {error}") from error
+    if len(data) != size or not decoder.eof or decoder.unused_data:
+        raise CloudError("zstd data that cannot be decoded")
+    return data
+
+
+def _channels(fields: Mapping[str, PointField], *, is_bigendian: bool) -> tuple[int, ...]:
+    """Return where red, green and blue are: packed into four bytes as PCL does, 0xAARRGGBB, or a field each."""
+    packed = next((fields[name] for name in PACKED if name in fields), None)
+    if packed is not None and np.dtype(_TYPES[packed.datatype]).itemsize == 4:
+        return tuple(packed.offset + at for at in ((1, 2, 3) if is_bigendian else (2, 1, 0)))
+    if all(name in fields and fields[name].datatype == _UINT8 for name in CHANNELS):
+        return tuple(fields[name].offset for name in CHANNELS)
+    return ()
