@@ -1,5 +1,7 @@
-"""The one error of this package's pure parts."""
+"""The error of this package's pure parts."""
+
+from services.geometry.errors import GeometryError
 
 
-class CloudError(Exception):
-    """Points that cannot be used; the message is one line and says why."""
+class CloudError(GeometryError):
+    """Points that cannot be used, or an object that has none; its text says why and fits a result's `unmeasured`."""

@@ -46,24 +46,29 @@ def foreground(depth: Floats, across: Floats) -> Selection:
     steps = (np.log(depth / np.float32(nearest)) * np.float32(1 / np.log1p(STEP))).astype(np.int32)
     counts = np.bincount(steps)
     starts, ends = _runs(counts > NOISE * len(depth))
-    before = np.concatenate(([0], np.cumsum(counts)))
-    weights = before[ends] - before[starts]
+    until = np.cumsum(counts)
+    weights = until[ends - 1] - until[starts] + counts[starts]
     first = int(np.argmax(weights >= SUBSTANTIAL * weights.max()))
     last = first
     chosen = (steps >= starts[first]) & (steps < ends[first])
     width = float(np.ptp(across.compress(chosen, axis=1), axis=1).max())
-    edges = nearest * (1 + STEP) ** np.stack([starts, ends])
-    while last + 1 < len(starts) and edges[0, last + 1] - edges[1, last] <= HOLLOW * width:
+    while last + 1 < len(starts) and _metres(nearest, starts[last + 1]) - _metres(nearest, ends[last]) <= HOLLOW * width:
         last += 1
-    return (steps >= starts[first]) & (steps < ends[last])
+    return chosen if last == first else (steps >= starts[first]) & (steps < ends[last])
+
+
+def _metres(nearest: float, step: int) -> float:
+    return float(nearest * (1 + STEP) ** int(step))
 
 
 def _runs(filled: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return where surfaces begin and end; shorter gaps than GAP_BINS are none."""
-    changes = np.flatnonzero(np.diff(filled.astype(np.int8), prepend=0, append=0))
+    bordered = np.zeros(len(filled) + 2, np.bool_)
+    bordered[1:-1] = filled
+    changes = np.flatnonzero(bordered[1:] != bordered[:-1])
     starts, ends = changes[::2], changes[1::2]
-    apart = starts[1:] - ends[:-1] >= GAP_BINS
-    return starts[np.concatenate(([True], apart))], ends[np.concatenate((apart, [True]))]
+    apart = np.flatnonzero(starts[1:] - ends[:-1] >= GAP_BINS)
+    return np.append(starts[:1], starts[apart + 1]), np.append(ends[apart], ends[-1:])
 
 
 def crowded(xyz: Floats) -> Selection:

@@ -1,6 +1,5 @@
 """A PointCloud's bytes as coordinates and colours, whatever its layout: only what is asked for is copied."""
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Self
@@ -11,11 +10,7 @@ from numpy.typing import NDArray
 from schemas.compression import ZSTD
 from schemas.points import PointCloud, PointField
 from services.cloud.errors import CloudError
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
+from services.geometry.payload import decompressed
 
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
@@ -47,7 +42,7 @@ class Points:
         """Read the layout of a cloud; its data is copied only to decompress it.
 
         Raises:
-            CloudError: no x, y or z, too many points, or damaged data.
+            GeometryError: no x, y or z, too many points, or damaged data.
         """
         if cloud.height * cloud.width > MAX_POINTS:
             raise CloudError(f"a cloud of {cloud.height * cloud.width} points, at most {MAX_POINTS} are looked at")
@@ -110,23 +105,11 @@ def usable(xyz: Floats) -> NDArray[np.bool_]:
 
 
 def _records(cloud: PointCloud) -> NDArray[np.void]:
-    data: Any = _decompressed(cloud) if cloud.format == ZSTD else cloud.data
+    data: Any = decompressed(cloud.data, cloud.row_step * cloud.height) if cloud.format == ZSTD else cloud.data
     shape = (cloud.height, cloud.width)
     if not cloud.height * cloud.width:
         return np.zeros(shape, f"V{cloud.point_step}")
     return np.ndarray(shape, f"V{cloud.point_step}", data, strides=(cloud.row_step, cloud.point_step))
-
-
-def _decompressed(cloud: PointCloud) -> bytes:
-    size = cloud.row_step * cloud.height
-    decoder = zstd.ZstdDecompressor()
-    try:
-        data = decoder.decompress(cloud.data, size + 1)
-    except zstd.ZstdError as error:
-        raise CloudError(f"zstd data that cannot be decoded: {error}") from error
-    if len(data) != size or not decoder.eof or decoder.unused_data:
-        raise CloudError("zstd data that cannot be decoded")
-    return data
 
 
 def _channels(fields: Mapping[str, PointField], *, is_bigendian: bool) -> tuple[int, ...]:

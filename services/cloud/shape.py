@@ -1,7 +1,8 @@
 """Where an object is, and the smallest upright box around it. Pure."""
 
+import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,56 +21,73 @@ ALIKE: Final = 1.1
 """Rectangles of up to so many times the smallest area count as small."""
 
 MIN_AREA_M2: Final = 1e-9
-SAMPLES: Final = 256
+UPRIGHT: Final = 0.9
+
+SAMPLES: Final = 2048
+"""So many points, or up to twice as many, say how large an object is."""
+
+TURNED: Final = 256
+"""So many of them, or up to twice as many, say how it is turned."""
+
 TRIM: Final = 0.005
 """Share of the points that may lie beyond a side of the box: its size is not that of the noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """What is upright in a frame of reference: unit vectors. x: the frame's own, made level; y: left of it."""
+
+    x: Reals
+    y: Reals
+    up: Reals
+
+    @classmethod
+    def of(cls, up: Reals) -> Self:
+        """Return the level axes; where the frame's x axis is upright itself its z axis is taken instead."""
+        first = np.eye(3)[0 if abs(up[0]) < UPRIGHT else 2]
+        x = first - up * (up @ first)
+        x /= np.linalg.norm(x)
+        return cls(x, np.cross(up, x), up)
+
+    def yaw(self, along: Reals) -> float:
+        """Return the angle from x to a level line, counter-clockwise seen from above, above -pi / 2 to pi / 2.
+
+        A line has two ways to go, and this is the smaller angle.
+        """
+        angle = math.atan2(along @ self.y, along @ self.x)
+        return angle - math.pi * round(angle / math.pi)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """An upright box. size: length, width, height. along: unit vector of its length, level; up: of its height."""
+    """An upright box. size: length, width, height. along: unit vector of its length, level."""
 
     centre: Reals
     size: Reals
     along: Reals
-    up: Reals
 
 
-def level_axes(up: Reals) -> tuple[Reals, Reals]:
-    """Return the frame's x axis (or, where that is upright, its z axis) made level, and the level axis left of it."""
-    first = np.eye(3)[0 if abs(up[0]) < 0.9 else 2]
-    x = first - up * (up @ first)
-    x /= np.linalg.norm(x)
-    return x, np.cross(up, x)
-
-
-def yaw_of(along: Reals, up: Reals) -> float:
-    """Return the angle about `up` from the frame's x axis, made level, to a level direction: -pi to pi."""
-    x, y = level_axes(up)
-    return float(np.arctan2(along @ y, along @ x))
-
-
-def fit_box(xyz: Floats, up: Reals) -> Box:
+def fit_box(xyz: Floats, level: Level) -> Box:
     """Return the smallest upright box around (3, n) points; see `_best`."""
-    x, y = level_axes(up)
-    axes = np.stack([x, y, up], axis=1)
-    flat = axes.T.astype(np.float32) @ xyz
-    angle = _angle(np.ascontiguousarray(flat[:2, :: max(1, flat.shape[1] // SAMPLES)]))
-    cos, sin = np.cos(angle), np.sin(angle)
-    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
-    low, high = _extent(turn.T.astype(np.float32) @ flat)
-    size, along, across = high - low, axes @ turn[:, 0], axes @ turn[:, 1]
-    centre = axes @ turn @ ((low + high) / 2)
+    axes = np.array([level.x, level.y, level.up])
+    some = xyz[:, :: max(1, xyz.shape[1] // SAMPLES)]
+    flat = axes.astype(np.float32) @ some
+    angle = _angle(np.ascontiguousarray(flat[:2, :: max(1, flat.shape[1] // TURNED)]))
+    cos, sin = math.cos(angle), math.sin(angle)
+    turned = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    low, high = _extent(turned.astype(np.float32) @ flat)
+    sides, size = turned @ axes, high - low
+    centre = ((low + high) / 2) @ sides
     if size[0] < size[1]:
-        size, along = size[[1, 0, 2]], across
-    return Box(centre, size, along, up)
+        return Box(centre, size[[1, 0, 2]], sides[1])
+    return Box(centre, size, sides[0])
 
 
 def _extent(points: Floats) -> tuple[Reals, Reals]:
     """Return the lowest and highest value of each row, less what is beyond TRIM."""
     last = points.shape[1] - 1
     beyond = int(last * TRIM)
-    ordered = np.partition(points, (beyond, last - beyond), axis=1)
+    ordered = np.sort(points, axis=1)
     return ordered[:, beyond].astype(np.float64), ordered[:, last - beyond].astype(np.float64)
 
 
@@ -85,11 +103,10 @@ def _best(points: Floats, angles: Reals) -> float:
     Several rectangles around the two sides of a box that are seen, an L, are as small as each other.
     """
     cos, sin = np.cos(angles).astype(np.float32), np.sin(angles).astype(np.float32)
-    reach = np.stack([cos, sin, -sin, cos]).reshape(2, 2, -1).transpose(0, 2, 1) @ points
+    reach = np.array([[cos, sin], [-sin, cos]]).transpose(0, 2, 1) @ points
     low, high = reach.min(axis=2), reach.max(axis=2)
     area = np.prod(high - low, axis=0)
     small = np.flatnonzero(area <= ALIKE * area.min() + MIN_AREA_M2)
-    if len(small) == 1:
-        return float(angles[small[0]])
-    off = [np.minimum(reach[:, at] - low[:, at, None], high[:, at, None] - reach[:, at]).min(axis=0) for at in small]
-    return float(angles[small[np.argmin([each.mean() for each in off])]])
+    inside = reach[:, small]
+    off = np.minimum(inside - low[:, small, None], high[:, small, None] - inside).min(axis=0)
+    return float(angles[small[off.sum(axis=1).argmin()]])
