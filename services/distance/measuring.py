@@ -1,0 +1,1 @@
+"""What depth says of the objects of one image. Pure."""

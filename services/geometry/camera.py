@@ -1,0 +1,128 @@
+"""A camera's pixels and the directions in which they look."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.camera_info import CameraInfo
+from services.geometry.distortion import Distortion, distortion_of
+from services.geometry.errors import CalibrationError
+
+Floats = NDArray[np.float32]
+Numbers = NDArray[Any]
+Points = Numbers | Sequence[Any]
+"""An array, or what becomes one."""
+
+MAX_PIXELS: Final = 2**24
+"""Of a picture whose every pixel gets a direction."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraModel:
+    """A camera as its CameraInfo describes it. Immutable; what is costly is made once.
+
+    height, width: pixels of the pictures it sends. fx, fy, cx, cy, skew: of those pixels, (0, 0) being the centre of
+    the upper left one. Points are in the optical frame (x right, y down, z forward), in metres.
+    """
+
+    height: int
+    width: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    skew: float
+    lens: Distortion
+
+    @classmethod
+    def of(cls, info: CameraInfo) -> Self:
+        """Return the camera whose pictures a CameraInfo is for: cut to its region, binned.
+
+        Raises:
+            CalibrationError: it is not calibrated, or in a way that is unknown.
+        """
+        k = np.asarray(info.k, np.float64).reshape(3, 3)
+        if not (np.isfinite(k).all() and k[0, 0] > 0 and k[1, 1] > 0 and (k[2] == (0, 0, 1)).all()):
+            raise CalibrationError("the camera is not calibrated: its intrinsic matrix has no focal length")
+        across, down = max(info.binning_x, 1), max(info.binning_y, 1)
+        return cls(
+            height=(info.roi.height or info.height) // down,
+            width=(info.roi.width or info.width) // across,
+            fx=float(k[0, 0]) / across,
+            fy=float(k[1, 1]) / down,
+            cx=(float(k[0, 2]) - info.roi.x_offset) / across,
+            cy=(float(k[1, 2]) - info.roi.y_offset) / down,
+            skew=float(k[0, 1]) / across,
+            lens=distortion_of(info.distortion_model, info.d),
+        )
+
+    def check_size(self, height: int, width: int) -> None:
+        """Raise CalibrationError unless pictures of this size are what the camera is calibrated for."""
+        if (height, width) != (self.height, self.width):
+            raise CalibrationError(f"calibrated for {self.width}x{self.height} pixels, the image has {width}x{height}")
+
+    def project(self, points: Points) -> Numbers:
+        """Return the pixels (n, 2; column, row) of points (n, 3); NaN for what is not before the camera.
+
+        A pixel may lie outside the picture.
+        """
+        x, y, z = np.asarray(points, np.float64).reshape(-1, 3).T
+        return np.stack(self.pixels_of(x, y, z), axis=1)
+
+    def pixels_of(self, x: Numbers, y: Numbers, z: Numbers) -> tuple[Numbers, Numbers]:
+        """Return the columns and rows of points, arrays of any one shape and float type; see `project`."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            near = np.where(z > 0, z, np.nan)
+            x, y = self.lens.distort(x / near, y / near)
+        columns = self.fx * x + self.cx
+        return columns + self.skew * y if self.skew else columns, self.fy * y + self.cy
+
+    def undistort(self, pixels: Points) -> Numbers:
+        """Return the directions (n, 2; x / z, y / z) in which pixels (n, 2) look; NaN where no light can come from."""
+        columns, rows = np.asarray(pixels, np.float64).reshape(-1, 2).T
+        y = (rows - self.cy) / self.fy
+        return np.stack(self.lens.undistort((columns - self.cx - self.skew * y) / self.fx, y), axis=1)
+
+    def unproject(self, pixels: Points, depth: Points) -> Numbers:
+        """Return the points (n, 3) that pixels (n, 2) show at metres along the optical axis (n)."""
+        directions = self.undistort(pixels)
+        return np.column_stack([directions, np.ones(len(directions))]) * np.asarray(depth, np.float64)[:, np.newaxis]
+
+    def rays(self, height: int, width: int) -> Floats:
+        """Return the direction of every pixel, x / z and y / z, 2 x height x width; see `undistort`. Read only.
+
+        Raises:
+            CalibrationError: pictures of that size are not this camera's, or too large.
+        """
+        self.check_size(height, width)
+        if height * width > MAX_PIXELS:
+            raise CalibrationError(f"{width}x{height} pixels, at most {MAX_PIXELS} are placed")
+        return self._rays
+
+    def lengths(self, height: int, width: int) -> Floats:
+        """Return how far the points at 1 m along the axis are from the optical centre, height x width. Read only.
+
+        Raises:
+            CalibrationError: pictures of that size are not this camera's, or too large.
+        """
+        self.rays(height, width)
+        return self._lengths
+
+    @cached_property
+    def _rays(self) -> Floats:
+        rows, columns = np.indices((self.height, self.width))
+        directions = self.undistort(np.column_stack([columns.ravel(), rows.ravel()])).T
+        return _frozen(directions.reshape(2, self.height, self.width).astype(np.float32))
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        return _frozen(np.sqrt(1 + np.square(self._rays).sum(axis=0)))
+
+
+def _frozen(made: Floats) -> Floats:
+    made.flags.writeable = False
+    return made

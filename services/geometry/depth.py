@@ -1,0 +1,68 @@
+"""Depth images in metres, whatever they were sent as."""
+
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.compression import PNG, ZSTD
+from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
+from services.geometry.errors import DepthError
+from services.geometry.payload import decompressed
+
+Floats = NDArray[np.float32]
+
+_MILLIMETRES: Final = np.float32(1000)
+"""Of a metre; divided by, so that what is exact in millimetres is rounded once."""
+
+
+def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Floats:
+    """Return metres along the optical axis, height x width; NaN where there is no reading or one beyond the limits.
+
+    Unit and missing readings are what the encoding says: 16UC1 is millimetres with 0 for none, 32FC1 metres. 0 and what
+    is negative or infinite is never a reading.
+
+    Raises:
+        DepthError: it is no depth image.
+        GeometryError: its data is damaged.
+    """
+    if frame.encoding not in DEPTH_ENCODINGS:
+        raise DepthError(f"an image in {frame.encoding[:32]}, which is no depth")
+    values = _decoded(frame) if frame.format not in {RAW, ZSTD} else _values(frame)
+    metres = _metres(values, frame)
+    near, far = np.float32(nearest_m), np.float32(farthest_m)
+    metres[~((metres > 0) & (metres >= near) & (metres <= far) & (metres < np.inf))] = np.nan
+    return metres
+
+
+def _metres(values: NDArray[Any], frame: ImageFrame) -> Floats:
+    if frame.inverse_depth is not None:
+        scale, offset = frame.inverse_depth
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            metres = (scale / (values.astype(np.float64) - offset)).astype(np.float32)
+        metres[values == 0] = np.nan
+        return metres
+    if frame.encoding == "16UC1":
+        return np.asarray(np.divide(values, _MILLIMETRES, dtype=np.float32))
+    return values.astype(np.float32)
+
+
+def _values(frame: ImageFrame) -> NDArray[Any]:
+    data = frame.data if frame.format == RAW else decompressed(frame.data, frame.step * frame.height)
+    size = BYTES_PER_PIXEL[frame.encoding]
+    rows = np.frombuffer(data, np.uint8).reshape(frame.height, frame.step)[:, : frame.width * size]
+    kind = "f4" if frame.encoding == "32FC1" else "u2"
+    return rows.view(f"{'>' if frame.is_bigendian else '<'}{kind}")
+
+
+def _decoded(frame: ImageFrame) -> NDArray[Any]:
+    if frame.format != PNG:
+        raise DepthError(f"depth as {frame.format[:32]}, which loses it")
+    try:
+        pixels = cv2.imdecode(np.frombuffer(frame.data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise DepthError("a png that cannot be decoded") from error
+    if pixels is None or pixels.shape != (frame.height, frame.width) or pixels.dtype != np.uint16:
+        raise DepthError("a png that cannot be decoded")
+    return np.asarray(pixels)

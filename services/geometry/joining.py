@@ -1,0 +1,134 @@
+"""What belongs to the same instant, found by stamps: one stream is kept until the other one's messages arrive."""
+
+from bisect import bisect_left
+from collections import Counter, deque
+from dataclasses import dataclass
+from typing import Final, Generic, TypeVar
+
+T = TypeVar("T")
+
+KEEP_NS: Final = 2_000_000_000
+KEEP_BYTES: Final = 128 * 1024 * 1024
+JUMP_NS: Final = 1_000_000_000
+"""Stamps that go back by more than this are of a clock that jumped: what was kept is of another round."""
+
+UNKNOWN_PERIOD_NS: Final = 33_333_333
+LONGEST_PERIOD_NS: Final = 200_000_000
+_PERIODS: Final = 15
+
+UNUSED: Final = "nothing of its instant was asked for"
+FLUSHED: Final = "kept when the clock jumped back"
+DOUBLE: Final = "a stamp that is there already"
+
+
+@dataclass(frozen=True, slots=True)
+class Partner(Generic[T]):
+    """What was found. apart_ns: its stamp less the one asked for."""
+
+    item: T
+    stamp_ns: int
+    apart_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class NoPartner:
+    """Why nothing was found. final: nor will it be; otherwise it may still arrive."""
+
+    reason: str
+    final: bool
+
+
+@dataclass(slots=True)
+class _Kept(Generic[T]):
+    stamp_ns: int
+    item: T
+    size: int
+    used: bool = False
+
+
+class Joiner(Generic[T]):
+    """Keeps a stream's newest items by stamp, bounded by time and bytes, and finds the one of an instant.
+
+    what: names an item in reasons, like "depth image". tolerance_ns: how far apart the stamps of one instant may be;
+    None is half of the kept stream's own period, which is measured. dropped: items that left without having been found,
+    by reason. jumps: how often the stamps went back.
+    """
+
+    def __init__(
+        self, what: str, *, tolerance_ns: int | None = None, keep_ns: int = KEEP_NS, keep_bytes: int = KEEP_BYTES
+    ) -> None:
+        self._what = what
+        self._given_ns = tolerance_ns
+        self._keep_ns = keep_ns
+        self._keep_bytes = keep_bytes
+        self._kept: list[_Kept[T]] = []
+        self._bytes = 0
+        self._periods: deque[int] = deque(maxlen=_PERIODS)
+        self.dropped: Counter[str] = Counter()
+        self.jumps = 0
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def tolerance_ns(self) -> int:
+        """How far apart the stamps of one instant may be now."""
+        if self._given_ns is not None:
+            return self._given_ns
+        period = sorted(self._periods)[len(self._periods) // 2] if self._periods else UNKNOWN_PERIOD_NS
+        return min(period, LONGEST_PERIOD_NS) // 2
+
+    def keep(self, stamp_ns: int, item: T, size: int) -> None:
+        """Keep an item of `size` bytes; the oldest leave when there are too many."""
+        newest = self._kept[-1].stamp_ns if self._kept else stamp_ns
+        if stamp_ns < newest - JUMP_NS:
+            self.jumps += 1
+            self._leave(len(self._kept), FLUSHED)
+            self._periods.clear()
+        elif stamp_ns > newest:
+            self._periods.append(stamp_ns - newest)
+        place = bisect_left(self._kept, stamp_ns, key=lambda kept: kept.stamp_ns)
+        if place < len(self._kept) and self._kept[place].stamp_ns == stamp_ns:
+            self.dropped[DOUBLE] += 1
+            self._bytes -= self._kept.pop(place).size
+        self._kept.insert(place, _Kept(stamp_ns, item, size))
+        self._bytes += size
+        self._trim()
+
+    def find(self, stamp_ns: int) -> Partner[T] | NoPartner:
+        """Return the item nearest to a stamp, or why there is none; the item stays."""
+        place = bisect_left(self._kept, stamp_ns, key=lambda kept: kept.stamp_ns)
+        around = self._kept[max(0, place - 1) : place + 1]
+        best = min(around, key=lambda kept: abs(kept.stamp_ns - stamp_ns), default=None)
+        if best is not None and abs(best.stamp_ns - stamp_ns) <= self.tolerance_ns:
+            best.used = True
+            return Partner(best.item, best.stamp_ns, best.stamp_ns - stamp_ns)
+        return self._missing(best, stamp_ns, may_come=place == len(self._kept))
+
+    def flush(self) -> None:
+        """Forget everything: the clock is another one."""
+        self._leave(len(self._kept), FLUSHED)
+        self._periods.clear()
+
+    def _missing(self, nearest: _Kept[T] | None, stamp_ns: int, *, may_come: bool) -> NoPartner:
+        if nearest is None:
+            return NoPartner(f"no {self._what} arrived", final=False)
+        apart_s = (nearest.stamp_ns - stamp_ns) / 1e9
+        side = "after" if apart_s > 0 else "before"
+        reason = f"no {self._what} of its instant: the nearest is {abs(apart_s):.3f} s {side} it"
+        return NoPartner(reason, final=not may_come)
+
+    def _trim(self) -> None:
+        oldest_ns = self._kept[-1].stamp_ns - self._keep_ns
+        old, left = 0, self._bytes
+        while old < len(self._kept) - 1 and (self._kept[old].stamp_ns < oldest_ns or left > self._keep_bytes):
+            left -= self._kept[old].size
+            old += 1
+        self._leave(old, UNUSED)
+
+    def _leave(self, count: int, reason: str) -> None:
+        for kept in self._kept[:count]:
+            self._bytes -= kept.size
+            if not kept.used:
+                self.dropped[reason] += 1
+        del self._kept[:count]

@@ -1,0 +1,88 @@
+"""Depth as another camera sees it: each reading a point in space, drawn into the other picture, nearest in front."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.geometry.camera import MAX_PIXELS, CameraModel
+from services.geometry.errors import CalibrationError
+
+Floats = NDArray[np.float32]
+Numbers = NDArray[np.float64]
+
+MAX_SPLAT: Final = 8
+"""Pixels of the other picture, across and down, that one reading covers at most."""
+
+_SAME_PIXELS: Final = 0.5
+_SAME_M: Final = 1e-4
+_WHOLE: Final = 0.01
+
+
+def is_registered(depth: CameraModel, color: CameraModel, color_from_depth: Numbers) -> bool:
+    """Return whether each pixel of depth is the same pixel of colour to within half a pixel, at any distance."""
+    if (depth.height, depth.width) != (color.height, color.width):
+        return False
+    if np.abs(color_from_depth - np.identity(4)).max() > _SAME_M:
+        return False
+    some = np.array([(x, y) for x in (0, depth.width // 2, depth.width - 1) for y in (0, depth.height - 1)])
+    again = color.project(depth.unproject(some, np.ones(len(some))))
+    return bool((np.abs(again - some) <= _SAME_PIXELS).all())
+
+
+class Registration:
+    """Turns depth images of one camera into those that another one, at another place, would see.
+
+    color_from_depth: 4 x 4, moves points of depth's optical frame into colour's.
+
+    Raises:
+        CalibrationError: a picture of either camera is too large.
+    """
+
+    def __init__(self, depth: CameraModel, color: CameraModel, color_from_depth: Numbers) -> None:
+        if color.height * color.width > MAX_PIXELS:
+            raise CalibrationError(f"{color.width}x{color.height} pixels, depth is registered to {MAX_PIXELS} at most")
+        self._depth = depth
+        self._color = color
+        x, y = depth.rays(depth.height, depth.width).astype(np.float64)
+        turned = np.tensordot(color_from_depth[:3, :3], np.stack([x, y, np.ones_like(x)]), axes=1)
+        self._directions = turned.astype(np.float32)
+        self._offset = [float(number) for number in color_from_depth[:3, 3]]
+        self._splat = _splat(color.fx / depth.fx), _splat(color.fy / depth.fy)
+
+    def apply(self, depth_m: Floats) -> Floats:
+        """Return depth along the colour camera's axis at each of its pixels, NaN where no reading falls on it.
+
+        depth_m: height x width, NaN for no reading.
+
+        Raises:
+            CalibrationError: the image is not of the depth camera's size.
+        """
+        self._depth.check_size(*depth_m.shape)
+        x, y, z = (
+            direction * depth_m + offset for direction, offset in zip(self._directions, self._offset, strict=True)
+        )
+        columns, rows = self._color.pixels_of(x, y, z)
+        made = np.full((self._color.height, self._color.width), np.inf, np.float32)
+        across, down = self._splat
+        columns, rows = columns - np.float32((across - 2) / 2), rows - np.float32((down - 2) / 2)
+        with np.errstate(invalid="ignore"):
+            inside = (columns >= 0) & (columns < made.shape[1]) & (rows >= 0) & (rows < made.shape[0])
+        columns, rows, z = columns[inside].astype(np.intp), rows[inside].astype(np.intp), z[inside]
+        for row in range(down):
+            for column in range(across):
+                _draw(made, columns + column, rows + row, z)
+        made[np.isinf(made)] = np.nan
+        return made
+
+
+def _splat(finer: float) -> int:
+    """Return how many pixels a reading covers in a picture that is so much finer: nearby surfaces have no holes."""
+    return max(1, min(math.ceil(finer - _WHOLE), MAX_SPLAT))
+
+
+def _draw(made: Floats, columns: NDArray[np.intp], rows: NDArray[np.intp], z: Floats) -> None:
+    """Put each depth at its pixel where nothing nearer is."""
+    inside = (columns < made.shape[1]) & (rows < made.shape[0])
+    np.minimum.at(made.reshape(-1), (rows * made.shape[1] + columns)[inside], z[inside])

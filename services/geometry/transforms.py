@@ -1,0 +1,197 @@
+"""Frames of reference over time: what /tf and /tf_static say, asked at a sensor's stamp."""
+
+import math
+from bisect import bisect_left
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.transforms import Transform, Transforms
+from services.geometry.errors import (
+    LoopError,
+    TooNewError,
+    TooOldError,
+    UnconnectedError,
+    UnknownFrameError,
+)
+from services.geometry.rotation import inverse_of, matrix_of, slerp
+
+Numbers = NDArray[np.float64]
+
+KEEP_NS: Final = 10_000_000_000
+JUMP_NS: Final = 1_000_000_000
+"""Stamps of one frame that go back by more than this are of a clock that jumped: what was kept of it is forgotten."""
+
+MAX_SAMPLES: Final = 5_000
+MAX_FRAMES: Final = 4_096
+_UNIT: Final = 0.01
+
+BAD_ROTATION: Final = "a rotation that is not of length 1"
+NOT_FINITE: Final = "not finite"
+OF_ITSELF: Final = "a frame seen from itself"
+NAMELESS: Final = "a frame without a name"
+TOO_MANY: Final = "too many frames"
+
+
+@dataclass(slots=True)
+class _Edge:
+    """A frame's transforms to its parent, ascending by stamp; `static` ones hold at any time."""
+
+    parent: str
+    static: bool
+    stamps: list[int] = field(default_factory=list)
+    poses: list[tuple[Numbers, Numbers]] = field(default_factory=list)
+
+
+class TransformTree:
+    """One robot's frames of reference. A frame has one parent, the one that was said last, as in ROS.
+
+    keep_ns: how far back transforms are kept. rejected: transforms that were not taken, by reason. jumps: how often a
+    frame's stamps went back by more than JUMP_NS, so that what was kept of it was forgotten.
+    """
+
+    def __init__(self, keep_ns: int = KEEP_NS) -> None:
+        self._keep_ns = keep_ns
+        self._edges: dict[str, _Edge] = {}
+        self.rejected: Counter[str] = Counter()
+        self.jumps = 0
+
+    def take(self, transforms: Transforms, *, static: bool) -> None:
+        """Take what came on `tf`, or `static`, on `tf_static`."""
+        for transform in transforms.transforms:
+            self.add(transform, static=static)
+
+    def add(self, transform: Transform, *, static: bool) -> None:
+        """Take one transform; one that means nothing is counted in `rejected`."""
+        parent, child = _name(transform.frame_id), _name(transform.child_frame_id)
+        reason = _fault(parent, child, transform)
+        if reason is None and child not in self._edges and len(self._edges) >= MAX_FRAMES:
+            reason = TOO_MANY
+        if reason is not None:
+            self.rejected[reason] += 1
+            return
+        translation = np.array(transform.translation, np.float64)
+        rotation = np.array(transform.rotation, np.float64)
+        self._insert(self._edge(parent, child, static=static), transform.stamp_ns, translation, rotation)
+
+    def flush(self) -> None:
+        """Forget everything that is not static: the clock is another one."""
+        self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
+
+    def lookup(self, target: str, source: str, stamp_ns: int) -> Numbers:
+        """Return the 4 x 4 transform that moves points of the source frame into the target frame at a stamp.
+
+        Between two stamps it is interpolated, beyond them it is not known.
+
+        Raises:
+            TransformError: why it is not known; the subclasses tell apart what may become known.
+        """
+        target, source = _name(target), _name(source)
+        for name in (target, source):
+            self._check_known(name)
+        ups, downs = self._ancestry(source), self._ancestry(target)
+        met = next((name for name in ups if name in downs), None)
+        if met is None:
+            raise UnconnectedError(f"no transform leads from {source[:80]} to {target[:80]}")
+        here = self._climb(ups[: ups.index(met)], stamp_ns)
+        there = self._climb(downs[: downs.index(met)], stamp_ns)
+        return inverse_of(there) @ here
+
+    def _check_known(self, name: str) -> None:
+        if name not in self._edges and all(edge.parent != name for edge in self._edges.values()):
+            raise UnknownFrameError(f"nothing is known of frame {name[:80]!r}")
+
+    def _ancestry(self, name: str) -> list[str]:
+        """Return a frame, its parent, its parent's parent and so on.
+
+        Raises:
+            LoopError: it is among its own ancestors, or one of them is.
+        """
+        found = {name: None}
+        while (edge := self._edges.get(name)) is not None:
+            name = edge.parent
+            if name in found:
+                raise LoopError(f"frame {name[:80]!r} is its own ancestor")
+            found[name] = None
+        return list(found)
+
+    def _climb(self, names: list[str], stamp_ns: int) -> Numbers:
+        """Return the transform from the first of the frames to the parent of the last."""
+        made = np.identity(4)
+        for name in names:
+            made = _at(name, self._edges[name], stamp_ns) @ made
+        return made
+
+    def _edge(self, parent: str, child: str, *, static: bool) -> _Edge:
+        edge = self._edges.get(child)
+        if edge is None or edge.parent != parent or edge.static != static:
+            edge = self._edges[child] = _Edge(parent, static)
+        return edge
+
+    def _insert(self, edge: _Edge, stamp_ns: int, translation: Numbers, rotation: Numbers) -> None:
+        if edge.static:
+            edge.stamps, edge.poses = [stamp_ns], [(translation, rotation / np.linalg.norm(rotation))]
+            return
+        newest = edge.stamps[-1] if edge.stamps else stamp_ns
+        if stamp_ns < newest - JUMP_NS:
+            self.jumps += 1
+            edge.stamps.clear()
+            edge.poses.clear()
+        place = bisect_left(edge.stamps, stamp_ns)
+        known = place < len(edge.stamps) and edge.stamps[place] == stamp_ns
+        edge.stamps[place : place + known] = [stamp_ns]
+        edge.poses[place : place + known] = [(translation, rotation / np.linalg.norm(rotation))]
+        self._trim(edge)
+
+    def _trim(self, edge: _Edge) -> None:
+        old = bisect_left(edge.stamps, edge.stamps[-1] - self._keep_ns)
+        old = max(old, len(edge.stamps) - MAX_SAMPLES)
+        if old:
+            del edge.stamps[:old], edge.poses[:old]
+
+
+def _name(frame_id: str) -> str:
+    """Return a frame's name without the slash that ROS once put before it."""
+    return frame_id.removeprefix("/")
+
+
+def _fault(parent: str, child: str, transform: Transform) -> str | None:
+    """Say what is wrong with a transform."""
+    if not (parent and child):
+        return NAMELESS
+    if parent == child:
+        return OF_ITSELF
+    if not all(map(math.isfinite, (*transform.translation, *transform.rotation))):
+        return NOT_FINITE
+    return BAD_ROTATION if abs(math.hypot(*transform.rotation) - 1) > _UNIT else None
+
+
+def _at(child: str, edge: _Edge, stamp_ns: int) -> Numbers:
+    """Return the transform from a frame to its parent at a stamp.
+
+    Raises:
+        TooOldError: the stamp is before the first that is kept.
+        TooNewError: the stamp is after the last.
+    """
+    if edge.static:
+        return matrix_of(*edge.poses[0])
+    place = bisect_left(edge.stamps, stamp_ns)
+    if place == len(edge.stamps):
+        late_s = (stamp_ns - edge.stamps[-1]) / 1e9
+        raise TooNewError(f"{_between(child, edge)} is known until {late_s:.3f} s before the stamp")
+    if edge.stamps[place] == stamp_ns:
+        return matrix_of(*edge.poses[place])
+    if place == 0:
+        early_s = (edge.stamps[0] - stamp_ns) / 1e9
+        raise TooOldError(f"{_between(child, edge)} is known from {early_s:.3f} s after the stamp")
+    before, after = edge.stamps[place - 1], edge.stamps[place]
+    share = (stamp_ns - before) / (after - before)
+    (start, turned), (end, turning) = edge.poses[place - 1], edge.poses[place]
+    return matrix_of(start + share * (end - start), slerp(turned, turning, share))
+
+
+def _between(child: str, edge: _Edge) -> str:
+    return f"the transform from {child[:80]} to {edge.parent[:80]}"

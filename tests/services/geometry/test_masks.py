@@ -1,0 +1,89 @@
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from schemas.detections import Mask
+from services.detector.masks import to_coco
+from services.geometry.errors import MaskError
+from services.geometry.masks import Window, decode, eroded
+
+
+def encoded(pixels: NDArray[Any]) -> Mask:
+    return to_coco(pixels.astype(np.uint8)[np.newaxis])[0]
+
+
+def whole(window: Window, height: int, width: int) -> NDArray[Any]:
+    made = np.zeros((height, width), np.bool_)
+    made[window.place] = window.pixels
+    return made
+
+
+shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
+
+
+@given(pixels=shapes.flatmap(lambda shape: arrays(np.bool_, shape)))
+def test_what_pycocotools_encodes_is_decoded_and_its_window_is_tight(pixels: NDArray[Any]) -> None:
+    window = decode(encoded(pixels))
+    assert (whole(window, *pixels.shape) == pixels).all()
+    assert window.area == pixels.sum()
+    columns = np.flatnonzero(pixels.any(axis=0))
+    if len(columns):
+        assert (window.left, window.pixels.shape[1]) == (columns[0], columns[-1] - columns[0] + 1)
+
+
+def test_a_blob_has_no_rows_to_spare() -> None:
+    pixels = np.zeros((20, 30), np.bool_)
+    pixels[4:9, 6:10] = True
+    window = decode(encoded(pixels))
+    assert (window.top, window.left, window.pixels.shape) == (4, 6, (5, 4))
+    assert window.place == (slice(4, 9), slice(6, 10))
+
+
+def test_a_mask_without_pixels_is_an_empty_window() -> None:
+    window = decode(encoded(np.zeros((3, 4))))
+    assert (window.area, window.pixels.shape) == (0, (0, 0))
+    assert eroded(window, 1) is window
+
+
+@pytest.mark.parametrize(
+    ("counts", "reason"),
+    [
+        ("", "not encoded"),
+        ("ü", "not ASCII"),
+        ("0", "runs of 0 pixels, the mask has 12"),
+        ("=", "runs of 13 pixels, the mask has 12"),
+        ("P", "not encoded"),
+        (" ", "not encoded"),
+        ("~", "not encoded"),
+        ("O", "less than no pixels"),
+        ("PPPPPPPPPPPPPPPPPPPP1", "longer than any image"),
+    ],
+)
+def test_runs_that_are_no_mask(counts: str, reason: str) -> None:
+    with pytest.raises(MaskError, match=reason):
+        decode(Mask((3, 4), counts))
+
+
+@given(counts=st.text(st.characters(min_codepoint=40, max_codepoint=120), max_size=30))
+def test_any_text_is_a_mask_of_the_size_or_refused(counts: str) -> None:
+    try:
+        window = decode(Mask((5, 7), counts))
+    except MaskError:
+        return
+    assert whole(window, 5, 7).shape == (5, 7)
+
+
+def test_edges_are_taken_off_at_holes_and_at_the_images_border_too() -> None:
+    pixels = np.ones((7, 9), np.bool_)
+    pixels[3, 4] = False
+    inner = eroded(Window(0, 0, pixels), 1)
+    expected = np.zeros((7, 9), np.bool_)
+    expected[1:-1, 1:-1] = True
+    expected[2:5, 3:6] = False
+    assert (inner.pixels == expected).all()
+    assert (eroded(Window(0, 0, pixels), 0).pixels == pixels).all()

@@ -1,0 +1,188 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from schemas.transforms import Transform, Transforms
+from services.geometry.errors import LoopError, TooNewError, TooOldError, UnconnectedError, UnknownFrameError
+from services.geometry.rotation import matrix_of, moved
+from services.geometry.transforms import BAD_ROTATION, JUMP_NS, KEEP_NS, NOT_FINITE, OF_ITSELF, TransformTree
+from tests.schemas.frames import header
+
+S = 1_000_000_000
+Rotation = tuple[float, float, float, float]
+STRAIGHT: Rotation = (0.0, 0.0, 0.0, 1.0)
+
+
+def yaw(angle: float) -> Rotation:
+    return (0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))
+
+
+def said(
+    parent: str, child: str, x: float = 0.0, y: float = 0.0, *, at: int = 0, rotation: Rotation = STRAIGHT
+) -> Transform:
+    return Transform(frame_id=parent, child_frame_id=child, stamp_ns=at, translation=(x, y, 0.0), rotation=rotation)
+
+
+def tree(*dynamic: Transform, static: tuple[Transform, ...] = ()) -> TransformTree:
+    made = TransformTree()
+    made.take(Transforms(header=header(), transforms=list(static)), static=True)
+    made.take(Transforms(header=header(), transforms=list(dynamic)), static=False)
+    return made
+
+
+def test_a_point_goes_up_and_down_the_tree() -> None:
+    made = tree(
+        static=(
+            said("base", "camera", 1.0),
+            said("base", "arm", 0.0, 2.0, rotation=yaw(math.pi / 2)),
+            said("map", "base"),
+        )
+    )
+    assert moved(made.lookup("arm", "camera", 0), np.array([[0.0, 0, 0]])) == pytest.approx(np.array([[-2.0, -1, 0]]))
+    assert made.lookup("map", "map", 0) == pytest.approx(np.identity(4))
+    assert made.lookup("camera", "arm", 0) @ made.lookup("arm", "camera", 0) == pytest.approx(np.identity(4))
+
+
+def test_between_two_stamps_it_is_interpolated_along_the_shorter_turn() -> None:
+    turned = yaw(math.pi / 2)
+    other = (0.0, 0.0, -turned[2], -turned[3])  # the same rotation
+    for end in (turned, other):
+        made = tree(said("odom", "base", 0.0, at=0), said("odom", "base", 4.0, at=4 * S, rotation=end))
+        found = made.lookup("odom", "base", S)
+        assert found == pytest.approx(matrix_of(np.array([1.0, 0, 0]), np.array(yaw(math.pi / 8))), abs=1e-9)
+
+
+def test_at_the_ends_it_is_known_and_beyond_them_it_is_not() -> None:
+    made = tree(said("odom", "base", 1.0, at=5 * S), said("odom", "base", 2.0, at=6 * S))
+    assert made.lookup("odom", "base", 5 * S)[0, 3] == 1
+    assert made.lookup("odom", "base", 6 * S)[0, 3] == 2
+    with pytest.raises(TooOldError, match=r"from base to odom is known from 0\.001 s after the stamp"):
+        made.lookup("odom", "base", 5 * S - 1_000_000)
+    with pytest.raises(TooNewError, match=r"from base to odom is known until 1\.500 s before the stamp"):
+        made.lookup("base", "odom", 7 * S + S // 2)
+
+
+def test_static_ones_hold_at_any_time_and_the_newest_counts() -> None:
+    made = tree(static=(said("base", "camera", 1.0, at=9 * S), said("base", "camera", 2.0, at=3 * S)))
+    assert made.lookup("base", "camera", 0)[0, 3] == 2
+    assert made.lookup("base", "camera", 2**62)[0, 3] == 2
+
+
+def test_a_frame_that_nobody_spoke_of() -> None:
+    with pytest.raises(UnknownFrameError, match="nothing is known of frame 'map'"):
+        tree(static=(said("base", "camera"),)).lookup("map", "camera", 0)
+
+
+def test_frames_that_nothing_joins() -> None:
+    with pytest.raises(UnconnectedError, match="no transform leads from camera to odom"):
+        tree(said("odom", "wheel"), static=(said("base", "camera"),)).lookup("odom", "camera", 0)
+
+
+def test_a_loop_is_said_and_ends() -> None:
+    made = tree(said("b", "a"), said("c", "b"), said("a", "c"), said("a", "d"))
+    with pytest.raises(LoopError, match="frame 'a' is its own ancestor"):
+        made.lookup("c", "d", 0)
+
+
+def test_a_new_parent_replaces_the_old_one_and_what_was_kept_of_it() -> None:
+    made = tree(said("odom", "base", 1.0, at=S), said("map", "base", 2.0, at=2 * S))
+    assert made.lookup("map", "base", 2 * S)[0, 3] == 2
+    with pytest.raises(UnknownFrameError):
+        made.lookup("odom", "base", S)
+
+
+def test_slashes_before_names_mean_nothing() -> None:
+    assert tree(static=(said("/base", "/camera", 3.0),)).lookup("base", "/camera", 0)[0, 3] == 3
+
+
+def test_late_ones_take_their_place() -> None:
+    made = tree(
+        *(said("odom", "base", float(at), at=at * S) for at in (10, 12)), said("odom", "base", 50.0, at=11 * S + 1)
+    )
+    made.add(said("odom", "base", 11.0, at=11 * S), static=False)
+    assert made.lookup("odom", "base", 11 * S)[0, 3] == 11
+    assert made.jumps == 0
+
+
+def test_a_clock_that_jumps_back_makes_a_frame_begin_anew() -> None:
+    made = tree(said("odom", "base", 1.0, at=10 * S), said("odom", "base", 2.0, at=11 * S))
+    made.add(said("odom", "base", 3.0, at=11 * S - JUMP_NS - 1), static=False)
+    assert made.jumps == 1
+    with pytest.raises(TooNewError):
+        made.lookup("odom", "base", 11 * S)
+    assert made.lookup("odom", "base", 10 * S - 1)[0, 3] == 3
+
+
+def test_flushing_forgets_what_is_not_static() -> None:
+    made = tree(said("odom", "base", at=S), static=(said("base", "camera", 1.0),))
+    made.flush()
+    assert made.lookup("base", "camera", S)[0, 3] == 1
+    with pytest.raises(UnknownFrameError):
+        made.lookup("odom", "camera", S)
+
+
+def test_what_is_kept_is_bounded() -> None:
+    made = tree(*(said("odom", "base", at=at * S // 10) for at in range(200)))
+    newest = 199 * S // 10
+    made.lookup("odom", "base", newest - KEEP_NS)
+    with pytest.raises(TooOldError):
+        made.lookup("odom", "base", newest - KEEP_NS - 1)
+
+
+@pytest.mark.parametrize(
+    ("transform", "reason"),
+    [
+        (said("a", "b", rotation=(0, 0, 0, 0)), BAD_ROTATION),
+        (said("a", "b", rotation=(0, 0, 0, 1.02)), BAD_ROTATION),
+        (said("a", "b", float("nan")), NOT_FINITE),
+        (said("a", "b", rotation=(0, 0, 0, float("inf"))), NOT_FINITE),
+        (said("a", "/a"), OF_ITSELF),
+    ],
+)
+def test_what_means_nothing_is_counted_and_not_taken(transform: Transform, reason: str) -> None:
+    made = tree(said("z", "b", 1.0), static=(said("z", "a"),))
+    made.add(transform, static=False)
+    assert made.rejected == {reason: 1}
+    assert made.lookup("z", "b", 0)[0, 3] == 1
+
+
+def test_a_rotation_that_is_nearly_of_length_1_is_made_so() -> None:
+    made = tree(said("a", "b", rotation=(0, 0, 0.6 * 1.005, 0.8 * 1.005)))
+    assert np.linalg.det(made.lookup("a", "b", 0)[:3, :3]) == pytest.approx(1)
+
+
+numbers = st.floats(-5, 5)
+quaternions = st.tuples(numbers, numbers, numbers, numbers).filter(lambda q: math.hypot(*q) > 0.1)
+
+
+@given(
+    steps=st.lists(st.tuples(numbers, numbers, numbers, quaternions), min_size=1, max_size=6),
+    share=st.floats(0, 1),
+    place=st.floats(-3, 3),
+)
+def test_there_and_back_is_where_it_was(
+    steps: list[tuple[float, float, float, Rotation]], share: float, place: float
+) -> None:
+    made = TransformTree()
+    for n, (x, y, z, q) in enumerate(steps):
+        length = math.hypot(*q)
+        rotation = (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+        for at, scale in ((0, 1.0), (S, 2.0)):
+            made.add(
+                Transform(
+                    frame_id=f"f{n}",
+                    child_frame_id=f"f{n + 1}",
+                    stamp_ns=at,
+                    translation=(x * scale, y, z),
+                    rotation=rotation if at else STRAIGHT,
+                ),
+                static=False,
+            )
+    stamp = int(share * S)
+    there, back = made.lookup("f0", f"f{len(steps)}", stamp), made.lookup(f"f{len(steps)}", "f0", stamp)
+    point = np.array([[place, 1.0, 2.0]])
+    assert moved(back, moved(there, point)) == pytest.approx(point, abs=1e-9)
+    assert there[:3, :3] @ there[:3, :3].T == pytest.approx(np.identity(3), abs=1e-9)
