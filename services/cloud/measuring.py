@@ -16,6 +16,7 @@ from services.cloud.errors import CloudError
 from services.cloud.outliers import crowded, foreground
 from services.cloud.outlines import Candidates, View, trusted
 from services.cloud.points import Bytes, Floats, Indices, Points
+from services.cloud.sampling import some
 from services.cloud.shape import Box, Level, fit_box
 from services.geometry.errors import GeometryError
 from services.geometry.masks import Window, decode
@@ -34,23 +35,22 @@ OPTICAL: Final = "optical"
 class Limits:
     """What becomes of an object's points.
 
-    min_points: fewer are no object. max_points: of more, every second, third and so on is kept. voxel_m: the edge of
-    cubes of each of which one point is kept, 0 to keep all.
+    min_points: fewer are no object. max_points: of more, so many are kept. voxel_m: the edge of cubes of each of which
+    one point is kept, 0 to keep all.
     """
 
     min_points: int = 10
     max_points: int = 100_000
     voxel_m: float = 0.0
 
-    def thinned(self, xyz: Floats) -> Indices | slice:
+    def thinned(self, xyz: Floats) -> Indices:
         """Return which of (3, n) points are kept."""
-        count = xyz.shape[1]
-        if not self.voxel_m or not count:
-            return slice(None, None, max(1, -(-count // self.max_points)))
+        if not self.voxel_m or not xyz.size:
+            return some(xyz.shape[1], self.max_points)
         cells = np.floor((xyz - xyz.min(axis=1, keepdims=True)) / np.float32(self.voxel_m)).astype(np.int64)
         _, kept = np.unique((cells[0] << 42) | (cells[1] << 21) | cells[2], return_index=True)
         kept.sort()
-        return kept[:: max(1, -(-len(kept) // self.max_points))]
+        return np.asarray(kept[some(len(kept), self.max_points)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +83,7 @@ def measure(
             continue
         room -= len(kept)
         rgb = points.take(found.at[kept]).rgb()
-        objects.append(_object(detections.objects[index], index, xyz, rgb, here, target))
+        objects.append(_object(detections.objects[index], index, xyz, rgb, here=here, target=target))
     return ObjectClouds(
         header=msgspec.structs.replace(detections.header, stamp_ns=of.stamp_ns, frame_id=of.frame_id),
         objects=objects,
@@ -124,9 +124,8 @@ def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
     kept = np.flatnonzero(foreground(found.depth, found.across))
     xyz = found.xyz.take(kept, axis=1)
     chosen = np.flatnonzero(crowded(xyz))
+    chosen = chosen[limits.thinned(xyz.take(chosen, axis=1))]
     kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
-    chosen = limits.thinned(xyz)
-    kept, xyz = kept[chosen], xyz[:, chosen]
     _check_enough(len(kept), limits, "that stand out from what is behind it")
     return kept, xyz
 
@@ -142,7 +141,7 @@ def _check_room(count: int, room: int) -> None:
 
 
 def _object(
-    detection: Detection, index: int, xyz: Floats, rgb: Bytes | None, here: Level, target: Target
+    detection: Detection, index: int, xyz: Floats, rgb: Bytes | None, *, here: Level, target: Target
 ) -> ObjectCloud:
     centroid, box = xyz.mean(axis=1, dtype=np.float64), fit_box(xyz, here)
     return ObjectCloud(

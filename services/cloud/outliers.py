@@ -52,9 +52,11 @@ def foreground(depth: Floats, across: Floats) -> Selection:
     last = first
     chosen = (steps >= starts[first]) & (steps < ends[first])
     width = float(np.ptp(across.compress(chosen, axis=1), axis=1).max())
-    while last + 1 < len(starts) and _metres(nearest, starts[last + 1]) - _metres(nearest, ends[last]) <= HOLLOW * width:
+    while (
+        last + 1 < len(starts) and _metres(nearest, starts[last + 1]) - _metres(nearest, ends[last]) <= HOLLOW * width
+    ):
         last += 1
-    return chosen if last == first else (steps >= starts[first]) & (steps < ends[last])
+    return chosen if last == first else np.asarray((steps >= starts[first]) & (steps < ends[last]))
 
 
 def _metres(nearest: float, step: int) -> float:
@@ -72,7 +74,7 @@ def _runs(filled: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def crowded(xyz: Floats) -> Selection:
-    """Return which of (3, n) points have neighbours, in their own cell of a grid around all of them or the next ones."""
+    """Return which of (3, n) points have neighbours, in their cell of a grid around all of them or the next ones."""
     low = xyz.min(axis=1, keepdims=True)
     side = max(float((xyz.max(axis=1, keepdims=True) - low).max()) / CELLS, MIN_SIDE_M)
     x, y, z = ((xyz - low) * np.float32(1 / side)).astype(np.int32) + 1

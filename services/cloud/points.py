@@ -19,6 +19,9 @@ Indices = NDArray[np.intp]
 MAX_POINTS: Final = 4_000_000
 """Points of a cloud that are looked at; a message may hold more, of a byte each."""
 
+FAR_M: Final = 10_000.0
+"""What is said to be farther away than this is none of a camera's or lidar's readings."""
+
 AXES: Final = ("x", "y", "z")
 CHANNELS: Final = ("r", "g", "b")
 PACKED: Final = ("rgb", "rgba")
@@ -97,11 +100,11 @@ class Points:
 
 
 def usable(xyz: Floats) -> NDArray[np.bool_]:
-    """Return which points are measured: finite, and not the origin that some drivers send for no reading."""
+    """Return which points are measured: within FAR_M, and not the origin that some drivers send for no reading."""
     x, y, z = xyz
     with np.errstate(over="ignore", invalid="ignore"):
         apart = x * x + y * y + z * z  # infinite or NaN if any of them is
-    return np.isfinite(apart) & (apart > 0)
+    return np.asarray((apart > 0) & (apart < FAR_M**2))
 
 
 def _records(cloud: PointCloud) -> NDArray[np.void]:

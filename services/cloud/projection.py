@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.cloud.outlines import Candidates
-from services.cloud.points import Floats, Indices, Points, usable
+from services.cloud.points import FAR_M, Floats, Indices, Points, usable
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
 from services.geometry.masks import Window
@@ -17,8 +18,7 @@ Numbers = NDArray[np.float64]
 Selection = NDArray[np.bool_]
 
 NEAR_M: Final = 0.05
-FAR_M: Final = 1e6
-"""Points nearer to the camera than the one are of its own housing, those farther than the other are none."""
+"""Points nearer to the camera than this are of its own housing."""
 
 POINTS_A_CELL: Final = 4
 SMALLEST_CELL: Final = 2
@@ -32,7 +32,7 @@ BEHIND_M: Final = 0.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
-    """Points in the picture: their numbers in the cloud, where they are before the camera (3, n), and on which pixel."""
+    """Points in the picture: their numbers in the cloud, where before the camera (3, n), and on which pixel."""
 
     at: Indices
     xyz: Floats
@@ -55,7 +55,7 @@ class ProjectedView:
     def within(self, windows: Sequence[Window]) -> Iterator[Candidates]:
         """See `View.within`. Where masks overlap the first one has the points."""
         camera, xyz = self.camera, self.points.xyz()
-        seen = _in_picture(camera, self._before_camera(xyz))
+        seen = _in_picture(camera, _moved(self.camera_from_points.astype(np.float32), xyz))
         side = _cell_side(camera, len(seen.at))
         owners = _owners(windows, camera)
         seen = seen.only(np.flatnonzero(_near(owners, side)[seen.rows // side, seen.columns // side]))
@@ -64,16 +64,16 @@ class ProjectedView:
         owner = owners[seen.rows, seen.columns]
         order = np.argsort(owner, kind="stable")
         bounds = np.searchsorted(owner[order], np.arange(1, len(windows) + 2))
-        for start, end in zip(bounds[:-1], bounds[1:], strict=True):
+        for start, end in pairwise(bounds):
             mine = seen.only(order[start:end])
             yield Candidates(mine.at, xyz.take(mine.at, axis=1), mine.xyz[2], mine.xyz[:2])
 
-    def _before_camera(self, xyz: Floats) -> Floats:
-        moves = self.camera_from_points.astype(np.float32)
-        with np.errstate(over="ignore", invalid="ignore"):
-            seen = moves[:3, :3] @ xyz
-            seen += moves[:3, 3:]
-        return np.asarray(seen)
+
+def _moved(transform: Floats, xyz: Floats) -> Floats:
+    """Return (3, n) points as a 4 x 4 transform moves them; a matrix product of so few rows is slower."""
+    x, y, z = xyz
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in transform[:3]])
 
 
 def _in_picture(camera: CameraModel, xyz: Floats) -> _Seen:
@@ -83,8 +83,7 @@ def _in_picture(camera: CameraModel, xyz: Floats) -> _Seen:
         for places, size in ((columns, camera.width), (rows, camera.height)):
             inside &= (places > -0.5) & (places < size - 0.5)
     at = np.flatnonzero(inside)
-    columns, rows = (np.rint(places[at]).astype(np.int32) for places in (columns, rows))
-    return _Seen(at, xyz.take(at, axis=1), columns, rows)
+    return _Seen(at, xyz.take(at, axis=1), np.rint(columns[at]).astype(np.int32), np.rint(rows[at]).astype(np.int32))
 
 
 def _straight(camera: CameraModel, xyz: Floats) -> tuple[Floats, Floats]:
@@ -127,7 +126,7 @@ def _near(owners: NDArray[np.int16], side: int) -> Selection:
     height, width = (-(-size // side) for size in owners.shape)
     whole = np.zeros((height * side, width * side), np.bool_)
     whole[: owners.shape[0], : owners.shape[1]] = owners > 0
-    return whole.reshape(height, side, width, side).any(axis=(1, 3))
+    return np.asarray(whole.reshape(height, side, width, side).any(axis=(1, 3)))
 
 
 def _cell_side(camera: CameraModel, count: int) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.cloud.points import Floats
+from services.cloud.sampling import some
 
 Reals = NDArray[np.float64]
 
@@ -24,10 +25,10 @@ MIN_AREA_M2: Final = 1e-9
 UPRIGHT: Final = 0.9
 
 SAMPLES: Final = 2048
-"""So many points, or up to twice as many, say how large an object is."""
+"""So many points at most say how large an object is."""
 
 TURNED: Final = 256
-"""So many of them, or up to twice as many, say how it is turned."""
+"""So many of them at most say how it is turned."""
 
 TRIM: Final = 0.005
 """Share of the points that may lie beyond a side of the box: its size is not that of the noise."""
@@ -70,9 +71,8 @@ class Box:
 def fit_box(xyz: Floats, level: Level) -> Box:
     """Return the smallest upright box around (3, n) points; see `_best`."""
     axes = np.array([level.x, level.y, level.up])
-    some = xyz[:, :: max(1, xyz.shape[1] // SAMPLES)]
-    flat = axes.astype(np.float32) @ some
-    angle = _angle(np.ascontiguousarray(flat[:2, :: max(1, flat.shape[1] // TURNED)]))
+    flat = axes.astype(np.float32) @ xyz.take(some(xyz.shape[1], SAMPLES), axis=1)
+    angle = _angle(flat[:2].take(some(flat.shape[1], TURNED), axis=1))
     cos, sin = math.cos(angle), math.sin(angle)
     turned = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
     low, high = _extent(turned.astype(np.float32) @ flat)
@@ -97,7 +97,7 @@ def _angle(points: Floats) -> float:
     return _best(points, coarse + np.linspace(-step, step, FINE))
 
 
-def _best(points: Floats, angles: Reals) -> float:
+def _best(points: Floats, angles: NDArray[np.floating]) -> float:
     """Return the angle of the rectangle around (2, n) points to whose sides they are nearest, of the small ones.
 
     Several rectangles around the two sides of a box that are seen, an L, are as small as each other.

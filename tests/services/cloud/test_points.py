@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from services.cloud import points as module
 from services.cloud.errors import CloudError
 from services.cloud.points import Points, usable
+from services.geometry.errors import PayloadError
 from tests.services.cloud.clouds import Layout, cloud_of, packed, xyz_cloud
 
 SHAPE = (2, 3)
@@ -37,7 +38,7 @@ def layouts(draw: st.DrawFn) -> Layout:
 @given(layouts(), st.booleans())
 def test_any_layout_reads_the_same(layout: Layout, compress: bool) -> None:  # noqa: FBT001
     kinds = dict(layout.fields)
-    colours = {name: packed(RGB, kinds[name]) for name in ("rgb", "rgba") if name in kinds}
+    colours: dict[str, Any] = {name: packed(RGB, kinds[name]) for name in ("rgb", "rgba") if name in kinds}
     cloud = cloud_of({**VALUES, **colours}, layout)
     if compress:
         data = zstd.compress(cloud.data)
@@ -84,7 +85,7 @@ def test_damaged_zstd_data_is_refused() -> None:
     whole = xyz_cloud(np.ones((4, 5, 3)))
     data = zstd.compress(whole.data)
     for damaged in (data[:-1], data[:9] + bytes(len(data) - 9), data + b"x"):
-        with pytest.raises(CloudError, match="zstd data that cannot be decoded"):
+        with pytest.raises(PayloadError, match="a zstd that cannot be decoded"):
             Points.of(xyz_cloud(np.ones((4, 5, 3)), format="zstd", data=memoryview(damaged)))
 
 
@@ -112,6 +113,7 @@ def test_no_reading_is_nan_infinite_or_the_origin() -> None:
     nan, inf = float("nan"), float("inf")
     xyz = np.array([[1, 2, 3], [nan, 0, 1], [0, 0, inf], [0, 0, 0], [0, 0, -1], [1, -inf, 1]], np.float32)
     assert usable(xyz.T).tolist() == [True, False, False, False, True, False]
+    assert usable(np.array([[0, 0], [0, 0], [9_999, 10_001]], np.float32)).tolist() == [True, False]
     layout = Layout([(axis, "f8") for axis in "xyz"])
     far = Points.of(cloud_of({axis: np.full((1, 1), 1e300) for axis in "xyz"}, layout))
     assert not usable(far.xyz()).any()
