@@ -1,6 +1,5 @@
 """A PointCloud's bytes as coordinates and colours, whatever its layout: only what is asked for is copied."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.compression import ZSTD
-from schemas.points import PointCloud, PointField
+from schemas.points import PointCloud, rgb_offsets
 from services.cloud.errors import CloudError
 from services.geometry.payload import decompressed
 
@@ -23,22 +22,19 @@ FAR_M: Final = 10_000.0
 """What is said to be farther away than this is none of a camera's or lidar's readings."""
 
 AXES: Final = ("x", "y", "z")
-CHANNELS: Final = ("r", "g", "b")
-PACKED: Final = ("rgb", "rgba")
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-_UINT8: Final = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
     """A view of a cloud's points: `records` is (height, width), each the bytes of one point.
 
-    axes: what is where in a record. channels: offsets of red, green and blue in it, none where there is no colour.
+    axes: what is where in a record. channels: offsets of red, green and blue in it, None where there is no colour.
     """
 
     records: NDArray[np.void]
     axes: np.dtype[np.void]
-    channels: tuple[int, ...]
+    channels: tuple[int, int, int] | None
 
     @classmethod
     def of(cls, cloud: PointCloud) -> Self:
@@ -61,7 +57,7 @@ class Points:
                 "itemsize": cloud.point_step,
             }
         )
-        return cls(_records(cloud), axes, _channels(fields, is_bigendian=cloud.is_bigendian))
+        return cls(_records(cloud), axes, rgb_offsets(cloud.fields, is_bigendian=cloud.is_bigendian))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -93,7 +89,7 @@ class Points:
 
     def rgb(self) -> Bytes | None:
         """Return the colours of all points, (height * width, 3), or None where there are none."""
-        if not self.channels:
+        if self.channels is None:
             return None
         octets = self.records.view([("octets", np.uint8, (self.records.itemsize,))])["octets"]
         return np.stack([octets[..., at] for at in self.channels], axis=-1).reshape(-1, 3)
@@ -113,13 +109,3 @@ def _records(cloud: PointCloud) -> NDArray[np.void]:
     if not cloud.height * cloud.width:
         return np.zeros(shape, f"V{cloud.point_step}")
     return np.ndarray(shape, f"V{cloud.point_step}", data, strides=(cloud.row_step, cloud.point_step))
-
-
-def _channels(fields: Mapping[str, PointField], *, is_bigendian: bool) -> tuple[int, ...]:
-    """Return where red, green and blue are: packed into four bytes as PCL does, 0xAARRGGBB, or a field each."""
-    packed = next((fields[name] for name in PACKED if name in fields), None)
-    if packed is not None and np.dtype(_TYPES[packed.datatype]).itemsize == 4:
-        return tuple(packed.offset + at for at in ((1, 2, 3) if is_bigendian else (2, 1, 0)))
-    if all(name in fields and fields[name].datatype == _UINT8 for name in CHANNELS):
-        return tuple(fields[name].offset for name in CHANNELS)
-    return ()
