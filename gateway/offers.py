@@ -114,7 +114,9 @@ class Offers:
     def _offer(self, key: SensorKey, topic: str, *, of_points: bool) -> None:
         kind = kind_of(key, of_points=of_points)
         if key not in self._streams:
-            self._streams[key] = StreamForward(key, topic, kind, self._boot_id, self._shaping.thinning(key))
+            self._streams[key] = StreamForward(
+                key, topic, kind, self._boot_id, self._shaping.thinning(key), self._shaping.useful(key)
+            )
         stream = self._streams[key]
         stream.topic, stream.kind = topic, kind
         offered = asyncio.Event()

@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from gateway.gaps import Gaps
@@ -22,7 +22,7 @@ from schemas.image import ImageFrame
 from schemas.keys import SensorKey, StreamKey
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
-from schemas.status import REPLACED_BEFORE_LINK, THINNED, StreamStatus
+from schemas.status import BEYOND_USE, REPLACED_BEFORE_LINK, THINNED, StreamStatus
 
 log = logging.getLogger(__name__)
 
@@ -35,16 +35,24 @@ class StreamForward:
     """Turns a topic's messages into the fleet's own.
 
     boot_id: this gateway process. Numbers count on while nobody listens and the topic is not subscribed.
-    thinning: leaves out frames beyond the stream's rate, before they are numbered.
+    thinning: leaves out frames beyond the stream's rate, before they are numbered. useful: tells, of a frame that is
+        here at a time in nanoseconds since the epoch, whether anybody can use it.
     """
 
     def __init__(
-        self, key: SensorKey, topic: str, kind: StreamKind, boot_id: str, thinning: Thinning | None = None
+        self,
+        key: SensorKey,
+        topic: str,
+        kind: StreamKind,
+        boot_id: str,
+        thinning: Thinning | None = None,
+        useful: Callable[[int], bool] = lambda _: True,
     ) -> None:
         self.key = key
         self.topic = topic
         self.kind = kind
         self.thinning = thinning
+        self._useful = useful
         self._robot, self._camera = (
             (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
         )
@@ -81,8 +89,8 @@ class StreamForward:
         except (MessageError, SchemaError) as error:
             self._leave_out(MALFORMED, message, error)
             return None
-        if not message.publisher.latching and self._is_one_too_many(translated, now_ns):
-            self._dropped[THINNED] += 1
+        if not message.publisher.latching and (reason := self._one_too_many(translated, now_ns)):
+            self._dropped[reason] += 1
             return None
         self._translated += 1
         return translated
@@ -93,10 +101,13 @@ class StreamForward:
         self._gaps.arrived(message)
         self._dropped[UNWANTED] += 1
 
-    def _is_one_too_many(self, message: codec.Message, now_ns: int) -> bool:
+    def _one_too_many(self, message: codec.Message, now_ns: int) -> str:
+        """Return why a message is left out, or nothing."""
         if self.thinning is None or not isinstance(message, ImageFrame | PointCloud | RawMessage):
-            return False
-        return not self.thinning.passes(message.header.stamp_ns, now_ns)
+            return ""
+        if not self.thinning.passes(message.header.stamp_ns, now_ns):
+            return THINNED
+        return "" if self._useful(now_ns) else BEYOND_USE
 
     def _translate(self, message: Message, header: Header) -> codec.Message:
         kind = message.publisher.type

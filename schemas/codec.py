@@ -6,6 +6,7 @@ import msgspec
 
 from schemas import keys
 from schemas.alerts import Action, Alert
+from schemas.budget import RateBudget
 from schemas.camera_info import CameraInfo
 from schemas.clock import ClockReading
 from schemas.detections import ClassList, Detections
@@ -35,6 +36,7 @@ Message = (
     | Action
     | GatewayStatus
     | WorkerStatus
+    | RateBudget
     | ClockReading
     | ServiceRequest
     | ServiceResponse
@@ -58,6 +60,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     Action: 512 * KIB,
     GatewayStatus: 1024 * KIB,
     WorkerStatus: 1024 * KIB,
+    RateBudget: 4 * KIB,
     ClockReading: 64 * KIB,
     ServiceRequest: 9 * KIB * KIB,
     ServiceResponse: 9 * KIB * KIB,

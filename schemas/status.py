@@ -20,6 +20,9 @@ REPLACED_BEFORE_LINK: Final = "replaced by a newer frame before the link"
 THINNED: Final = "thinned to max_hz"
 """Reason: the gateway's settings ask for fewer frames. They take no numbers, so no receiver sees a gap."""
 
+BEYOND_USE: Final = "more than anybody can use"
+"""Reason: all consumers say what they can use (RateBudget), and it is less. They take no numbers, like THINNED."""
+
 REPLACED_BEFORE_SHAPING: Final = "replaced by a newer frame before it was compressed"
 """Reason: the gateway had a newer frame before it came to scale or compress this one. Its number is missing."""
 
@@ -105,12 +108,18 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of one camera's frames at a worker since it started. dropped includes those MISSING on arrival."""
+    """What became of one camera's frames at a worker since it started. dropped includes those MISSING on arrival.
+
+    serving: the worker looks after the camera now. budget_hz: the rate that its gateway was told of, None where it may
+    send all.
+    """
 
     robot: Name
     camera: Name
     inferred: Count
     dropped: Drops = {}
+    serving: bool = False
+    budget_hz: Rate | None = None
 
 
 class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):

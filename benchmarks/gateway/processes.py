@@ -68,6 +68,27 @@ class Process:
         """Let it run on."""
         self._child.send_signal(signal.SIGCONT)
 
+    def kill(self) -> None:
+        """End it as a crash would."""
+        self._child.kill()
+        self._child.wait()
+
+    def end(self) -> float:
+        """Ask it to end; return how many seconds it took.
+
+        Raises:
+            PeerError: it did not end, or not in order.
+        """
+        asked = time.monotonic()
+        self._child.terminate()
+        try:
+            code = self._child.wait(START_S)
+        except subprocess.TimeoutExpired as error:
+            raise PeerError(self.last_words()) from error
+        if code:
+            raise PeerError(self.last_words())
+        return time.monotonic() - asked
+
     def last_words(self) -> str:
         """Return its command and the end of its standard error."""
         self._errors.seek(0)
@@ -75,8 +96,8 @@ class Process:
 
 
 @contextmanager
-def running(arguments: Sequence[str], master: str) -> Iterator[Process]:
-    """Run a process with a ROS environment, under ROS's own Python with Zenoh's package; end it on leaving."""
+def running(arguments: Sequence[str], master: str = "") -> Iterator[Process]:
+    """Run a process with a ROS environment, if it has a master, under ROS's own Python with Zenoh's package; end it on leaving."""
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as errors:
         package = Path(zenoh.__file__).parent
         (Path(folder) / package.name).symlink_to(package)

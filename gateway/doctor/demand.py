@@ -8,6 +8,7 @@ from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH, UNWANTED
 from schemas.status import (
+    BEYOND_USE,
     OVER_BUDGET,
     REPLACED_BEFORE_LINK,
     REPLACED_BEFORE_SHAPING,
@@ -21,6 +22,7 @@ _DROPS: Final = {
     MISMATCH: "map the topic to a stream that carries its type, or to ros/NAME, which carries any",
     REPLACED_BEFORE_LINK: "the link is slower than the camera: a lower rate or size at the camera, or a better link",
     OVER_BUDGET: "the uplink budget is used up: raise it, or ask less of this stream (rate, size, compression)",
+    BEYOND_USE: "the consumers can use no more: more workers can",
     THINNED: "that is what max_hz is for: raise it if more is needed",
     REPLACED_BEFORE_SHAPING: "this machine compresses slower than the camera sends: lower the rate or the size",
     UNSHAPED: "this stream's scaling or compression does not suit its images: change it",

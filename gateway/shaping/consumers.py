@@ -1,22 +1,26 @@
-"""Who subscribes to a robot's streams, and whether all of them are on this machine."""
+"""Who subscribes to a robot's streams: whether all of them are on this machine, and how much they can use."""
 
 import ipaddress
 import logging
 import re
+from asyncio import TaskGroup
 from typing import Final
 
-from bus import Bus, BusSettings, Presence
-from schemas import keys
+from bus import QUEUE, Bus, BusSettings, Presence, Sample
+from gateway.shaping.budgets import Budgets
+from schemas import codec, keys
+from schemas.budget import RateBudget
 from schemas.errors import SchemaError
 from schemas.keys import StreamKey, Wanted
 
 MAX_CONSUMERS: Final = 10_000
+BUDGETS_WAITING: Final = 1_000
 
 log = logging.getLogger(__name__)
 
 
 class Consumers:
-    """What consumers say of themselves, by their tokens.
+    """What consumers say of themselves, by their tokens and budgets.
 
     clock_id: this machine's. near: whether what this process sends to one on the same machine stays on it.
     """
@@ -27,6 +31,14 @@ class Consumers:
         self._near = near
         self._known: dict[StreamKey, set[Wanted]] = {}
         self._count = 0
+        self._budgets = Budgets()
+
+    def passes(self, key: StreamKey, now_ns: int) -> bool:
+        """Return whether a frame that is here now is sent: not if it is more than anybody can use.
+
+        now_ns: nanoseconds since the epoch.
+        """
+        return self._budgets.passes(key, self._known.get(key, ()), now_ns)
 
     def all_here(self, key: StreamKey) -> bool:
         """Return whether everybody who says to subscribe to the stream is on this machine, and somebody does."""
@@ -44,17 +56,36 @@ class Consumers:
         before = len(known)
         if not presence.alive:
             known.discard(wanted)
+            self._budgets.forget(wanted)
         elif self._count < MAX_CONSUMERS:
             known.add(wanted)
         self._count += len(known) - before
         if not known:
             del self._known[wanted.key]
 
+    def note_budget(self, sample: Sample) -> None:
+        """Take in how much a consumer can use."""
+        try:
+            budget = codec.decode(RateBudget, sample.payload, sample.encoding)
+            self._budgets.say(keys.parse_budget(sample.key), budget, sample.received_ns)
+        except SchemaError as error:
+            log.warning("%s: budget left out: %s", sample.key[:200], error)
+
     async def follow(self, bus: Bus) -> None:
-        """Take in who comes and goes, for ever."""
+        """Take in who comes and goes and what they can use, for ever."""
+        async with TaskGroup() as group:
+            group.create_task(self._follow_tokens(bus))
+            group.create_task(self._follow_budgets(bus))
+
+    async def _follow_tokens(self, bus: Bus) -> None:
         async with bus.watch(keys.every_wanted(self._robot)) as watch:
             async for presence in watch:
                 self.note(presence)
+
+    async def _follow_budgets(self, bus: Bus) -> None:
+        async with bus.subscribe(keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING)) as budgets:
+            async for sample in budgets:
+                self.note_budget(sample)
 
 
 def stays_near(settings: BusSettings) -> bool:

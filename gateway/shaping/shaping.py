@@ -36,6 +36,12 @@ class Shaping:
         camera = key.camera if isinstance(key, StreamKey) else str(key)
         return Thinning(self._instants[camera], key.stream, self._settings.max_hz_of(key.name))
 
+    def useful(self, key: SensorKey) -> Callable[[int], bool]:
+        """Return what tells whether a stream's frame that is here at a time, in ns since the epoch, can be used."""
+        if not isinstance(key, StreamKey):
+            return lambda _: True
+        return lambda now_ns: self._consumers.passes(key, now_ns)
+
     @contextmanager
     def outlet(self, key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
         """Open the way of a stream's messages to its publisher."""

@@ -8,10 +8,15 @@ from schemas.keys import CameraKey
 from schemas.status import MISSING, CameraLoad
 
 REPLACED: Final = "replaced by a newer frame"
+STALE: Final = "too old when its turn came"
+DOUBLE: Final = "the same frame again"
 MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
 DEPTH: Final = "a depth image, not a picture"
 UNWANTED: Final = "no longer wanted"
+
+TOO_MANY: Final = (REPLACED, STALE)
+"""Reasons that say that frames came faster than they could be looked at."""
 
 
 class Account:
@@ -27,12 +32,19 @@ class Account:
         """Start anew after a pause: the frames of the pause were never meant for us."""
         self._last = None
 
-    def arrived(self, header: Header, replaced: int) -> None:
-        """Note a frame, and that the queue replaced `replaced` others before it; the rest of a gap is missing."""
+    def arrived(self, header: Header, replaced: int) -> bool:
+        """Note a frame, and that the queue replaced `replaced` others before it; the rest of a gap is missing.
+
+        Returns:
+            False for the same frame again, which is counted as dropped.
+        """
         self.dropped[REPLACED] += replaced
         last, self._last = self._last, header
-        if last is not None and last.boot_id == header.boot_id:
-            self.dropped[MISSING] += max(0, header.seq - last.seq - 1 - replaced)
+        if last is None or last.boot_id != header.boot_id:
+            return True
+        self.dropped[MISSING] += max(0, header.seq - last.seq - 1 - replaced)
+        self.dropped[DOUBLE] += header.seq == last.seq
+        return header.seq != last.seq
 
     def malformed(self, replaced: int) -> None:
         """Note a frame that says not even its number, so the gap around it says nothing either."""
@@ -40,11 +52,18 @@ class Account:
         self.dropped[MALFORMED] += 1
         self.begin()
 
-    def load(self) -> CameraLoad:
+    @property
+    def too_many(self) -> int:
+        """How many frames were dropped because there were too many."""
+        return sum(self.dropped[reason] for reason in TOO_MANY)
+
+    def load(self, *, serving: bool = False, budget_hz: float | None = None) -> CameraLoad:
         """Return the counts as a message."""
         return CameraLoad(
             robot=self._camera.robot,
             camera=self._camera.camera,
             inferred=self.inferred,
             dropped={reason: count for reason, count in self.dropped.items() if count},
+            serving=serving,
+            budget_hz=budget_hz,
         )

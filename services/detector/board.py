@@ -1,40 +1,76 @@
 """The newest waiting frame of each camera, handed out fairly."""
 
 import asyncio
+import heapq
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 
-from bus.mailbox import PerKey
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """A frame and when it arrived here, nanoseconds since the epoch."""
+    """A frame, when it arrived here in nanoseconds since the epoch, and how late it was by then beyond others."""
 
     frame: ImageFrame
     arrived_ns: int
+    late_ns: int = 0
+
+    def age_ns(self, now_ns: int) -> int:
+        """Return how long the frame was late and has waited."""
+        return self.late_ns + max(0, now_ns - self.arrived_ns)
 
 
 class Board:
     """Holds at most one frame per camera; the camera served longest ago is next, so a fast one starves nobody."""
 
     def __init__(self) -> None:
-        self._frames: PerKey[CameraKey, Waiting] = PerKey()
-        self._filled = asyncio.Event()
+        self._frames: dict[CameraKey, Waiting] = {}
+        self._served: dict[CameraKey, int] = {}
+        self._turn = 0
+        self._changed = asyncio.Event()
 
     def post(self, camera: CameraKey, waiting: Waiting) -> int:
         """Put a camera's newest frame up; return how many frames it replaced."""
-        self._filled.set()
-        return self._frames.offer(camera, waiting)
+        replaced = camera in self._frames
+        self._frames[camera] = waiting
+        self._changed.set()
+        return int(replaced)
 
     def discard(self, camera: CameraKey) -> int:
-        """Take down what a camera has waiting; return how many frames that was."""
-        return len(self._frames.discard(camera))
+        """Forget a camera; return how many frames of it waited."""
+        self._served.pop(camera, None)
+        return int(self._frames.pop(camera, None) is not None)
 
-    async def take(self) -> tuple[CameraKey, Waiting]:
-        """Wait for a frame and take it down."""
-        while (taken := self._frames.take()) is None:
-            self._filled.clear()
-            await self._filled.wait()
-        return taken.key, taken.item
+    def expire(self, now_ns: int, limit_ns: int) -> list[CameraKey]:
+        """Take down what is older than `limit_ns`; return the cameras, who keep their turns."""
+        expired = [camera for camera, waiting in self._frames.items() if waiting.age_ns(now_ns) > limit_ns]
+        for camera in expired:
+            del self._frames[camera]
+        return expired
+
+    def take(self, most: int) -> list[tuple[CameraKey, Waiting]]:
+        """Take down at most so many frames, of different cameras, those served longest ago first."""
+        cameras = heapq.nsmallest(most, self._frames, key=lambda camera: self._served.get(camera, 0))
+        self._turn += 1
+        self._served.update(dict.fromkeys(cameras, self._turn))
+        return [(camera, self._frames.pop(camera)) for camera in cameras]
+
+    def by_turn(self, cameras: Iterable[CameraKey]) -> list[CameraKey]:
+        """Return cameras in the order in which their turns come."""
+        return sorted(cameras, key=lambda camera: self._served.get(camera, 0))
+
+    async def filled(self, wished: int, patience_s: float) -> None:
+        """Wait for a frame, and then for `patience_s` at most until as many as are wished for wait."""
+        await self._holds(1)
+        if len(self._frames) < wished:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(patience_s):
+                    await self._holds(wished)
+
+    async def _holds(self, count: int) -> None:
+        while len(self._frames) < count:
+            self._changed.clear()
+            await self._changed.wait()

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bus import open_bus
+from services.detector.one_by_one import OneByOne
 from services.detector.settings import DetectorSettings
 from services.detector.ultralytics_model import load
-from services.detector.worker import Worker
+from services.detector.worker import SERVICE, Worker
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +31,8 @@ async def run(settings: DetectorSettings) -> None:
         model = await asyncio.get_running_loop().run_in_executor(executor, load, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
         async with open_bus(settings) as bus:
-            await Worker(bus, model, settings.worker, executor).run()
+            tokens = settings.tokens(SERVICE, settings.worker)
+            await Worker(bus, OneByOne(model, executor), tokens, max_age_s=settings.max_age_s).run()
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
+from bus.sharing.settings import SharingSettings
 from schemas.keys import NAME
 
 SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
@@ -19,7 +20,7 @@ def default_worker_name() -> str:
     return f"{machine[:48] or 'worker'}-{os.getpid()}"
 
 
-class DetectorSettings(BusSettings):
+class DetectorSettings(SharingSettings, BusSettings):
     """Run a YOLO model on the cameras whose results somebody wants, one call per image."""
 
     model: Annotated[
@@ -31,6 +32,13 @@ class DetectorSettings(BusSettings):
     max_detections: Annotated[int, Field(ge=1, le=1000, description="most objects reported per image")] = 300
     device: Annotated[str | None, Field(description="cpu, cuda:0, ...; the best there is unless given")] = None
     threads: Annotated[int, Field(ge=0, description="CPU threads for inference; 0 uses every core")] = 0
+    max_age_s: Annotated[
+        float | None,
+        Field(
+            gt=0, le=60, description="frames older than that are left out when their turn comes; unless given, those"
+            " older than one call of the model takes, and 40 ms"
+        ),
+    ] = None
     worker: str = Field(
         default_factory=default_worker_name, pattern=f"^{NAME.pattern}$", description="this worker's name"
     )

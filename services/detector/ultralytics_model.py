@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from schemas.detections import MAX_DETECTIONS, Box, Detection
 from services.detector.masks import to_coco
-from services.detector.model import Model, ModelError
+from services.detector.model import ModelError
+from services.detector.one_by_one import ImageModel
 from services.detector.settings import DetectorSettings
 
 TASKS: Final = ("segment", "detect")
@@ -17,7 +18,7 @@ BLANK: Final[NDArray[np.uint8]] = np.zeros((480, 640, 3), np.uint8)
 
 
 class UltralyticsModel:
-    """An Ultralytics model behind the `Model` protocol."""
+    """An Ultralytics model behind the `ImageModel` protocol."""
 
     def __init__(self, yolo: Any, settings: DetectorSettings) -> None:
         self._yolo = yolo
@@ -32,7 +33,7 @@ class UltralyticsModel:
         self.name = Path(settings.model).name
 
     def infer(self, image: NDArray[np.uint8], *, masks: bool) -> list[Detection]:
-        """See `Model.infer`."""
+        """See `ImageModel.infer`."""
         result = self._yolo.predict(source=image, **self._options)[0].cpu().numpy()
         boxes = result.boxes
         outlines = to_coco(result.masks.data.astype(np.uint8)) if masks and result.masks is not None else None
@@ -49,7 +50,7 @@ class UltralyticsModel:
         return sorted(found, key=lambda detection: -detection.score)
 
 
-def load(settings: DetectorSettings, folder: Path) -> Model:
+def load(settings: DetectorSettings, folder: Path) -> ImageModel:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours.

@@ -1,118 +1,123 @@
-"""A detector worker: every camera's newest frame through the model, one call at a time, results to who wants them."""
+"""A detector worker: its share of the fleet's cameras through the model, results to who wants them."""
 
 import asyncio
-import logging
 import time
-from collections import defaultdict
-from concurrent.futures import Executor
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Final
 
 from bus import Bus, QoS
+from bus.sharing import Pace, Sharing
+from bus.sharing.asking import Asked
+from bus.sharing.sharing import JOIN_S
 from schemas import codec, keys
-from schemas.detections import Detection, Detections
-from schemas.errors import SchemaError
-from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey, Stream, WorkerAlive
 from schemas.status import MAX_STREAMS, WorkerStatus
-from services.detector.account import FAILED, MALFORMED, UNWANTED, Account
-from services.detector.board import Board, Waiting
-from services.detector.camera import Camera, feed, serving
+from services.detector.account import Account
+from services.detector.board import Board
+from services.detector.camera import Camera, serving
+from services.detector.feeding import feed
+from services.detector.looking import Looking
 from services.detector.model import Model
-from services.detector.pixels import PictureError, to_bgr
 
-log = logging.getLogger(__name__)
+SERVICE: Final = "detector"
+STATUS_PERIOD_S: Final = 1.0
+PACE_PERIOD_S: Final = 0.25
 
-SERVICE = "detector"
-STATUS_PERIOD_S = 1.0
+UNWANTED_S: Final = 0.2
+"""A camera whose results nobody has wanted for so long since it was taken over is taken over."""
+
+FINISH_S: Final = 0.5
+"""How long a camera that is let go waits for what the model still has of it."""
 
 
 class Worker:
-    """Serves every camera that is there. `executor` runs the model, off the event loop."""
+    """Serves the cameras that fall to it. tokens: what it says of itself; max_age_s: see `Looking`."""
 
-    def __init__(self, bus: Bus, model: Model, name: str, executor: Executor) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        model: Model,
+        tokens: Sequence[WorkerAlive],
+        *,
+        max_age_s: float | None = None,
+        join_s: float = JOIN_S,
+    ) -> None:
         self._bus = bus
         self._model = model
-        self._name = name
-        self._executor = executor
+        self._name = tokens[0].worker
         self._board = Board()
         self._cameras: dict[CameraKey, Camera] = {}
         self._accounts: dict[CameraKey, Account] = {}
-        self._turns: defaultdict[CameraKey, asyncio.Lock] = defaultdict(asyncio.Lock)
+        self._asked: dict[CameraKey, Asked] = {}
+        self._took_over: dict[CameraKey, Callable[[], None]] = {}
+        self._pace = Pace()
+        self._looking = Looking(
+            model, self._name, self._board, self._cameras, self._accounts, max_age_s, self._has_result
+        )
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
     async def run(self) -> None:
-        """Work until cancelled."""
-        async with self._bus.announce(keys.worker_alive(SERVICE, self._name)), asyncio.TaskGroup() as group:
+        """Work until cancelled; then hand over, publish what is in the model, and end.
+
+        Raises:
+            ModelError: the model is of no more use.
+        """
+        async with asyncio.TaskGroup() as group:
             group.create_task(self._report())
-            group.create_task(self._infer())
-            group.create_task(self._follow_cameras())
+            group.create_task(self._keep_pace())
+            group.create_task(self._looking.run())
+            await self._sharing.run()
 
-    async def _follow_cameras(self) -> None:
-        served: dict[CameraKey, asyncio.Task[None]] = {}
-        async with (
-            self._bus.watch(keys.every_stream_alive(Stream.COLOR)) as watch,
-            asyncio.TaskGroup() as group,
-        ):
-            async for presence in watch:
-                try:
-                    key = keys.parse_stream(presence.key).camera
-                except SchemaError as error:
-                    log.warning("%s: camera left out: %s", presence.key, error)
-                    continue
-                previous = served.pop(key, None)
-                if previous is not None:
-                    previous.cancel()
-                if presence.alive and len(served) >= MAX_STREAMS:
-                    log.warning("%s: camera left out: %d are served already", key, len(served))
-                elif presence.alive:
-                    served[key] = group.create_task(self._serve(key))
-
-    async def _serve(self, key: CameraKey) -> None:
-        """Serve a camera that is there (again), once what served it before has ended."""
+    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
         account = self._accounts.setdefault(key, Account(key))
-        async with self._turns[key], serving(self._bus, key, account) as camera:
-            self._cameras[key] = camera
-            try:
-                await feed(self._bus, camera, self._board, self._name)
-            finally:
-                del self._cameras[key]
+        asked = self._asked[key] = Asked()
+        self._took_over[key] = took_over
+        try:
+            async with serving(self._bus, key, account) as camera, asyncio.TaskGroup() as group:
+                self._cameras[key] = camera
+                group.create_task(self._notice_unwanted(camera, took_over))
+                try:
+                    await feed(self._bus, camera, self._board, self._name, asked)
+                finally:
+                    await self._finish(key)
+        finally:
+            del self._asked[key], self._took_over[key]
+            self._cameras.pop(key, None)
 
-    async def _infer(self) -> None:
+    async def _notice_unwanted(self, camera: Camera, took_over: Callable[[], None]) -> None:
+        await asyncio.sleep(UNWANTED_S)
+        await camera.demand.until(wanted=False)
+        took_over()
+
+    async def _finish(self, key: CameraKey) -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(FINISH_S):
+                await self._looking.settled(key)
+
+    def _has_result(self, key: CameraKey) -> None:
+        if key in self._took_over:
+            self._took_over[key]()
+
+    async def _keep_pace(self) -> None:
+        """Ask gateways for no more frames than can be used, for ever."""
+        shared_by: set[CameraKey] = set()
         while True:
-            key, waiting = await self._board.take()
-            camera = self._cameras.get(key)
-            if camera is None or not camera.demand.wanted:
-                self._accounts[key].dropped[UNWANTED] += 1
-                continue
-            try:
-                found = await self._detect(waiting, masks=camera.detections.wanted)
-            except PictureError as error:
-                camera.account.dropped[MALFORMED] += 1
-                log.warning("%s: frame %d left out: %s", key, waiting.frame.header.seq, error)
-                continue
-            except Exception as error:  # noqa: BLE001 - whatever a frame does to the model, it fails alone
-                camera.account.dropped[FAILED] += 1
-                log.warning("%s: frame %d failed in the model: %r", key, waiting.frame.header.seq, error)
-                continue
-            camera.account.inferred += 1
-            camera.publish(found)
+            await asyncio.sleep(PACE_PERIOD_S)
+            wanted = {key for key, camera in self._cameras.items() if camera.demand.wanted}
+            changed = self._pace.look(self._looking.totals(), len(wanted), time.monotonic())
+            if changed or wanted != shared_by:
+                self._share_pace(self._board.by_turn(wanted))
+            shared_by = wanted
 
-    async def _detect(self, waiting: Waiting, *, masks: bool) -> Detections:
-        begun_ns = time.time_ns()
-        loop = asyncio.get_running_loop()
-        objects, model_ns = await loop.run_in_executor(self._executor, self._call_model, waiting.frame, masks)
-        return Detections(
-            header=waiting.frame.header,
-            height=waiting.frame.height,
-            width=waiting.frame.width,
-            objects=objects,
-            model=self._model.name,
-            worker=self._name,
-            spans={"queue": max(0, begun_ns - waiting.arrived_ns), "model": model_ns},
-        )
-
-    def _call_model(self, frame: ImageFrame, masks: bool) -> tuple[list[Detection], int]:  # noqa: FBT001
-        begun_ns = time.perf_counter_ns()
-        objects = self._model.infer(to_bgr(frame), masks=masks)
-        return objects, time.perf_counter_ns() - begun_ns
+    def _share_pace(self, cameras: Sequence[CameraKey]) -> None:
+        """Ask for the same rate of each camera, one after the other."""
+        limit = self._pace.limit_hz
+        for turn, key in enumerate(cameras):
+            if limit is None:
+                self._asked[key].ask(None)
+            else:
+                self._asked[key].ask(limit / len(cameras), turn / limit)
 
     async def _report(self) -> None:
         key = keys.worker_status(SERVICE, self._name)
@@ -125,10 +130,16 @@ class Worker:
                 publisher.put(codec.encode(self._status()))
 
     def _status(self) -> WorkerStatus:
+        accounts = list(self._accounts.items())[-MAX_STREAMS:]
         return WorkerStatus(
             service=SERVICE,
             worker=self._name,
             model=self._model.name,
             sent_ns=time.time_ns(),
-            cameras=[account.load() for account in list(self._accounts.values())[-MAX_STREAMS:]],
+            cameras=[
+                account.load(
+                    serving=key in self._cameras, budget_hz=self._asked[key].hz if key in self._asked else None
+                )
+                for key, account in accounts
+            ],
         )

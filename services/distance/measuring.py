@@ -1,1 +1,195 @@
 """What depth says of the objects of one image. Pure."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.detections import Detection
+from schemas.distances import Measured, ObjectDistance, Place
+from services.geometry.camera import CameraModel
+from services.geometry.errors import GeometryError
+from services.geometry.foreground import foreground
+from services.geometry.masks import Window, decode, eroded, surroundings
+from services.geometry.rotation import moved
+
+Floats = NDArray[np.float32]
+Indices = NDArray[np.intp]
+
+SAMPLE: Final = 512
+"""Readings of an object that its statistics are made of, spread evenly over it."""
+
+RING: Final = 5
+"""Pixels around a mask that say what is behind and before the object."""
+
+_EVEN: Final = np.arange(SAMPLE)
+_NOISE: Final = 0.01
+"""Share of an object's readings that are nearer than its nearest point."""
+
+_NOWHERE: Final = "by the camera's distortion model its pixels look nowhere"
+_SIGMA: Final = 1.4826
+"""Standard deviations of a normal distribution in one median absolute deviation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Criteria:
+    """When readings count. min_pixels: valid ones that an object needs. edge: pixels taken off at a mask's edges."""
+
+    min_pixels: int = 30
+    edge: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A further frame of reference. from_camera: 4 x 4, or why it is not known."""
+
+    frame_id: str
+    from_camera: NDArray[Any] | str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """Depth as the colour camera sees it: depth_m is height x width in metres, NaN for no reading.
+
+    frame_id: the camera's optical frame. camera: its model, or why there is none.
+    """
+
+    depth_m: Floats
+    frame_id: str
+    camera: CameraModel | str
+    frames: Sequence[Frame] = ()
+
+
+def measure(objects: Sequence[Detection], view: View, criteria: Criteria) -> list[ObjectDistance]:
+    """Measure each object of an image of the view's size.
+
+    Raises:
+        GeometryError: the camera is calibrated for pictures of another size.
+    """
+    if isinstance(view.camera, CameraModel):
+        view.camera.check_size(*view.depth_m.shape)
+    looked = [_look(index, found, view.depth_m, criteria) for index, found in enumerate(objects)]
+    seen = [each for each in looked if isinstance(each, _Seen)]
+    measured = _measured(seen, view) if seen else iter(())
+    return [next(measured) if isinstance(each, _Seen) else each for each in looked]
+
+
+def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:
+    """Say of each object that nothing is known, and why."""
+    return [_unknown(index, found, 0.0, reason) for index, found in enumerate(objects)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """An object with enough readings: where in the flat image some of them are, within its mask and just around it."""
+
+    index: int
+    found: Detection
+    share: float
+    mean_m: float
+    within: Indices
+    around: Indices
+
+
+def _look(index: int, found: Detection, depth_m: Floats, criteria: Criteria) -> _Seen | ObjectDistance:
+    if found.mask is None:
+        return _unknown(index, found, 0.0, "the model gives no masks")
+    try:
+        window = decode(found.mask, margin=RING)
+    except GeometryError as error:
+        return _unknown(index, found, 0.0, str(error))
+    patch = depth_m[window.place]
+    there = patch > 0
+    valid = window.pixels & there
+    count, area = int(np.count_nonzero(valid)), window.area
+    share = count / area if area else 0.0
+    if count < criteria.min_pixels:
+        reason = f"{count} of its {area} pixels have a reading, {criteria.min_pixels} are needed"
+        return _unknown(index, found, share, reason)
+    inner = np.flatnonzero(eroded(window, criteria.edge).pixels & there)
+    if len(inner) < criteria.min_pixels:
+        inner = np.flatnonzero(valid)
+    around = np.flatnonzero(surroundings(window, RING) & there)
+    places = [_spread(chosen, window, depth_m.shape[1]) for chosen in (inner, around)]
+    return _Seen(index, found, share, cv2.mean(patch, valid.view(np.uint8))[0], *places)
+
+
+def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectDistance:
+    return ObjectDistance(name=found.name, index=index, valid_share=share, unknown=reason)
+
+
+def _spread(chosen: Indices, window: Window, width: int) -> Indices:
+    """Return SAMPLE of the window's pixels, evenly spread, as places in a flat image so wide; -1 where there is none."""
+    if not len(chosen):
+        return np.full(SAMPLE, -1, np.intp)
+    rows, columns = np.divmod(chosen[_EVEN * len(chosen) // SAMPLE], window.pixels.shape[1])
+    return (rows + window.top) * width + columns + window.left
+
+
+def _measured(seen: Sequence[_Seen], view: View) -> Iterator[ObjectDistance]:
+    flat = view.depth_m.ravel()
+    at = np.stack([each.within for each in seen])
+    z = flat[at]
+    order = np.argsort(z, axis=1)
+    z, at = np.take_along_axis(z, order, 1).astype(np.float64), np.take_along_axis(at, order, 1)
+    around = np.stack([each.around for each in seen])
+    own = foreground(z, np.sort(np.where(around < 0, np.nan, flat[around]), axis=1))
+    axial = _medians(z, own)
+    spread = _SIGMA * _medians(np.abs(z - axial[:, np.newaxis]), own)
+    euclidean, places = _placed(z, at, own, view)
+    for row, each in enumerate(seen):
+        yield ObjectDistance(
+            name=each.found.name,
+            index=each.index,
+            valid_share=each.share,
+            measured=Measured(
+                axial_m=float(axial[row]),
+                euclidean_m=euclidean[row],
+                mean_m=each.mean_m,
+                nearest_m=float(z[row, own[row]][int(own[row].sum() * _NOISE)]),
+                spread_m=float(spread[row]),
+                places=places[row],
+            ),
+        )
+
+
+def _medians(values: NDArray[Any], own: NDArray[np.bool_]) -> NDArray[Any]:
+    """Return the median of each row's own values; NaN where there are none."""
+    ascending = np.sort(np.where(own, values, np.inf), axis=1)
+    counts = own.sum(axis=1)
+    rows = np.arange(len(values))
+    middle = (ascending[rows, (counts - 1) // 2] + ascending[rows, counts // 2]) / 2
+    return np.where(counts > 0, middle, np.nan)
+
+
+def _placed(
+    z: NDArray[Any], at: Indices, own: NDArray[np.bool_], view: View
+) -> tuple[list[float | None], list[list[Place]]]:
+    """Return each object's straight distance, and the middle of its readings in each frame."""
+    names = [view.frame_id, *(frame.frame_id for frame in view.frames)]
+    if isinstance(view.camera, str):
+        return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
+    x, y = (plane[at] for plane in view.camera.rays(*view.depth_m.shape).reshape(2, -1))
+    own = own & np.isfinite(x)
+    straight = _medians(z * view.camera.lengths(*view.depth_m.shape).ravel()[at], own)
+    weights = np.where(own, z, 0.0) / np.maximum(own.sum(axis=1, keepdims=True), 1)
+    middles = np.stack([np.sum(np.where(own, ray, 0) * weights, axis=1) for ray in (x, y, 1)], axis=1)
+    places = [_in_frame(view.frame_id, middles, np.identity(4))]
+    places += [_in_frame(frame.frame_id, middles, frame.from_camera) for frame in view.frames]
+    seen = np.isfinite(straight)
+    return (
+        [float(each) if known else None for each, known in zip(straight, seen, strict=True)],
+        [
+            list(of) if known else [Place(frame_id=name, unknown=_NOWHERE) for name in names]
+            for of, known in zip(zip(*places, strict=True), seen, strict=True)
+        ],
+    )
+
+
+def _in_frame(frame_id: str, middles: NDArray[Any], from_camera: NDArray[Any] | str) -> list[Place]:
+    if isinstance(from_camera, str):
+        return [Place(frame_id=frame_id, unknown=from_camera)] * len(middles)
+    return [Place(frame_id=frame_id, at=(x, y, z)) for x, y, z in moved(from_camera, middles).tolist()]

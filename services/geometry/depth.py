@@ -16,6 +16,8 @@ Floats = NDArray[np.float32]
 _MILLIMETRES: Final = np.float32(1000)
 """Of a metre; divided by, so that what is exact in millimetres is rounded once."""
 
+_LIMITS: Final = np.finfo(np.float32)
+
 
 def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Floats:
     """Return metres along the optical axis, height x width; NaN where there is no reading or one beyond the limits.
@@ -31,8 +33,8 @@ def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = 
         raise DepthError(f"an image in {frame.encoding[:32]}, which is no depth")
     values = _decoded(frame) if frame.format not in {RAW, ZSTD} else _values(frame)
     metres = _metres(values, frame)
-    near, far = np.float32(nearest_m), np.float32(farthest_m)
-    metres[~((metres > 0) & (metres >= near) & (metres <= far) & (metres < np.inf))] = np.nan
+    near, far = max(np.float32(nearest_m), _LIMITS.tiny), min(np.float32(farthest_m), _LIMITS.max)
+    np.copyto(metres, np.nan, where=~((metres >= near) & (metres <= far)))
     return metres
 
 

@@ -44,8 +44,10 @@ class Window:
         return int(np.count_nonzero(self.pixels))
 
 
-def decode(mask: Mask) -> Window:
+def decode(mask: Mask, *, margin: int = 0) -> Window:
     """Decode a mask; an empty one is a window without pixels.
+
+    margin: rows and columns around it that the window has too, as far as the image goes.
 
     Raises:
         MaskError: the runs are damaged, or do not fill the image.
@@ -59,12 +61,12 @@ def decode(mask: Mask) -> Window:
     starts, stops = starts[full], stops[full]
     if not len(starts):
         return Window(0, 0, np.zeros((0, 0), np.bool_))
-    return _window(starts, stops, height)
+    return _window(starts, stops, height, width, margin)
 
 
-def _window(starts: NDArray[np.int64], stops: NDArray[np.int64], height: int) -> Window:
+def _window(starts: NDArray[np.int64], stops: NDArray[np.int64], height: int, width: int, margin: int) -> Window:
     """Return the window of runs of set pixels, from `starts` to before `stops`, that go down the columns."""
-    left, right = int(starts[0]) // height, (int(stops[-1]) - 1) // height + 1
+    left, right = max(int(starts[0]) // height - margin, 0), min((int(stops[-1]) - 1) // height + 1 + margin, width)
     edges = np.stack([starts, stops], axis=1).ravel() - left * height
     lengths = np.diff(edges, prepend=0, append=(right - left) * height)
     flags = np.zeros(len(lengths), np.bool_)
@@ -73,6 +75,7 @@ def _window(starts: NDArray[np.int64], stops: NDArray[np.int64], height: int) ->
     first, last = starts % height, (stops - 1) % height
     whole = bool((starts // height != (stops - 1) // height).any())
     top, bottom = (0, height) if whole else (int(first.min()), int(last.max()) + 1)
+    top, bottom = max(top - margin, 0), min(bottom + margin, height)
     return Window(top, left, np.ascontiguousarray(columns[:, top:bottom].T))
 
 
@@ -111,3 +114,12 @@ def eroded(window: Window, pixels: int) -> Window:
     kernel = np.ones((size, size), np.uint8)
     inner = cv2.erode(window.pixels.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return Window(window.top, window.left, inner.view(np.bool_))
+
+
+def surroundings(window: Window, pixels: int) -> Bools:
+    """Return which pixels of the window are within `pixels` of the mask, but not of it."""
+    if not window.pixels.size:
+        return window.pixels
+    size = 2 * pixels + 1
+    grown = cv2.dilate(window.pixels.view(np.uint8), np.ones((size, size), np.uint8))
+    return np.asarray(grown.view(np.bool_) > window.pixels)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from bus.keys import matches
 from schemas import keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted, WorkerAlive
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
@@ -22,7 +22,7 @@ def test_robot_and_worker_keys_parse_back(name: str) -> None:
     assert keys.parse_robot(keys.robot_alive(name)) == name
     assert keys.parse_robot(keys.gateway_status(name)) == name
     assert keys.parse_worker(keys.worker_status("detector", name)) == ("detector", name)
-    assert keys.parse_worker(keys.worker_alive("detector", name)) == ("detector", name)
+    assert keys.parse_worker(str(WorkerAlive("detector", name))) == ("detector", name)
 
 
 @given(

@@ -7,13 +7,15 @@ from bus import QUEUE, QoS
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
+from schemas.keys import CameraKey, Stream, WorkerAlive
+from services.detector.one_by_one import OneByOne
 from services.detector.worker import Worker
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until
 from tests.services.detector.fakes import FakeModel
 from tests.services.detector.test_worker import frame
 
+ME = WorkerAlive("detector", "w1")
 FRONT = CameraKey("r1", "front")
 
 
@@ -31,7 +33,7 @@ async def test_a_worker_with_a_wanted_camera() -> None:
             async def life() -> None:
                 before = classes.counts.received
                 async with network.open_bus() as ours, asyncio.TaskGroup() as group:
-                    working = group.create_task(Worker(ours, FakeModel(), "w1", executor).run())
+                    working = group.create_task(Worker(ours, OneByOne(FakeModel(), executor), [ME], join_s=0).run())
                     while classes.counts.received == before:  # each turn of the loop is a suspension
                         if camera.wanted:
                             camera.put(codec.encode(frame(0)))

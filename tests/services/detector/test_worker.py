@@ -15,14 +15,16 @@ from schemas import codec, keys
 from schemas.codec import M
 from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey, Wanted, WorkerAlive
 from schemas.status import CameraLoad, WorkerStatus
 from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED, UNWANTED
+from services.detector.one_by_one import OneByOne
 from services.detector.worker import Worker
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
 from tests.services.detector.fakes import FakeModel
 
+ME = WorkerAlive("detector", "w1")
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")
 
 
@@ -76,7 +78,7 @@ async def rig() -> AsyncIterator[Rig]:
     network, model = FakeNetwork(), FakeModel()
     with ThreadPoolExecutor(1) as executor:
         async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
-            working = group.create_task(Worker(ours, model, "w1", executor).run())
+            working = group.create_task(Worker(ours, OneByOne(model, executor), [ME], join_s=0).run())
             yield Rig(theirs, model)
             model.may_answer.set()
             working.cancel()
@@ -193,7 +195,7 @@ async def test_a_compressed_picture_is_decoded_and_a_damaged_one_is_malformed(ri
         await until(lambda: camera.wanted)
         camera.put(codec.encode(compressed(file[:40], "rgb8", 18)))
         await asyncio.sleep(0.02)
-        camera.put(codec.encode(compressed(file, "rgb8", 18)))
+        camera.put(codec.encode(msgspec.structs.replace(compressed(file, "rgb8", 18), header=header(seq=1))))
         await receive(classes, ClassList)
         assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}
     assert [tuple(image[3, 5]) for image in rig.model.seen] == [(1, 2, 3)]
@@ -293,8 +295,9 @@ async def test_zstd_data_is_inferred_from_and_damaged_data_is_malformed(rig: Rig
         rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
     ):
         await until(lambda: camera.wanted)
-        for sent in (data[:-1], data):
-            camera.put(codec.encode(msgspec.structs.replace(raw, format="zstd", data=memoryview(sent))))
+        for seq, sent in enumerate((data[:-1], data)):
+            about = header(seq=seq)
+            camera.put(codec.encode(msgspec.structs.replace(raw, header=about, format="zstd", data=memoryview(sent))))
             await asyncio.sleep(0.02)
         await receive(classes, ClassList)
         assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}

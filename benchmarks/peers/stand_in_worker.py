@@ -1,0 +1,39 @@
+"""A detector worker whose model is a stand-in that takes a time per frame. Arguments: router, name, milliseconds."""
+
+import asyncio
+import logging
+import sys
+from collections.abc import Sequence
+
+from bus import BusSettings, open_bus
+from schemas.keys import WorkerAlive
+from services.detector.model import Found, Outcome, Request
+from services.detector.worker import SERVICE, Worker
+from services.toolbox.process import run
+
+
+class StandIn:
+    """Finds nothing, in its own time, in one image after the other."""
+
+    name = "stand-in"
+    max_batch = 1
+    in_flight = 1
+
+    def __init__(self, frame_s: float) -> None:
+        self._frame_s = frame_s
+
+    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """See `Model.infer`."""
+        await asyncio.sleep(self._frame_s * len(batch))
+        return [Found([]) for _ in batch]
+
+
+async def work(router: str, name: str, frame_s: float) -> None:
+    """Work until cancelled."""
+    async with open_bus(BusSettings(connect=[router], shared_memory=False)) as bus:
+        await Worker(bus, StandIn(frame_s), [WorkerAlive(SERVICE, name)]).run()
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(message)s")
+    sys.exit(run(lambda: work(sys.argv[1], sys.argv[2], float(sys.argv[3]) / 1000)))

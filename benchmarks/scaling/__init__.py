@@ -1,0 +1,1 @@
+"""How detector workers share a fleet's cameras."""

@@ -1,0 +1,106 @@
+"""How detector workers share 64 cameras at 10 Hz, each a real process, over a real Zenoh router, in about four minutes.
+
+The model is a stand-in that takes 50 ms per frame, whatever the batch, so that eight workers are flooded four times
+over. Cameras are one process that offers them as gateways do and sends by the gateway's own rules on who can use how
+much. All figures are from the arrival times of class lists at one subscriber, but for frames sent, which the cameras
+count.
+
+    efficiency_8     results/s of eight workers over eight times those of one
+    double_owned     cameras with results of more than one worker at rest; unowned: with none
+    max_share        the most cameras of one worker over the even share
+    useful_fraction  frames with results over frames sent, at eight workers
+    max_age_ms       from when the gateway had a frame to when its result arrived
+    failover_s       from SIGKILL until each camera of that worker had results again; moved_others: other cameras that
+                     went to another worker
+    hang_failover_s  the same from SIGSTOP; woken_double_s: how long after SIGCONT results came from both owners
+    join_gap_s       a worker joins: how much longer than usual a camera had no result on its way from one worker to
+                     another. A flooded worker comes to each camera every third of a second or so: *_interval_s is the
+                     whole time, *_usual_interval_s the median one before
+    rolling_gap_s    the same while all workers are restarted in turn; exit_s: how long one took to end at most
+"""
+
+import argparse
+import json
+import signal
+import sys
+from typing import Any, Final
+
+from benchmarks.gateway.processes import note
+from benchmarks.machine import machine, versions
+from benchmarks.scaling.scenario import CAMERAS, FRAME_MS, HZ, LEASE_S, ROBOTS, WORKERS, Scenario, scenario
+from benchmarks.targets import at_least, at_most
+
+NAMES: Final = [f"w{number}" for number in range(1, WORKERS + 1)]
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.scaling", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--seconds", type=float, default=15.0, help="length of a measurement at rest (default: 15)")
+    arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
+    with scenario() as fleet:
+        found = measure(fleet, arguments.seconds)
+    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+
+
+def measure(fleet: Scenario, seconds: float) -> dict[str, Any]:
+    """Do everything."""
+    note("one worker")
+    fleet.start(NAMES[0])
+    one = fleet.calm(seconds)
+    note(f"{one}\n{WORKERS - 1} workers")
+    fleet.start(*NAMES[1:-1])
+    seven = fleet.calm(seconds / 3)
+    note(f"{seven}\none more joins")
+    found = fleet.join(NAMES[-1])
+    note(f"{found}\n{WORKERS} workers")
+    eight = fleet.calm(seconds)
+    note(f"{eight}\none is killed")
+    found |= eight | fleet.crash(NAMES[1])
+    fleet.start(NAMES[1])
+    fleet.settle()
+    note(f"{found}\none hangs")
+    found |= fleet.hang(NAMES[2])
+    fleet.settle()
+    found |= fleet.roll()
+    found["one_worker_results_per_s"] = one["results_per_s"]
+    found["one_worker_useful_fraction"] = one["useful_fraction"]
+    found["efficiency_8"] = round(eight["results_per_s"] / WORKERS / one["results_per_s"], 3)
+    return {
+        "targets": targets(found),
+        **found,
+        "workers": WORKERS,
+        "cameras": ROBOTS * CAMERAS,
+        "hz": HZ,
+        "frame": "64x48 rgb8",
+        "frame_ms": FRAME_MS,
+        "seconds": seconds,
+        "machine": machine(),
+        "versions": versions(["eclipse-zenoh", "msgspec"]),
+    }
+
+
+def targets(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return each target and whether it is met."""
+    return (
+        at_least(found, "efficiency_8", 0.95)
+        | at_most(found, "double_owned", 0)
+        | at_most(found, "unowned", 0)
+        | at_most(found, "max_share", 2.5)
+        | at_most(found, "failover_s", 0.5)
+        | at_most(found, "moved_others", 0)
+        | at_most(found, "hang_failover_s", LEASE_S + 1)
+        | at_most(found, "woken_double_s", 0.5)
+        | at_most(found, "join_gap_s", 0.3)
+        | at_most(found, "rolling_gap_s", 1)
+        | at_least(found, "useful_fraction", 0.9)
+        | at_most(found, "max_age_ms", 2 * FRAME_MS + 50)
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""Ask a camera's gateway for as many frames as can be used."""
+
+import asyncio
+
+from bus.api import Bus, QoS
+from schemas import codec, keys
+from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
+from schemas.keys import Wanted
+
+
+class Asked:
+    """What the gateway of one camera is asked for; nothing, until there is a limit. Changes in between are merged."""
+
+    def __init__(self) -> None:
+        self.hz: float | None = None
+        self._wait_s = 0.0
+        self._changed = asyncio.Event()
+
+    def ask(self, hz: float | None, wait_s: float = 0.0) -> None:
+        """Ask for no more than `hz` frames a second (None: all of them), the next one after `wait_s` seconds."""
+        if hz is None and self.hz is None:
+            return
+        self.hz = None if hz is None else max(LEAST_HZ, hz)
+        self._wait_s = min(MOST_WAIT_S, wait_s)
+        self._changed.set()
+
+    async def tell(self, bus: Bus, token: Wanted) -> None:
+        """Tell the gateway who wants the frames, and each change, for ever."""
+        if self.hz is None:
+            self._changed.clear()
+            await self._changed.wait()
+        key = keys.budget(token.key.camera)
+        async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
+            while True:
+                self._changed.clear()
+                publisher.put(codec.encode(self._budget(token)))
+                self._wait_s = 0.0
+                await self._changed.wait()
+
+    def _budget(self, token: Wanted) -> RateBudget:
+        return RateBudget(
+            robot=token.key.camera.robot,
+            camera=token.key.camera.camera,
+            consumer=token.consumer,
+            stream=token.key.stream,
+            hz=self.hz,
+            wait_s=self._wait_s,
+        )

@@ -1,0 +1,32 @@
+"""How a worker shares the work with others of its service. Plain data: whoever builds it reads environment and files."""
+
+from typing import Annotated, ClassVar, Self
+
+from pydantic import BaseModel, Field, model_validator
+
+from schemas.keys import ANY_ROBOT, MAX_WEIGHT, MIN_WEIGHT, NAME, WorkerAlive, parse_worker_alive
+
+RobotName = Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
+
+
+class SharingSettings(BaseModel):
+    """Fields that every process has that shares the fleet's cameras with others like it."""
+
+    heading: ClassVar = "sharing the work"
+
+    weight: float = Field(
+        default=1.0,
+        ge=MIN_WEIGHT,
+        le=MAX_WEIGHT,
+        description="this worker's share of the cameras beside others': with 2 it gets twice as many as with 1",
+    )
+    robots: list[RobotName] = Field(
+        default=[],
+        max_length=100,
+        description="work for these robots alone, and before all workers that are for any; any robot unless given",
+    )
+
+    def tokens(self, service: str, worker: str) -> list[WorkerAlive]:
+        """Return what a worker says of itself, as others read it."""
+        told = (WorkerAlive(service, worker, self.weight, robot) for robot in self.robots or (None,))
+        return [parse_worker_alive(str(token)) for token in told]

@@ -1,0 +1,97 @@
+"""Which cameras one worker looks after, by what it knows of the others. Pure."""
+
+from collections import defaultdict
+from typing import Final, TypeVar
+
+from bus.sharing.rendezvous import owner
+from schemas.keys import CameraKey, Serves, WorkerAlive
+
+HAND_OVER_S: Final = 2.0
+"""How long a camera that falls to another worker is still looked after here when that one does not take it over."""
+
+T = TypeVar("T")
+
+MAX_WORKERS: Final = 1_000
+MAX_CAMERAS: Final = 10_000
+MAX_TAKEN: Final = 2 * MAX_CAMERAS
+
+
+class Shares:
+    """One worker's part of the work.
+
+    A camera that falls to another worker stays here until that one says that it has taken it over, or for HAND_OVER_S:
+    a short overlap beats a gap. Results of the same frame twice have the same identity.
+    """
+
+    def __init__(self, worker: str) -> None:
+        self._worker = worker
+        self._workers: set[WorkerAlive] = set()
+        self._cameras: dict[CameraKey, None] = {}
+        self._taken: defaultdict[CameraKey, set[str]] = defaultdict(set)
+        self._taken_count = 0
+        self._served: dict[CameraKey, float | None] = {}
+
+    @property
+    def serving(self) -> frozenset[CameraKey]:
+        """What the last plan says to look after."""
+        return frozenset(self._served)
+
+    def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
+        """Note that a worker came or went; return whether that was news. More than MAX_WORKERS are not taken in."""
+        return _note(self._workers, token, alive=alive, limit=MAX_WORKERS)
+
+    def camera(self, camera: CameraKey, *, alive: bool) -> bool:
+        """Note that a camera came or went; return whether that was news. More than MAX_CAMERAS are not taken in."""
+        if alive == (camera in self._cameras) or (alive and len(self._cameras) >= MAX_CAMERAS):
+            return False
+        if alive:
+            self._cameras[camera] = None
+        else:
+            del self._cameras[camera]
+        return True
+
+    def taken(self, token: Serves, *, alive: bool) -> bool:
+        """Note that a worker has taken a camera over, or let it go; return whether that was news."""
+        workers = self._taken[token.camera]
+        news = _note(workers, token.worker, alive=alive, limit=len(workers) + MAX_TAKEN - self._taken_count)
+        if news:
+            self._taken_count += 1 if alive else -1
+        if not workers:
+            del self._taken[token.camera]
+        return news
+
+    def plan(self, now_s: float, most: int) -> frozenset[CameraKey]:
+        """Return what to look after from now on: at most `most` cameras, those known longest first.
+
+        now_s: any steady clock; a plan is good until `next_s`, or until there is news.
+        """
+        served: dict[CameraKey, float | None] = {}
+        for camera in self._cameras:
+            if len(served) >= most:
+                break
+            winner = owner(camera, self._workers)
+            if winner == self._worker:
+                served[camera] = None
+            elif winner is not None and camera in self._served:
+                until_s = self._served[camera] or now_s + HAND_OVER_S
+                if winner not in self._taken.get(camera, ()) and now_s < until_s:
+                    served[camera] = until_s
+        self._served = served
+        return self.serving
+
+    @property
+    def next_s(self) -> float | None:
+        """When the plan changes by itself, by the clock that it was made by; None if never."""
+        return min((until_s for until_s in self._served.values() if until_s is not None), default=None)
+
+    @property
+    def handing_over(self) -> bool:
+        """Whether something is looked after that has fallen to another worker."""
+        return self.next_s is not None
+
+
+def _note(members: set[T], member: T, *, alive: bool, limit: int) -> bool:
+    if alive == (member in members) or (alive and len(members) >= limit):
+        return False
+    (members.add if alive else members.discard)(member)
+    return True

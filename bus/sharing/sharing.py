@@ -1,0 +1,162 @@
+"""Look after the cameras that fall to this worker, for as long as they do."""
+
+import asyncio
+import logging
+from asyncio import Task, TaskGroup
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import AsyncExitStack, suppress
+from typing import Final
+
+from bus.api import Bus, Presence, Watch
+from bus.sharing.shares import HAND_OVER_S, Shares
+from schemas import keys
+from schemas.errors import SchemaError
+from schemas.keys import CameraKey, Serves, Stream, WorkerAlive
+from schemas.status import MAX_STREAMS
+
+SETTLE_S: Final = 0.03
+"""How long news of workers and cameras is gathered before it is acted upon."""
+
+JOIN_S: Final = 0.2
+"""How long a new worker listens to who is there before it joins."""
+
+LEAVE_S: Final = 1.0
+"""How long a worker that leaves goes on until others have taken over."""
+
+Serve = Callable[[CameraKey, Callable[[], None]], Awaitable[None]]
+"""Looks after a camera until cancelled; calls what it is given once results come, or nobody wants any."""
+
+log = logging.getLogger(__name__)
+
+
+class Sharing:
+    """One worker's place among those of its service.
+
+    tokens: what it says of itself, see `SharingSettings.tokens`. stream: the one whose presence says that there is a
+    camera to look after. serve: does it, one call at a time for each camera. most: how many cameras at a time.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        tokens: Sequence[WorkerAlive],
+        stream: Stream,
+        serve: Serve,
+        *,
+        most: int = MAX_STREAMS,
+        join_s: float = JOIN_S,
+    ) -> None:
+        self._bus = bus
+        self._tokens = tokens
+        self._service, self._worker = tokens[0].service, tokens[0].worker
+        self._stream = stream
+        self._serve = serve
+        self._most = most
+        self._join_s = join_s
+        self._shares = Shares(self._worker)
+        self._news = asyncio.Event()
+        self._tasks: dict[CameraKey, Task[None]] = {}
+        self._ending: dict[CameraKey, Task[None]] = {}
+
+    async def run(self) -> None:
+        """Share the work until cancelled; then leave it to the others, which takes LEAVE_S at most."""
+        async with (
+            self._bus.watch(keys.every_worker_alive(self._service)) as workers,
+            self._bus.watch(keys.every_serves(self._service)) as taken,
+            self._bus.watch(keys.every_stream_alive(self._stream)) as cameras,
+            TaskGroup() as group,
+        ):
+            group.create_task(self._note(workers, self._note_worker))
+            group.create_task(self._note(taken, self._note_taken))
+            group.create_task(self._note(cameras, self._note_camera))
+            await asyncio.sleep(self._join_s)
+            try:
+                await self._take_part(group)
+            finally:
+                await self._hand_over(group)
+
+    async def _take_part(self, group: TaskGroup) -> None:
+        async with AsyncExitStack() as stack:
+            for token in self._tokens:
+                await stack.enter_async_context(self._bus.announce(str(token)))
+                self._shares.worker(token, alive=True)
+            while True:
+                self._follow_plan(group)
+                await self._news_or_time()
+
+    async def _hand_over(self, group: TaskGroup) -> None:
+        for token in self._tokens:
+            self._shares.worker(token, alive=False)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(LEAVE_S):
+                self._follow_plan(group)
+                while self._shares.handing_over:
+                    await self._news_or_time()
+                    self._follow_plan(group)
+        ending = [*self._tasks.values(), *self._ending.values()]
+        for task in ending:
+            task.cancel()
+
+    async def _news_or_time(self) -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout_at(self._shares.next_s):
+                await self._news.wait()
+                await asyncio.sleep(SETTLE_S)
+        self._news.clear()
+
+    def _follow_plan(self, group: TaskGroup) -> None:
+        planned = self._shares.plan(asyncio.get_running_loop().time(), self._most)
+        fewer, more = self._tasks.keys() - planned, planned - self._tasks.keys()
+        for camera in fewer:
+            self._end(camera)
+        for camera in more:
+            self._tasks[camera] = group.create_task(self._look_after(camera, self._ending.get(camera)))
+        if fewer or more:
+            log.info("looks after %d cameras: %d more, %d fewer", len(planned), len(more), len(fewer))
+        if len(planned) == self._most and more:
+            log.warning("cameras are left out: %d are looked after already", self._most)
+
+    def _end(self, camera: CameraKey) -> None:
+        task = self._ending[camera] = self._tasks.pop(camera)
+
+        def forget(ended: Task[None]) -> None:
+            if self._ending.get(camera) is ended:
+                del self._ending[camera]
+
+        task.add_done_callback(forget)
+        task.cancel()
+
+    async def _look_after(self, camera: CameraKey, before: Task[None] | None) -> None:
+        """Serve a camera, once what served it before has ended."""
+        if before is not None:
+            await asyncio.wait([before])
+        took_over = asyncio.Event()
+        async with TaskGroup() as group:
+            saying = group.create_task(self._say_taken(camera, took_over))
+            await self._serve(camera, took_over.set)
+            saying.cancel()
+
+    async def _say_taken(self, camera: CameraKey, took_over: asyncio.Event) -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(HAND_OVER_S):
+                await took_over.wait()
+        async with self._bus.announce(str(Serves(self._service, self._worker, camera))):
+            await asyncio.Event().wait()
+
+    async def _note(self, watch: Watch, take: Callable[[Presence], bool]) -> None:
+        async for presence in watch:
+            try:
+                if take(presence):
+                    self._news.set()
+            except SchemaError as error:
+                log.warning("%s: left out: %s", presence.key[:200], error)
+
+    def _note_worker(self, presence: Presence) -> bool:
+        token = keys.parse_worker_alive(presence.key)
+        return token.worker != self._worker and self._shares.worker(token, alive=presence.alive)
+
+    def _note_taken(self, presence: Presence) -> bool:
+        return self._shares.taken(keys.parse_serves(presence.key), alive=presence.alive)
+
+    def _note_camera(self, presence: Presence) -> bool:
+        return self._shares.camera(keys.parse_stream(presence.key).camera, alive=presence.alive)

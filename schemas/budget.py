@@ -1,0 +1,28 @@
+"""RateBudget: how many frames of a camera a consumer can use."""
+
+from typing import Annotated, Final
+
+import msgspec
+
+from schemas.header import Label, Name
+
+LEAST_HZ: Final = 0.001
+MOST_WAIT_S: Final = 3600.0
+
+
+class RateBudget(msgspec.Struct, frozen=True, kw_only=True):
+    """What a consumer that cannot keep up asks of a camera's gateway. Its newest one counts, while it wants the stream.
+
+    A consumer is known by its `schemas.keys.Wanted` token, and the budget ends with that.
+
+    consumer, stream: those of the token.
+    hz: the most frames a second of the consumer's own time that it has a use for; None for any number of them.
+    wait_s: how long after this message the next of them is wanted, so that cameras take turns.
+    """
+
+    robot: Name
+    camera: Name
+    consumer: Name
+    stream: Label
+    hz: Annotated[float, msgspec.Meta(ge=LEAST_HZ)] | None = None
+    wait_s: Annotated[float, msgspec.Meta(ge=0, le=MOST_WAIT_S)] = 0.0

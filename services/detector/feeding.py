@@ -1,0 +1,64 @@
+"""One camera's frames on their way to the model, while somebody wants results."""
+
+import asyncio
+import logging
+
+from bus import LATEST, Bus, Sample
+from bus.clock import clock_id
+from bus.shared_demand import while_wanted
+from bus.sharing.asking import Asked
+from schemas import codec
+from schemas.errors import SchemaError
+from schemas.image import ImageFrame
+from schemas.keys import Stream, StreamKey, Wanted
+from services.detector.account import DEPTH, REPLACED, UNWANTED
+from services.detector.board import Board, Waiting
+from services.detector.camera import Camera
+from services.detector.lateness import Lateness
+from services.detector.pixels import shows_colours
+
+log = logging.getLogger(__name__)
+
+
+async def feed(bus: Bus, camera: Camera, board: Board, consumer: str, asked: Asked) -> None:
+    """Put the camera's newest frame on the board whenever its results are wanted, for ever.
+
+    consumer: the name under which the gateway is told where its frames go. asked: how many of them it is asked for.
+    """
+    token = Wanted(StreamKey(camera.key, Stream.COLOR), clock_id(), consumer)
+
+    async def receive() -> None:
+        camera.account.begin()
+        lateness = Lateness()
+        try:
+            async with (
+                bus.announce(str(token)),
+                asyncio.TaskGroup() as group,
+                bus.subscribe(camera.key.stream(Stream.COLOR), LATEST, history=False) as frames,
+            ):
+                telling = group.create_task(asked.tell(bus, token))
+                async for sample in frames:
+                    accept(camera, board, sample, lateness)
+                telling.cancel()
+        finally:
+            camera.account.dropped[UNWANTED] += board.discard(camera.key)
+
+    await while_wanted(camera.demand, receive)
+
+
+def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness) -> None:
+    """Put a frame on the board, or count why not."""
+    try:
+        frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
+        codec.check_identity(frame.header, camera.key)
+    except SchemaError as error:
+        camera.account.malformed(sample.replaced)
+        log.warning("%s: frame left out: %s", camera.key, error)
+        return
+    if not camera.account.arrived(frame.header, sample.replaced):
+        return
+    if not shows_colours(frame):
+        camera.account.dropped[DEPTH] += 1
+        return
+    late_ns = lateness.late_ns(frame.header.received_ns, sample.received_ns)
+    camera.account.dropped[REPLACED] += board.post(camera.key, Waiting(frame, sample.received_ns, late_ns))

@@ -1,0 +1,168 @@
+"""From the board through the model: batches of different cameras' newest frames, several under way at once."""
+
+import asyncio
+import logging
+import time
+from asyncio import Event, Queue, Semaphore, Task, TaskGroup
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from bus.sharing.pace import Totals
+from schemas.detections import Detections
+from schemas.keys import CameraKey
+from services.detector.account import STALE, UNWANTED, Account
+from services.detector.board import Board, Waiting
+from services.detector.camera import Camera
+from services.detector.model import Failed, Found, Model, Outcome, Request
+
+PATIENCE_S: Final = 0.005
+"""How long a batch waits for more cameras' frames."""
+
+SPARE_S: Final = 0.04
+"""How much longer than one call a frame may wait for its turn."""
+
+WEIGHT_OF_NEWEST: Final = 0.1
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A frame on its way through the model, and how long it had waited by then. settled: set once that is over."""
+
+    camera: Camera
+    queue_ns: int
+    request: Request
+    settled: Event = field(default_factory=Event)
+
+
+class Looking:
+    """Takes frames from the board while there is room in the model, and publishes what comes out, in that order.
+
+    cameras: those looked after now. max_age_s: how old a frame may be when its turn comes, None for as long as one call
+        takes and SPARE_S.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        worker: str,
+        board: Board,
+        cameras: dict[CameraKey, Camera],
+        accounts: dict[CameraKey, Account],
+        max_age_s: float | None,
+        on_result: Callable[[CameraKey], None],
+    ) -> None:
+        self._model = model
+        self._worker = worker
+        self._board = board
+        self._cameras = cameras
+        self._accounts = accounts
+        self._max_age_s = max_age_s
+        self._on_result = on_result
+        self._room = Semaphore(model.in_flight)
+        self._under_way: Queue[tuple[Sequence[Look], Task[Sequence[Outcome]]]] = Queue(model.in_flight)
+        self._last: dict[CameraKey, Event] = {}
+        self._calls = 0
+        self._call_s = 0.0
+        self._busy_s = 0.0
+        self._busy_since_s = 0.0
+        self._done = 0
+
+    async def run(self) -> None:
+        """Work for ever."""
+        async with TaskGroup() as group:
+            group.create_task(self._publish())
+            await self._take(group)
+
+    async def settled(self, key: CameraKey) -> None:
+        """Wait until what is under way of a camera is published."""
+        if key in self._last:
+            await self._last[key].wait()
+
+    def totals(self) -> Totals:
+        """Return what became of all frames so far."""
+        lost = sum(account.too_many for account in self._accounts.values())
+        running_s = time.monotonic() - self._busy_since_s if self._calls else 0.0
+        return Totals(self._done, lost, self._busy_s + running_s)
+
+    async def _take(self, group: TaskGroup) -> None:
+        while True:
+            await self._room.acquire()
+            while not (batch := await self._batch()):
+                pass
+            self._last.update((look.request.camera, look.settled) for look in batch)
+            call = group.create_task(self._call([look.request for look in batch]))
+            self._under_way.put_nowait((batch, call))
+
+    async def _batch(self) -> list[Look]:
+        wished = sum(camera.demand.wanted for camera in self._cameras.values())
+        await self._board.filled(min(self._model.max_batch, wished), PATIENCE_S)
+        now_ns = time.time_ns()
+        for key in self._board.expire(now_ns, self._limit_ns):
+            self._accounts[key].dropped[STALE] += 1
+        looks = (self._look(key, waiting, now_ns) for key, waiting in self._board.take(self._model.max_batch))
+        return [look for look in looks if look is not None]
+
+    @property
+    def _limit_ns(self) -> int:
+        return round((self._call_s + SPARE_S if self._max_age_s is None else self._max_age_s) * 1e9)
+
+    def _look(self, key: CameraKey, waiting: Waiting, now_ns: int) -> Look | None:
+        camera = self._cameras.get(key)
+        if camera is None or not camera.demand.wanted:
+            self._accounts[key].dropped[UNWANTED] += 1
+            return None
+        request = Request(key, waiting.frame, camera.detections.wanted)
+        return Look(camera, max(0, now_ns - waiting.arrived_ns), request)
+
+    async def _call(self, requests: Sequence[Request]) -> Sequence[Outcome]:
+        begun_s = time.monotonic()
+        if not self._calls:
+            self._busy_since_s = begun_s
+        self._calls += 1
+        try:
+            return await self._model.infer(requests)
+        finally:
+            now_s = time.monotonic()
+            self._calls -= 1
+            if not self._calls:
+                self._busy_s += now_s - self._busy_since_s
+            took_s = now_s - begun_s
+            self._call_s += (took_s - self._call_s) * (WEIGHT_OF_NEWEST if self._call_s else 1)
+
+    async def _publish(self) -> None:
+        while True:
+            batch, call = await self._under_way.get()
+            outcomes = await call
+            self._room.release()
+            for look, outcome in zip(batch, outcomes, strict=True):
+                self._settle(look, outcome)
+                look.settled.set()
+                if self._last.get(look.request.camera) is look.settled:
+                    del self._last[look.request.camera]
+
+    def _settle(self, look: Look, outcome: Outcome) -> None:
+        account, header = look.camera.account, look.request.frame.header
+        self._done += 1
+        if isinstance(outcome, Failed):
+            account.dropped[outcome.reason] += 1
+            text = "%s: frame %d of gateway %s left out, %s: %r"
+            log.warning(text, look.camera.key, header.seq, header.boot_id, outcome.reason, outcome.error)
+            return
+        account.inferred += 1
+        look.camera.publish(self._detections(look, outcome))
+        self._on_result(look.camera.key)
+
+    def _detections(self, look: Look, found: Found) -> Detections:
+        frame = look.request.frame
+        return Detections(
+            header=frame.header,
+            height=frame.height,
+            width=frame.width,
+            objects=found.objects,
+            model=self._model.name,
+            worker=self._worker,
+            spans={"queue": look.queue_ns, **found.spans},
+        )
