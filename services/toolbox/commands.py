@@ -98,6 +98,7 @@ COMMANDS: Final = (
         "services.toolbox.clouds.settings:CloudsSettings",
         "services.toolbox.clouds.process:run",
         refusals=("bus:BusError", "services.toolbox.clouds.errors:ViewerError"),
+        extra="viewer",
         positional=("do", "robot", "camera"),
         log_level="error",
     ),
