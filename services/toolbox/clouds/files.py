@@ -31,8 +31,8 @@ property float z
 property uchar red
 property uchar green
 property uchar blue
-property uint label
-property uint instance
+property int label
+property int instance
 end_header
 """
 
@@ -64,7 +64,10 @@ def points_of(seen: ObjectClouds) -> NDArray[np.void]:
 
 
 def ply(seen: ObjectClouds) -> bytes:
-    """Return a PLY file; label is the model's number of the class, instance the object's place in the Detections."""
+    """Return a PLY file; label is the model's number of the class, instance the object's place in the Detections.
+
+    Both are called `int`, since Open3D reads no `uint`: a label of 2**31 or more is negative there.
+    """
     points = points_of(seen)
     frame = "".join(letter if letter.isprintable() and letter.isascii() else "?" for letter in seen.header.frame_id)
     return _PLY.format(frame=frame, stamp=seen.header.stamp_ns, count=len(points)).encode() + points.tobytes()

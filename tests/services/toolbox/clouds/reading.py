@@ -4,7 +4,7 @@ import struct
 
 Rows = list[tuple[float, ...]]
 
-PLY_TYPES = {"float": "f", "uchar": "B", "uint": "I"}
+PLY_TYPES = {"float": "f", "uchar": "B", "int": "i"}
 PCD_TYPES = {("F", "4"): "f", ("U", "4"): "I"}
 
 

@@ -18,7 +18,7 @@ def test_a_ply_file_has_every_point_with_its_colour_class_and_object() -> None:
     assert rows == [
         (0.5, 0.25, 2.0, 1, 2, 3, 2, 4),
         (0.25, 0.5, 2.0, 4, 5, 6, 2, 4),
-        (1.0, 2.0, 3.0, 255, 255, 255, 2**32 - 1, 0),
+        (1.0, 2.0, 3.0, 255, 255, 255, -1, 0),
     ]
 
 
