@@ -1,23 +1,16 @@
 """Settings of a detector worker."""
 
-import os
-import socket
 from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
+from bus.sharing.naming import default_worker_name
 from bus.sharing.settings import SharingSettings
 from schemas.keys import NAME
 
 SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
-
-
-def default_worker_name() -> str:
-    """Return a name no other worker has: the machine's and the process's."""
-    machine = "".join(letter if letter.isalnum() else "-" for letter in socket.gethostname()).strip("-")
-    return f"{machine[:48] or 'worker'}-{os.getpid()}"
 
 
 class DetectorSettings(SharingSettings, BusSettings):
@@ -35,8 +28,10 @@ class DetectorSettings(SharingSettings, BusSettings):
     max_age_s: Annotated[
         float | None,
         Field(
-            gt=0, le=60, description="frames older than that are left out when their turn comes; unless given, those"
-            " older than one call of the model takes, and 40 ms"
+            gt=0,
+            le=60,
+            description="frames older than that are left out when their turn comes; unless given, those"
+            " older than one call of the model takes, and 40 ms",
         ),
     ] = None
     worker: str = Field(

@@ -122,7 +122,7 @@ def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectD
 
 
 def _spread(chosen: Indices, window: Window, width: int) -> Indices:
-    """Return SAMPLE of the window's pixels, evenly spread, as places in a flat image so wide; -1 where there is none."""
+    """Return SAMPLE of the window's pixels, evenly spread, as places in a flat image so wide; -1 for none."""
     if not len(chosen):
         return np.full(SAMPLE, -1, np.intp)
     rows, columns = np.divmod(chosen[_EVEN * len(chosen) // SAMPLE], window.pixels.shape[1])

@@ -15,8 +15,15 @@ _GAP_M: Final = 0.06
 _GAP_SHARE: Final = 0.02
 """How close that is: so many metres, and so much of the depth itself."""
 
-_FOREIGN: Final = 0.5
-"""A surface is foreign when its share of the mask's readings is less than this of its share around the mask."""
+_FOREIGN: Final = 6.0
+"""A surface that has a greater share of what is around the mask than of the mask itself is foreign when another one is
+so many times as much the mask's own."""
+
+_SUPPORT: Final = 0.2
+"""The share of the mask that such another one has at least."""
+
+_FAINT: Final = 0.05
+"""A share around the mask that says nothing."""
 
 
 def foreground(within: Depths, around: Depths) -> Bools:
@@ -25,8 +32,8 @@ def foreground(within: Depths, around: Depths) -> Bools:
     within: n x m, readings within each mask, in metres, each row ascending. around: n x k, readings just outside of it,
     each row ascending, NaN where there are fewer.
 
-    Where readings lie dense is a surface. One that goes on outside of the mask more than it fills the mask is something
-    behind or before the object; and what is on no surface is where a sensor sees two at once.
+    Where readings lie dense is a surface. One that is more around the mask than in it is something behind or before the
+    object, if there is another one that may be the object; what is on no surface is where a sensor sees two at once.
     """
     near = max(1, round(within.shape[1] * _NEIGHBOURS))
     starts = within[:, :-near]
@@ -47,9 +54,9 @@ def _own(within: Depths, dense: Bools, near: int, around: Depths) -> Bools:
     slack = _GAP_M + _GAP_SHARE * within[first]
     ends = np.searchsorted(around, np.stack([within[first] - slack, within[last] + slack]))
     outside = (ends[1] - ends[0]) / max(1, np.count_nonzero(around > 0))
-    kept = inside >= _FOREIGN * outside
-    if not kept.any():
-        kept = inside == inside.max()
+    owned = inside / (outside + _FAINT)
+    most = owned[inside >= _SUPPORT].max(initial=0)
+    kept = (inside >= outside) | (owned * _FOREIGN >= most)
     own[:] = False
     for start, end in zip(first[kept], last[kept], strict=True):
         own[start : end + 1] = True

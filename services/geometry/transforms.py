@@ -92,8 +92,11 @@ class TransformTree:
         target, source = _name(target), _name(source)
         for name in (target, source):
             self._check_known(name)
-        ups, downs = self._ancestry(source), self._ancestry(target)
+        (ups, looping), (downs, looping_too) = self._ancestry(source), self._ancestry(target)
         met = next((name for name in ups if name in downs), None)
+        loop = looping or looping_too
+        if loop and (met is None or met in loop):
+            raise LoopError(f"frame {loop[0][:80]!r} is its own ancestor")
         if met is None:
             raise UnconnectedError(f"no transform leads from {source[:80]} to {target[:80]}")
         here = self._climb(ups[: ups.index(met)], stamp_ns)
@@ -104,19 +107,16 @@ class TransformTree:
         if name not in self._edges and all(edge.parent != name for edge in self._edges.values()):
             raise UnknownFrameError(f"nothing is known of frame {name[:80]!r}")
 
-    def _ancestry(self, name: str) -> list[str]:
-        """Return a frame, its parent, its parent's parent and so on.
-
-        Raises:
-            LoopError: it is among its own ancestors, or one of them is.
-        """
+    def _ancestry(self, name: str) -> tuple[list[str], list[str]]:
+        """Return a frame, its parent, its parent's parent and so on; and those of them that are their own ancestors."""
         found = {name: None}
         while (edge := self._edges.get(name)) is not None:
             name = edge.parent
             if name in found:
-                raise LoopError(f"frame {name[:80]!r} is its own ancestor")
+                names = list(found)
+                return names, names[names.index(name) :]
             found[name] = None
-        return list(found)
+        return list(found), []
 
     def _climb(self, names: list[str], stamp_ns: int) -> Numbers:
         """Return the transform from the first of the frames to the parent of the last."""

@@ -86,6 +86,13 @@ COMMANDS: Final = (
         extra="detector",
     ),
     Command(
+        "distance",
+        "beside a gateway, or anywhere: how far away the objects are that a detector found, and where",
+        "services.distance.settings:DistanceSettings",
+        "services.distance.process:run",
+        extra="distance",
+    ),
+    Command(
         "cloud",
         "beside a gateway, or anywhere: cut detected objects out of point clouds",
         "services.cloud.settings:CloudSettings",

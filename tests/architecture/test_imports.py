@@ -13,6 +13,13 @@ STARTS = {
 }
 
 
+NO_TORCH = ("torch", "ultralytics", "pycocotools", "matplotlib", "scipy", "rich", "open3d", "services.detector", "gateway")
+WITHOUT_TORCH = {
+    "the distance service": "import services.distance.process, services.toolbox.__main__",
+    "the cloud service": "import services.cloud.process, services.toolbox.__main__",
+}
+
+
 def imported_by(statement: str) -> set[str]:
     program = f"{statement}\nimport sys\nprint(*sys.modules)"
     return set(
@@ -26,6 +33,13 @@ def test_heavy_imports_stay_out(statement: str) -> None:
     assert found
     heavy = [name for name in HEAVY if name in found and not (name == "services.detector" and "detector" in statement)]
     assert not heavy
+
+
+@pytest.mark.parametrize("statement", WITHOUT_TORCH.values(), ids=WITHOUT_TORCH)
+def test_what_measures_needs_no_torch(statement: str) -> None:
+    found = imported_by(statement)
+    assert "services.geometry.masks" in found
+    assert not [name for name in NO_TORCH if name in found]
 
 
 def test_the_check_sees_what_is_imported() -> None:

@@ -3,8 +3,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from schemas.keys import NAME
-from services.detector.settings import SHIPPED_MODEL, DetectorSettings, default_worker_name
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 
 
 def test_the_shipped_model_is_there() -> None:
@@ -15,10 +14,6 @@ def test_an_absent_file_is_an_error_unless_downloading_is_allowed() -> None:
     with pytest.raises(ValidationError, match=r"--model yolo11n-seg\.pt: no such file"):
         DetectorSettings(model="yolo11n-seg.pt")
     assert DetectorSettings(model="yolo11n-seg.pt", download=True).model == "yolo11n-seg.pt"
-
-
-def test_a_workers_own_name_can_be_a_key() -> None:
-    assert NAME.fullmatch(default_worker_name())
 
 
 @pytest.mark.parametrize(

@@ -1,50 +1,58 @@
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.geometry.foreground import SUPPORT, Foreground, foreground
+from services.geometry.foreground import foreground
 
+Depths = NDArray[np.float64]
 RNG = np.random.default_rng(3)
 
 
-def seen(*surfaces: tuple[float, int], noise: float = 0.005) -> NDArray[Any]:
-    return np.sort(np.concatenate([RNG.normal(z, noise, count) for z, count in surfaces]))
+def seen(*surfaces: tuple[float, int], noise: float = 0.005) -> Depths:
+    return np.sort(np.concatenate([RNG.normal(z, noise, count) for z, count in surfaces]))[np.newaxis]
 
 
-def test_one_surface_is_all_of_it() -> None:
-    depths = seen((2.0, 1000))
-    assert foreground(depths) == Foreground(depths[0], depths[-1])
+def kept(within: Depths, around: Depths) -> tuple[float, float]:
+    own = within[foreground(within, around)]
+    return float(own.min()), float(own.max())
+
+
+def test_one_surface_is_all_of_it_whatever_is_around() -> None:
+    within = seen((2.0, 512))
+    for around in (seen((2.0, 512)), seen((4.0, 512)), np.full((1, 512), np.nan)):
+        assert foreground(within, around).all()
 
 
 def test_background_through_gaps_is_left_out_even_where_there_is_more_of_it() -> None:
-    found = foreground(seen((2.0, 400), (4.0, 600)))
-    assert found.nearest_m == pytest.approx(2, abs=0.05)
-    assert found.farthest_m == pytest.approx(2, abs=0.05)
+    nearest, farthest = kept(seen((2.0, 200), (4.0, 312)), seen((4.0, 500), (2.0, 12)))
+    assert (nearest, farthest) == (pytest.approx(2, abs=0.05), pytest.approx(2, abs=0.05))
 
 
-def test_a_little_in_front_is_not_the_object() -> None:
-    found = foreground(seen((1.0, 200), (2.0, 800)))
-    assert found.nearest_m == pytest.approx(2, abs=0.05)
-    enough = foreground(seen((1.0, int(SUPPORT * 1000) + 10), (2.0, 700)))
-    assert enough.nearest_m == pytest.approx(1, abs=0.05)
+def test_what_hides_a_part_of_the_object_is_left_out() -> None:
+    nearest, farthest = kept(seen((1.0, 150), (3.0, 362)), seen((1.0, 400), (6.0, 112)))
+    assert (nearest, farthest) == (pytest.approx(3, abs=0.05), pytest.approx(3, abs=0.05))
 
 
-def test_a_deep_object_is_kept_whole() -> None:
-    depths = np.linspace(2.0, 3.5, 2000)
-    assert foreground(depths) == Foreground(2.0, 3.5)
+def test_an_object_of_two_parts_is_kept_whole() -> None:
+    nearest, farthest = kept(seen((2.0, 200), (3.0, 312)), seen((6.0, 512)))
+    assert (nearest, farthest) == (pytest.approx(2, abs=0.05), pytest.approx(3, abs=0.05))
 
 
-def test_flying_pixels_do_not_bridge_to_the_background() -> None:
-    depths = np.sort(np.concatenate([seen((2.0, 900), (5.0, 300)), RNG.uniform(2, 5, 60)]))
-    assert foreground(depths).farthest_m < 2.2
+def test_flying_pixels_between_two_surfaces_are_neither() -> None:
+    flying = np.sort(np.concatenate([seen((2.0, 400), (5.0, 92))[0], RNG.uniform(2.1, 4.9, 20)]))[np.newaxis]
+    nearest, farthest = kept(flying, seen((5.0, 512)))
+    assert (nearest, farthest) == (pytest.approx(2, abs=0.1), pytest.approx(2, abs=0.1))
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 50])
-def test_few_readings(count: int) -> None:
-    assert foreground(np.full(count, 1.5)) == Foreground(1.5, 1.5)
+def test_surfaces_that_all_go_on_outside_are_all_kept() -> None:
+    assert foreground(seen((2.0, 256), (4.0, 256)), seen((2.0, 260), (4.0, 252))).all()
 
 
-def test_readings_that_form_no_surface_are_all_of_it() -> None:
-    assert foreground(np.array([1.0, 3.0, 9.0])) == Foreground(1.0, 9.0)
+def test_readings_that_form_no_surface_are_all_kept() -> None:
+    assert foreground(np.geomspace(1, 10_000, 512)[np.newaxis], seen((2.0, 512))).all()
+
+
+def test_objects_are_judged_each_by_itself() -> None:
+    within = np.concatenate([seen((2.0, 512)), seen((2.0, 256), (4.0, 256))])
+    around = np.concatenate([seen((2.0, 512)), seen((4.0, 512))])
+    assert foreground(within, around).sum(axis=1).tolist() == [512, 256]

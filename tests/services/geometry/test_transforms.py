@@ -87,6 +87,13 @@ def test_a_loop_is_said_and_ends() -> None:
         made.lookup("c", "d", 0)
 
 
+def test_a_loop_further_up_harms_nobody_below() -> None:
+    made = tree(said("a", "b"), said("b", "a"), said("a", "base"), static=(said("base", "camera", 1.0),))
+    assert made.lookup("base", "camera", 0)[0, 3] == 1
+    with pytest.raises(LoopError, match="frame 'a' is its own ancestor"):
+        made.lookup("b", "camera", 0)
+
+
 def test_a_new_parent_replaces_the_old_one_and_what_was_kept_of_it() -> None:
     made = tree(said("odom", "base", 1.0, at=S), said("map", "base", 2.0, at=2 * S))
     assert made.lookup("map", "base", 2 * S)[0, 3] == 2

@@ -1,0 +1,114 @@
+"""One camera at a distance worker: its detections measured, the newest ones first, while somebody wants to know."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+from bus import LATEST, Bus, Publisher, Sample
+from bus.clock import clock_id
+from schemas import codec
+from schemas.detections import Detections
+from schemas.distances import Distances, ObjectDistance
+from schemas.errors import SchemaError
+from schemas.keys import Stream, StreamKey, Wanted
+from services.distance.account import FAILED, REPLACED, UNWANTED, Account
+from services.distance.measuring import Criteria, View, measure, unknown
+from services.distance.sensed import Moment, Sensed
+from services.distance.taking import Taking
+from services.distance.views import Views
+from services.geometry.errors import GeometryError
+
+log = logging.getLogger(__name__)
+
+WAIT_S: Final = 0.2
+"""How long detections wait for the depth image and the transforms of their instant."""
+
+WAITED: Final = "join"
+MEASURED: Final = "distance"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """What one camera is measured with. worker: this one's name. executor: where the arithmetic runs."""
+
+    account: Account
+    sensed: Sensed
+    views: Views
+    criteria: Criteria
+    worker: str
+    executor: Executor
+
+
+async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[], None]) -> None:
+    """Measure a camera's newest detections until cancelled. done: called after each of them."""
+    key = camera.account.camera
+    token = str(Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker))
+    taking = Taking(camera.account, camera.sensed)
+    async with (
+        bus.announce(token),
+        asyncio.TaskGroup() as group,
+        bus.subscribe(key.stream(Stream.DETECTIONS), LATEST, history=False) as samples,
+    ):
+        group.create_task(taking.run(bus))
+        async for sample in samples:
+            camera.account.dropped[REPLACED] += sample.replaced
+            try:
+                await _answer(camera, sample, publisher, taking.news)
+            except SchemaError as error:
+                camera.account.malformed("detections")
+                log.warning("%s: detections left out: %s", key, error)
+            done()
+
+
+async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
+    seen = codec.decode(Detections, sample.payload, sample.encoding)
+    codec.check_identity(seen.header, camera.account.camera)
+    moment = await _moment(camera.sensed, seen, news)
+    begun_ns = time.time_ns()
+    loop = asyncio.get_running_loop()
+    try:
+        objects, took_ns = await loop.run_in_executor(camera.executor, _timed, camera, seen, moment)
+    except Exception as error:  # noqa: BLE001 - whatever a frame does to the arithmetic, it fails alone
+        camera.account.dropped[FAILED] += 1
+        log.warning("%s: frame %d failed: %r", camera.account.camera, seen.header.seq, error)
+        return
+    if not publisher.wanted:
+        camera.account.dropped[UNWANTED] += 1
+        return
+    spans = {**seen.spans, WAITED: max(0, begun_ns - sample.received_ns), MEASURED: took_ns}
+    publisher.put(
+        codec.encode(
+            Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
+        )
+    )
+    camera.account.measured += 1
+
+
+async def _moment(sensed: Sensed, seen: Detections, news: asyncio.Event) -> Moment:
+    """Return what is known of an image's instant, once all is, or after WAIT_S."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(WAIT_S):
+            while sensed.at(seen).open:
+                news.clear()
+                await news.wait()
+    return sensed.at(seen)
+
+
+def _timed(camera: Camera, seen: Detections, moment: Moment) -> tuple[list[ObjectDistance], int]:
+    begun_ns = time.perf_counter_ns()
+    return _objects(camera, seen, moment), time.perf_counter_ns() - begun_ns
+
+
+def _objects(camera: Camera, seen: Detections, moment: Moment) -> list[ObjectDistance]:
+    if isinstance(moment.instant, str):
+        return unknown(seen.objects, moment.instant)
+    try:
+        metres, model = camera.views.view(moment.instant)
+        return measure(seen.objects, View(metres, seen.header.frame_id, model, moment.frames), camera.criteria)
+    except GeometryError as error:
+        return unknown(seen.objects, str(error))

@@ -1,0 +1,107 @@
+"""Depth images as the colour camera sees them. Pure."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.camera_info import CameraInfo
+from schemas.detections import Detections
+from schemas.header import Header
+from schemas.image import ImageFrame
+from services.geometry.camera import CameraModel
+from services.geometry.depth import to_metres
+from services.geometry.errors import CalibrationError, GeometryError
+from services.geometry.registration import Registration, is_registered
+
+Floats = NDArray[np.float32]
+Transform = NDArray[Any]
+
+NO_INFO: Final = "no camera info arrived"
+_MODELS: Final = 4
+_ANY: Final = Header(robot="any", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What is a reading, in metres."""
+
+    nearest_m: float = 0.1
+    farthest_m: float = 20.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instant:
+    """What was measured when an image was taken.
+
+    info, depth_info: None where none arrived. color_from_depth: 4 x 4, from depth's optical frame into the image's, or
+    why it is not known.
+    """
+
+    detections: Detections
+    depth: ImageFrame
+    info: CameraInfo | None
+    depth_info: CameraInfo | None
+    color_from_depth: Transform | str
+
+
+class Views:
+    """Makes views of one camera; what takes long, like registering depth, is prepared once for each calibration."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._models: dict[bytes, CameraModel] = {}
+        self._key: tuple[CameraModel, CameraModel, bytes] | None = None
+        self._registration: Registration | None = None
+
+    def view(self, of: Instant) -> tuple[Floats, CameraModel | str]:
+        """Return metres at each pixel of the image, and the image's camera or why it is not known.
+
+        Raises:
+            GeometryError: depth cannot be read, or not be brought to the image.
+        """
+        metres = to_metres(of.depth, nearest_m=self._limits.nearest_m, farthest_m=self._limits.farthest_m)
+        size = (of.detections.height, of.detections.width)
+        color, depth = self._camera(of.info, size), self._camera(of.depth_info, metres.shape)
+        alike = metres.shape == size and of.depth.header.frame_id == of.detections.header.frame_id
+        if of.info is None and alike:
+            return metres, depth
+        if isinstance(color, CameraModel) and isinstance(depth, CameraModel):
+            return self._registered(metres, depth, color, of.color_from_depth), color
+        if alike and of.depth_info is None:
+            return metres, color
+        what, reason = ("colour", color) if isinstance(color, str) else ("depth", depth)
+        raise CalibrationError(f"depth cannot be registered to colour: of {what} {reason}")
+
+    def _camera(self, info: CameraInfo | None, size: tuple[int, ...]) -> CameraModel | str:
+        if info is None:
+            return NO_INFO
+        try:
+            model = self._model(info)
+            model.check_size(*size)
+        except CalibrationError as error:
+            return str(error)
+        return model
+
+    def _model(self, info: CameraInfo) -> CameraModel:
+        """Return the camera of a calibration, the same one as long as the calibration is."""
+        calibration = msgspec.msgpack.encode(msgspec.structs.replace(info, header=_ANY))
+        if calibration not in self._models:
+            if len(self._models) >= _MODELS:
+                self._models.clear()
+            self._models[calibration] = CameraModel.of(info)
+        return self._models[calibration]
+
+    def _registered(
+        self, metres: Floats, depth: CameraModel, color: CameraModel, color_from_depth: Transform | str
+    ) -> Floats:
+        if isinstance(color_from_depth, str):
+            raise GeometryError(f"depth cannot be registered to colour: {color_from_depth}")
+        key = (depth, color, color_from_depth.tobytes())
+        if key != self._key:
+            fits = is_registered(depth, color, color_from_depth)
+            self._registration = None if fits else Registration(depth, color, color_from_depth)
+            self._key = key
+        return metres if self._registration is None else self._registration.apply(metres)

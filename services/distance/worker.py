@@ -1,0 +1,102 @@
+"""A distance worker: its share of the fleet's cameras, each measured while somebody wants to know."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import Final
+
+from bus import Bus, QoS
+from bus.shared_demand import SharedDemand, while_wanted
+from bus.sharing import Sharing
+from bus.sharing.sharing import JOIN_S
+from schemas import codec, keys
+from schemas.distances import Distances
+from schemas.keys import CameraKey, Stream
+from schemas.status import MAX_STREAMS, WorkerStatus
+from services.distance.account import Account
+from services.distance.camera import Camera, work
+from services.distance.sensed import DEPTH_IMAGE, Sensed
+from services.distance.settings import DistanceSettings
+from services.distance.views import Views
+from services.geometry.joining import Joiner
+
+SERVICE: Final = "distance"
+STATUS_PERIOD_S: Final = 1.0
+
+UNWANTED_S: Final = 0.2
+"""A camera whose distances nobody has wanted for so long since it was taken over is taken over."""
+
+
+class Worker:
+    """Serves the cameras that fall to it. executor: where the arithmetic runs, off the event loop."""
+
+    def __init__(self, bus: Bus, settings: DistanceSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
+        self._bus = bus
+        self._settings = settings
+        self._executor = executor
+        self._accounts: dict[CameraKey, Account] = {}
+        self._serving: set[CameraKey] = set()
+        tokens = settings.tokens(SERVICE, settings.worker)
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
+
+    async def run(self) -> None:
+        """Work until cancelled; then hand over and end."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._report())
+            await self._sharing.run()
+
+    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
+        demand = SharedDemand()
+        account = self._accounts.setdefault(key, Account(key))
+        self._serving.add(key)
+        try:
+            async with (
+                self._bus.publisher(
+                    key.stream(Stream.DISTANCES),
+                    QoS.RESULT,
+                    encoding=codec.encoding(Distances),
+                    on_demand=demand.of(Stream.DISTANCES),
+                ) as publisher,
+                asyncio.TaskGroup() as group,
+            ):
+                group.create_task(_notice_unwanted(demand, took_over))
+                await while_wanted(demand, lambda: work(self._bus, self._camera(account), publisher, took_over))
+        finally:
+            self._serving.discard(key)
+
+    def _camera(self, account: Account) -> Camera:
+        return Camera(
+            account=account,
+            sensed=Sensed(self._settings.frames, Joiner(DEPTH_IMAGE, tolerance_ns=self._settings.tolerance_ns)),
+            views=Views(self._settings.limits),
+            criteria=self._settings.criteria,
+            worker=self._settings.worker,
+            executor=self._executor,
+        )
+
+    async def _report(self) -> None:
+        key = keys.worker_status(SERVICE, self._settings.worker)
+        async with self._bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WorkerStatus)) as publisher:
+            try:
+                while True:
+                    publisher.put(codec.encode(self._status()))
+                    await asyncio.sleep(STATUS_PERIOD_S)
+            finally:
+                publisher.put(codec.encode(self._status()))
+
+    def _status(self) -> WorkerStatus:
+        accounts = list(self._accounts.items())[-MAX_STREAMS:]
+        return WorkerStatus(
+            service=SERVICE,
+            worker=self._settings.worker,
+            model="",
+            sent_ns=time.time_ns(),
+            cameras=[account.load(serving=key in self._serving) for key, account in accounts],
+        )
+
+
+async def _notice_unwanted(demand: SharedDemand, took_over: Callable[[], None]) -> None:
+    await asyncio.sleep(UNWANTED_S)
+    await demand.until(wanted=False)
+    took_over()

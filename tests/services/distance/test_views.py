@@ -1,0 +1,116 @@
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from schemas.camera_info import CameraInfo
+from services.distance.views import NO_INFO, Instant, Limits, Views
+from services.geometry.camera import CameraModel
+from services.geometry.errors import DepthError, GeometryError
+from tests.services.distance.scenes import calibration, depth, detections, wall
+from tests.services.geometry.cameras import info
+
+HERE = np.identity(4)
+BESIDE = np.array([[1, 0, 0, -0.4], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+COLOR = calibration()
+COARSE = info(height=24, width=32, focal=25.0)
+
+
+def instant(of_depth: Any, color: CameraInfo | None, depth_info: CameraInfo | None, between: Any = HERE) -> Instant:
+    return Instant(detections([]), of_depth, color, depth_info, between)
+
+
+def test_depth_of_the_colour_camera_is_taken_as_it_is() -> None:
+    views = Views(Limits())
+    metres, camera = views.view(instant(depth(wall(2.0)), COLOR, COLOR))
+    assert (metres == 2).all()
+    assert isinstance(camera, CameraModel)
+    assert views.view(instant(depth(wall(2.0)), COLOR, COLOR))[1] is camera
+
+
+@pytest.mark.parametrize(("color", "depth_info"), [(COLOR, None), (None, COLOR)])
+def test_one_calibration_is_enough_for_images_of_one_size_and_frame(
+    color: CameraInfo | None, depth_info: CameraInfo | None
+) -> None:
+    metres, camera = Views(Limits()).view(instant(depth(wall(2.0)), color, depth_info))
+    assert (metres == 2).all()
+    assert isinstance(camera, CameraModel)
+
+
+def test_without_any_calibration_images_of_one_size_and_frame_are_taken_for_registered() -> None:
+    metres, camera = Views(Limits()).view(instant(depth(wall(2.0)), None, None))
+    assert (metres == 2).all()
+    assert camera == NO_INFO
+
+
+def test_depth_of_another_size_is_registered() -> None:
+    metres, _ = Views(Limits()).view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
+    assert metres.shape == (48, 64)
+    assert np.nanmax(metres) == np.nanmin(metres) == 2
+    assert np.isnan(metres).mean() < 0.1
+
+
+def test_depth_from_beside_is_registered_by_the_transform() -> None:
+    seen = instant(depth(wall(2.0), frame_id="camera_depth_optical_frame"), COLOR, COLOR, BESIDE)
+    metres, _ = Views(Limits()).view(seen)
+    assert np.isnan(metres[:, -10:]).all()
+    assert (metres[:, :-10] == 2).all()
+
+
+def test_a_new_calibration_counts_from_then_on() -> None:
+    views = Views(Limits())
+    first = views.view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
+    narrow = msgspec.structs.replace(COARSE, k=info(height=24, width=32, focal=50.0).k)
+    second = views.view(instant(depth(wall(2.0)[:24, :32]), COLOR, narrow))
+    again = views.view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
+    assert np.array_equal(first[0], again[0], equal_nan=True)
+    assert not np.array_equal(first[0], second[0], equal_nan=True)
+
+
+def test_many_calibrations_are_not_all_kept() -> None:
+    views = Views(Limits())
+    for focal in range(40, 60):
+        views.view(instant(depth(wall(2.0)), info(focal=focal), None))
+    assert len(views._models) <= 4
+
+
+@pytest.mark.parametrize(
+    ("seen", "reason"),
+    [
+        (
+            instant(depth(wall(2.0)[:24, :32]), COLOR, None),
+            "depth cannot be registered to colour: of depth no camera info",
+        ),
+        (instant(depth(wall(2.0)[:24, :32]), None, COARSE), "of colour no camera info arrived"),
+        (instant(depth(wall(2.0), frame_id="other"), None, None), "of colour no camera info arrived"),
+        (instant(depth(wall(2.0)), COLOR, COARSE), "of depth calibrated for 32x24 pixels, the image has 64x48"),
+        (instant(depth(wall(2.0)), COARSE, COLOR), "of colour calibrated for 32x24"),
+        (
+            instant(depth(wall(2.0), frame_id="other"), COLOR, COLOR, "nothing is known of frame 'other'"),
+            "frame 'other'",
+        ),
+        (
+            instant(depth(wall(2.0)[:24, :32]), msgspec.structs.replace(COLOR, distortion_model="odd"), COARSE),
+            "of colour unknown distortion model 'odd'",
+        ),
+    ],
+)
+def test_why_depth_cannot_be_brought_to_the_image(seen: Instant, reason: str) -> None:
+    with pytest.raises(GeometryError, match=reason):
+        Views(Limits()).view(seen)
+
+
+def test_a_calibration_of_another_picture_leaves_depth_of_the_same_camera_readable() -> None:
+    metres, camera = Views(Limits()).view(instant(depth(wall(2.0)), COARSE, None))
+    assert (metres == 2).all()
+    assert camera == "calibrated for 32x24 pixels, the image has 64x48"
+
+
+def test_limits_and_what_is_no_depth() -> None:
+    image = depth(np.where(np.arange(64) < 32, wall(0.5), wall(6.0)))
+    metres, _ = Views(Limits(nearest_m=1.0, farthest_m=5.0)).view(instant(image, COLOR, None))
+    assert np.isnan(metres).all()
+    grey = msgspec.structs.replace(image, encoding="mono16")
+    with pytest.raises(DepthError, match="mono16"):
+        Views(Limits()).view(instant(grey, COLOR, None))

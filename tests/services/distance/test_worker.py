@@ -1,0 +1,200 @@
+import asyncio
+from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+import msgspec
+import pytest
+
+from bus import QUEUE, Bus, Subscription
+from bus.clock import clock_id
+from bus.fake import FakeNetwork
+from schemas.distances import Distances
+from schemas.keys import TF, TF_STATIC, CameraKey, Stream, StreamKey, Wanted
+from services.distance.camera import WAITED
+from tests.gateway.ros1.waiting import until
+from tests.services.distance.rig import FRONT, Robot, load, only, receive, robot, working
+from tests.services.distance.scenes import (
+    FRAME,
+    calibration,
+    depth,
+    detections,
+    found,
+    head,
+    mask,
+    stamp_of,
+    transforms,
+    wall,
+)
+
+BOX = found(mask(slice(10, 30), slice(20, 50)))
+
+
+@dataclass
+class Rig:
+    bus: Bus
+    robot: Robot
+
+    @asynccontextmanager
+    async def wanted(self) -> AsyncIterator[Subscription]:
+        async with self.bus.subscribe(FRONT.stream(Stream.DISTANCES), QUEUE(9)) as distances:
+            await self.robot.until_wanted()
+            yield distances
+
+    def frame(self, seq: int, z: float = 2.0) -> None:
+        self.robot.send(Stream.DEPTH, depth(wall(z), seq))
+        self.robot.send(Stream.DETECTIONS, detections(BOX, seq))
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    network = FakeNetwork()
+    with ThreadPoolExecutor(1) as executor:
+        async with (
+            network.open_bus() as theirs,
+            network.open_bus() as ours,
+            robot(theirs) as front,
+            working(ours, executor),
+        ):
+            front.send(Stream.INFO, calibration())
+            front.send(TF_STATIC, transforms(("base_link", FRAME, 0.5)))
+            yield Rig(theirs, front)
+
+
+async def test_nobody_asks_so_nothing_is_subscribed(rig: Rig) -> None:
+    await load(rig.bus, lambda of: of.serving)
+    await rig.robot.until_wanted(wanted=False)
+    async with rig.wanted():
+        pass
+    await rig.robot.until_wanted(wanted=False)
+
+
+async def test_a_listener_gets_distances_and_places(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        rig.robot.send(TF, transforms(("map", "base_link", 1.0), stamp_ns=stamp_of(4)))
+        rig.robot.send(TF, transforms(("map", "base_link", 2.0), stamp_ns=stamp_of(6)))
+        rig.frame(5)
+        seen = await receive(distances, Distances)
+    assert (seen.header, seen.model, seen.worker) == (detections(BOX, 5).header, "m", "w1")
+    assert set(seen.spans) == {"model", WAITED, "distance"}
+    assert only(seen) == (2.0, "")
+    measured = seen.objects[0].measured
+    assert measured is not None
+    camera, base, of_map = (place.at for place in measured.places)
+    assert camera is not None
+    assert base == pytest.approx((camera[0] + 0.5, *camera[1:]))
+    assert of_map == pytest.approx((camera[0] + 2.0, *camera[1:]))
+
+
+async def test_the_gateway_is_told_where_its_depth_goes(rig: Rig) -> None:
+    token = str(Wanted(StreamKey(FRONT, Stream.DEPTH), clock_id(), "w1"))
+    async with rig.bus.watch(token) as watch, rig.wanted():
+        async with asyncio.timeout(5):
+            assert (await anext(watch)).alive
+
+
+async def test_detections_wait_for_the_depth_of_their_instant(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        rig.robot.send(Stream.DEPTH, depth(wall(1.0), 1))
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 2))
+        await asyncio.sleep(0.02)
+        rig.robot.send(Stream.DEPTH, depth(wall(3.0), 2))
+        assert only(await receive(distances, Distances)) == (3.0, "")
+
+
+async def test_each_way_in_which_nothing_is_known_is_said(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 1))
+        assert only(await receive(distances, Distances)) == (None, "no depth image arrived")
+        rig.frame(5)
+        await receive(distances, Distances)
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 2))
+        _, reason = only(await receive(distances, Distances))
+        assert reason == "no depth image of its instant: the nearest is 0.099 s after it"
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 900))
+        _, reason = only(await receive(distances, Distances))
+        assert reason == "no depth image of its instant: the nearest is 29.535 s before it"
+        odd = msgspec.structs.replace(depth(wall(2.0), 6), encoding="mono16")
+        rig.robot.send(Stream.DEPTH, odd)
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 6))
+        assert only(await receive(distances, Distances)) == (None, "an image in mono16, which is no depth")
+        rig.robot.send(Stream.DEPTH_INFO, calibration(lens=("odd", [])))
+        rig.frame(7)
+        assert "unknown distortion model 'odd'" in only(await receive(distances, Distances))[1]
+
+
+async def test_an_empty_view_is_news_too(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        rig.robot.send(Stream.DEPTH, depth(wall(), 1))
+        rig.robot.send(Stream.DETECTIONS, detections([], 1))
+        assert (await receive(distances, Distances)).objects == []
+
+
+async def test_a_loop_of_transforms_is_a_reason_and_distances_go_on(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        rig.robot.send(TF, transforms(("map", "odom", 0.0), ("odom", "map", 0.0), ("odom", "base_link", 0.0)))
+        rig.frame(1)
+        seen = await receive(distances, Distances)
+    measured = seen.objects[0].measured
+    assert measured is not None
+    assert measured.axial_m == 2
+    assert [place.unknown for place in measured.places] == ["", "", "frame 'odom' is its own ancestor"]
+
+
+async def test_a_clock_that_jumps_back_starts_over(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        for seq, z in ((100, 2.0), (101, 2.0), (3, 4.0)):
+            rig.frame(seq, z)
+            assert only(await receive(distances, Distances)) == (z, "")
+    account = await load(rig.bus, lambda of: of.inferred == 3)
+    assert account.dropped == {}
+
+
+async def test_bad_messages_are_counted_and_harm_nobody(rig: Rig) -> None:
+    stranger = head(1, robot="r9")
+    async with rig.wanted() as distances:
+        for stream in (Stream.DETECTIONS, Stream.DEPTH, Stream.INFO, TF):
+            rig.robot.send(stream, b"garbage")
+        await asyncio.sleep(0.02)
+        rig.robot.send(Stream.DETECTIONS, msgspec.structs.replace(detections(BOX, 1), header=stranger))
+        rig.robot.send(Stream.DEPTH, msgspec.structs.replace(depth(wall(), 1), header=stranger))
+        turned = transforms(("map", "base_link", float("nan")))
+        rig.robot.send(TF, turned)
+        await asyncio.sleep(0.02)
+        rig.frame(2)
+        assert only(await receive(distances, Distances)) == (2.0, "")
+        account = await load(rig.bus, lambda of: of.inferred == 1)
+    assert account.dropped == {
+        "malformed detections": 2,
+        "malformed depth image": 2,
+        "malformed camera info": 1,
+        "malformed transforms": 1,
+        "transforms: not finite": 1,
+    }
+
+
+async def test_depth_that_no_detections_came_for_is_counted(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        for seq in (0, 1, 100):
+            rig.robot.send(Stream.DEPTH, depth(wall(), seq))
+            await asyncio.sleep(0.01)
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 100))
+        await receive(distances, Distances)
+        account = await load(rig.bus, lambda of: of.inferred == 1)
+    assert account.dropped == {"depth image: nothing of its instant was asked for": 2}
+
+
+async def test_only_the_robots_it_is_told_are_served() -> None:
+    network = FakeNetwork()
+    with ThreadPoolExecutor(1) as executor:
+        async with (
+            network.open_bus() as theirs,
+            network.open_bus() as ours,
+            robot(theirs) as of_r1,
+            robot(theirs, CameraKey("r2", "front")) as of_r2,
+            working(ours, executor, robots=["r2"]),
+            theirs.subscribe("fleet/*/*/distances", QUEUE(9)),
+        ):
+            await of_r2.until_wanted()
+            await until(lambda: not of_r1.wanted(Stream.DEPTH), "the other robot is left alone")
