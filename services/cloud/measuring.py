@@ -124,8 +124,10 @@ def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
     kept = np.flatnonzero(foreground(found.depth, found.across))
     xyz = found.xyz.take(kept, axis=1)
     chosen = np.flatnonzero(crowded(xyz))
-    chosen = chosen[limits.thinned(xyz.take(chosen, axis=1))]
     kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
+    if limits.voxel_m or len(kept) > limits.max_points:
+        chosen = limits.thinned(xyz)
+        kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
     _check_enough(len(kept), limits, "that stand out from what is behind it")
     return kept, xyz
 

@@ -57,8 +57,7 @@ class RegisteredView:
     def _within(self, window: Window) -> Candidates:
         first = self.factor // 2
         top, left = (first - window.top) % self.factor, (first - window.left) % self.factor
-        pixels = window.pixels[top :: self.factor, left :: self.factor]
-        rows, columns = np.divmod(np.flatnonzero(pixels), max(1, pixels.shape[1]))
+        rows, columns = np.nonzero(window.pixels[top :: self.factor, left :: self.factor])
         rows += (window.top + top) // self.factor
         columns += (window.left + left) // self.factor
         at = rows * self.points.shape[1] + columns

@@ -3,6 +3,7 @@
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.cloud.points import Indices
 
@@ -16,6 +17,12 @@ def some(count: int, wanted: int) -> Indices:
     """
     if count <= wanted:
         return np.arange(count)
-    places = (np.arange(wanted) + np.resize(_JITTER, wanted)) * (count / wanted)
-    taken = places.astype(np.intp)
-    return taken[np.diff(taken, prepend=-1) > 0]
+    taken = ((np.arange(wanted) + _jitter(wanted)) * (count / wanted)).astype(np.intp)
+    new = np.empty(wanted, np.bool_)
+    new[0] = True
+    np.not_equal(taken[1:], taken[:-1], out=new[1:])
+    return taken[new]
+
+
+def _jitter(wanted: int) -> NDArray[np.float64]:
+    return _JITTER[:wanted] if wanted <= len(_JITTER) else np.resize(_JITTER, wanted)

@@ -21,6 +21,8 @@ FINE: Final = 11
 ALIKE: Final = 1.1
 """Rectangles of up to so many times the smallest area count as small."""
 
+_FINER: Final = np.linspace(-1, 1, FINE)
+
 MIN_AREA_M2: Final = 1e-9
 UPRIGHT: Final = 0.9
 
@@ -94,7 +96,7 @@ def _extent(points: Floats) -> tuple[Reals, Reals]:
 def _angle(points: Floats) -> float:
     step = np.pi / 2 / TURNS
     coarse = _best(points, np.arange(TURNS) * step)
-    return _best(points, coarse + np.linspace(-step, step, FINE))
+    return _best(points, coarse + step * _FINER)
 
 
 def _best(points: Floats, angles: NDArray[np.floating]) -> float:

@@ -30,7 +30,7 @@ def cuboid(
     points = np.concatenate(faces) + noise * RNG.standard_normal((1500 * len(sides), 3))
     cos, sin = math.cos(yaw), math.sin(yaw)
     turned = points @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]]).T + centre
-    return turned.T.astype(np.float32)
+    return np.asarray(turned.T, np.float32)
 
 
 def apart(yaw: float, other: float) -> float:
