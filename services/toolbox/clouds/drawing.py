@@ -18,12 +18,16 @@ _UPRIGHT: Final = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """xyz: points, (n, 3) in metres. rgb: (n, 3), 0 to 1. corners: of all boxes, (8 m, 3). edges: pairs of corners."""
+    """xyz: points, (n, 3) in metres. rgb: (n, 3), 0 to 1. corners: of all boxes, (8 m, 3). edges: pairs of corners.
+
+    up: what is up there, as the boxes have it.
+    """
 
     xyz: NDArray[np.float64]
     rgb: NDArray[np.float64]
     corners: NDArray[np.float64]
     edges: NDArray[np.int32]
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
 def drawing_of(seen: ObjectClouds) -> Drawing:
@@ -35,6 +39,7 @@ def drawing_of(seen: ObjectClouds) -> Drawing:
         points["rgb"] / 255,
         np.concatenate(boxes) if boxes else np.zeros((0, 3)),
         np.concatenate([EDGES + 8 * number for number in range(len(boxes))]) if boxes else np.zeros((0, 2), np.int32),
+        seen.objects[0].shape.box.up if boxes else (0.0, 0.0, 1.0),
     )
 
 

@@ -8,6 +8,9 @@ from services.toolbox.clouds.errors import ViewerError
 WIDTH: Final = 1280
 HEIGHT: Final = 800
 POINT_PIXELS: Final = 3.0
+FRONT: Final = (-1.0, 0.0, 0.4)
+OPTICAL_FRONT: Final = (0.0, 0.0, -1.0)
+TILTED: Final = 0.5
 BOX_RGB: Final = (1.0, 0.6, 0.0)
 BACKGROUND_RGB: Final = (0.08, 0.08, 0.1)
 
@@ -45,7 +48,15 @@ class Window:
                 self._window.update_geometry(shape)
             elif len(drawing.xyz):
                 self._window.add_geometry(shape)
-        self._is_empty = self._is_empty and not len(drawing.xyz)
+        if self._is_empty and len(drawing.xyz):
+            self._is_empty = False
+            self._look(drawing.up)
+
+    def _look(self, up: tuple[float, float, float]) -> None:
+        """Look as the sensor does: along z where y is down, as cameras' optical frames have it, else along x."""
+        control = self._window.get_view_control()
+        control.set_front(OPTICAL_FRONT if up[1] < -TILTED else FRONT)
+        control.set_up(up)
 
     def turn(self) -> bool:
         """Do what the user did meanwhile; return False once the window is closed."""

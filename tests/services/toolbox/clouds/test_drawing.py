@@ -15,6 +15,7 @@ def test_points_are_drawn_in_their_colours_and_each_object_in_its_box() -> None:
     assert drawing.rgb.tolist() == [[1.0, 0.0, 0.2], [1.0, 1.0, 1.0]]
     assert (drawing.corners.shape, drawing.edges.shape) == ((16, 3), (24, 2))
     assert set(drawing.edges[12:].ravel().tolist()) == set(range(8, 16))
+    assert drawing.up == seen.objects[0].shape.box.up
 
 
 def test_nothing_in_view_is_an_empty_drawing() -> None:
