@@ -115,7 +115,7 @@ class Offers:
         kind = kind_of(key, of_points=of_points)
         if key not in self._streams:
             self._streams[key] = StreamForward(
-                key, topic, kind, self._boot_id, self._shaping.thinning(key), self._shaping.useful(key)
+                key, topic, kind, self._boot_id, self._shaping.thinning(key), useful=self._shaping.useful(key)
             )
         stream = self._streams[key]
         stream.topic, stream.kind = topic, kind

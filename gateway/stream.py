@@ -46,6 +46,7 @@ class StreamForward:
         kind: StreamKind,
         boot_id: str,
         thinning: Thinning | None = None,
+        *,
         useful: Callable[[int], bool] = lambda _: True,
     ) -> None:
         self.key = key

@@ -97,7 +97,7 @@ class Process:
 
 @contextmanager
 def running(arguments: Sequence[str], master: str = "") -> Iterator[Process]:
-    """Run a process with a ROS environment, if it has a master, under ROS's own Python with Zenoh's package; end it on leaving."""
+    """Run a process, under ROS's own Python with Zenoh's package; end it on leaving. master: ROS's, if there is one."""
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as errors:
         package = Path(zenoh.__file__).parent
         (Path(folder) / package.name).symlink_to(package)

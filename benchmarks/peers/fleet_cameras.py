@@ -34,7 +34,12 @@ class FleetCamera:
         self._consumers = consumers
         self._publisher = publisher
         self._boot_id = boot_id
-        self.sent = 0
+        self._numbered = 0
+
+    @property
+    def sent(self) -> int:
+        """How many frames the link took."""
+        return self._publisher.counts.put - self._publisher.counts.dropped
 
     async def run(self, hz: float, phase: float) -> None:
         """Send, for ever."""
@@ -46,7 +51,7 @@ class FleetCamera:
             now_ns = time.time_ns()
             if self._publisher.wanted and self._consumers.passes(self._key, now_ns):
                 self._publisher.put(codec.encode(self._frame(now_ns)))
-                self.sent += 1
+                self._numbered += 1
 
     def _frame(self, now_ns: int) -> ImageFrame:
         camera = self._key.camera
@@ -54,7 +59,7 @@ class FleetCamera:
             robot=camera.robot,
             camera=camera.camera,
             boot_id=self._boot_id,
-            seq=self.sent,
+            seq=self._numbered,
             stamp_ns=now_ns,
             frame_id="optical",
             received_ns=now_ns,
@@ -84,9 +89,7 @@ async def run(router: str, robots: int, cameras: int, hz: float) -> None:
 
 
 async def _offer(bus: Bus, stack: AsyncExitStack, key: StreamKey, consumers: Consumers) -> FleetCamera:
-    publisher = await stack.enter_async_context(
-        bus.publisher(str(key), QoS.IMAGE, encoding=codec.encoding(ImageFrame))
-    )
+    publisher = await stack.enter_async_context(bus.publisher(str(key), QoS.IMAGE, encoding=codec.encoding(ImageFrame)))
     await stack.enter_async_context(bus.announce(key.alive))
     return FleetCamera(key, consumers, publisher, uuid.uuid4().hex)
 

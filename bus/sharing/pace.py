@@ -24,7 +24,7 @@ SOME_LOST: Final = 0.06
 IDLE: Final = 0.06
 """More idle time than this makes a limit too low, if no frames are lost."""
 
-MUCH_IDLE: Final = 0.3
+MUCH_IDLE: Final = 0.5
 """With more idle time than this it is not the limit that loses frames."""
 
 HEADROOM: Final = 0.95

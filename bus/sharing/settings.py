@@ -1,10 +1,10 @@
-"""How a worker shares the work with others of its service. Plain data: whoever builds it reads environment and files."""
+"""How a worker shares the work with others. Plain data: whoever builds it reads environment, files and arguments."""
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field
 
-from schemas.keys import ANY_ROBOT, MAX_WEIGHT, MIN_WEIGHT, NAME, WorkerAlive, parse_worker_alive
+from schemas.keys import MAX_WEIGHT, MIN_WEIGHT, NAME, WorkerAlive, parse_worker_alive
 
 RobotName = Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
 

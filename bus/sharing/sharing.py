@@ -20,7 +20,7 @@ SETTLE_S: Final = 0.03
 JOIN_S: Final = 0.2
 """How long a new worker listens to who is there before it joins."""
 
-LEAVE_S: Final = 1.0
+LEAVE_S: Final = 0.8
 """How long a worker that leaves goes on until others have taken over."""
 
 Serve = Callable[[CameraKey, Callable[[], None]], Awaitable[None]]

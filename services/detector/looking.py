@@ -1,6 +1,5 @@
 """From the board through the model: batches of different cameras' newest frames, several under way at once."""
 
-import asyncio
 import logging
 import time
 from asyncio import Event, Queue, Semaphore, Task, TaskGroup
@@ -19,7 +18,7 @@ from services.detector.model import Failed, Found, Model, Outcome, Request
 PATIENCE_S: Final = 0.005
 """How long a batch waits for more cameras' frames."""
 
-SPARE_S: Final = 0.04
+SPARE_S: Final = 0.03
 """How much longer than one call a frame may wait for its turn."""
 
 WEIGHT_OF_NEWEST: Final = 0.1
@@ -49,6 +48,7 @@ class Looking:
         model: Model,
         worker: str,
         board: Board,
+        *,
         cameras: dict[CameraKey, Camera],
         accounts: dict[CameraKey, Account],
         max_age_s: float | None,

@@ -53,7 +53,13 @@ class Worker:
         self._took_over: dict[CameraKey, Callable[[], None]] = {}
         self._pace = Pace()
         self._looking = Looking(
-            model, self._name, self._board, self._cameras, self._accounts, max_age_s, self._has_result
+            model,
+            self._name,
+            self._board,
+            cameras=self._cameras,
+            accounts=self._accounts,
+            max_age_s=max_age_s,
+            on_result=self._has_result,
         )
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 

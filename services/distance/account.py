@@ -3,9 +3,11 @@
 from collections import Counter
 from typing import Final
 
+from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad
 
+DOUBLE: Final = "the same detections again"
 REPLACED: Final = "replaced by newer detections"
 UNWANTED: Final = "no longer wanted"
 FAILED: Final = "failed while measuring"
@@ -17,8 +19,15 @@ class Account:
 
     def __init__(self, camera: CameraKey) -> None:
         self.camera = camera
+        self._last: tuple[str, int] | None = None
         self.measured = 0
         self.dropped: Counter[str] = Counter()
+
+    def is_new(self, header: Header) -> bool:
+        """Return whether an image is another one than the last; the same one again is counted as dropped."""
+        last, self._last = self._last, (header.boot_id, header.seq)
+        self.dropped[DOUBLE] += last == self._last
+        return last != self._last
 
     def malformed(self, what: str) -> None:
         """Note a message that cannot be read."""

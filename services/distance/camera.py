@@ -68,6 +68,8 @@ async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[]
 async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
     seen = codec.decode(Detections, sample.payload, sample.encoding)
     codec.check_identity(seen.header, camera.account.camera)
+    if not camera.account.is_new(seen.header):
+        return
     moment = await _moment(camera.sensed, seen, news)
     begun_ns = time.time_ns()
     loop = asyncio.get_running_loop()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from schemas.distances import Measured, ObjectDistance, Place
+from schemas.space import MAX_COORDINATE_M
 from services.geometry.camera import CameraModel
 from services.geometry.errors import GeometryError
 from services.geometry.foreground import foreground
@@ -19,13 +20,14 @@ from services.geometry.rotation import moved
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
-SAMPLE: Final = 512
+SAMPLE: Final = 256
 """Readings of an object that its statistics are made of, spread evenly over it."""
 
 RING: Final = 5
 """Pixels around a mask that say what is behind and before the object."""
 
 _EVEN: Final = np.arange(SAMPLE)
+_NONE: Final = np.zeros(SAMPLE, np.intp)
 _NOISE: Final = 0.01
 """Share of an object's readings that are nearer than its nearest point."""
 
@@ -84,10 +86,11 @@ def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
-    """An object with enough readings: where in the flat image some of them are, within its mask and just around it."""
+    """An object with enough readings: some pixels of its window that have one, within the mask and just around it."""
 
     index: int
     found: Detection
+    window: Window
     share: float
     mean_m: float
     within: Indices
@@ -113,30 +116,37 @@ def _look(index: int, found: Detection, depth_m: Floats, criteria: Criteria) -> 
     if len(inner) < criteria.min_pixels:
         inner = np.flatnonzero(valid)
     around = np.flatnonzero(surroundings(window, RING) & there)
-    places = [_spread(chosen, window, depth_m.shape[1]) for chosen in (inner, around)]
-    return _Seen(index, found, share, cv2.mean(patch, valid.view(np.uint8))[0], *places)
+    mean = cv2.mean(patch, valid.view(np.uint8))[0]
+    return _Seen(index, found, window, share, mean, _spread(inner), _spread(around))
 
 
 def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectDistance:
     return ObjectDistance(name=found.name, index=index, valid_share=share, unknown=reason)
 
 
-def _spread(chosen: Indices, window: Window, width: int) -> Indices:
-    """Return SAMPLE of the window's pixels, evenly spread, as places in a flat image so wide; -1 for none."""
-    if not len(chosen):
-        return np.full(SAMPLE, -1, np.intp)
-    rows, columns = np.divmod(chosen[_EVEN * len(chosen) // SAMPLE], window.pixels.shape[1])
-    return (rows + window.top) * width + columns + window.left
+def _spread(chosen: Indices) -> Indices:
+    """Return SAMPLE of some pixels, evenly spread, or _NONE of them."""
+    return chosen[_EVEN * len(chosen) // SAMPLE] if len(chosen) else _NONE
+
+
+def _in_image(pixels: Sequence[Indices], seen: Sequence[_Seen], width: int) -> Indices:
+    """Return where in a flat image so wide pixels of objects' windows are."""
+    windows = np.array([(each.window.top, each.window.left, each.window.pixels.shape[1]) for each in seen])
+    top, left, across = windows.T[:, :, np.newaxis]
+    rows, columns = np.divmod(np.stack(pixels), across)
+    return np.asarray((rows + top) * width + columns + left)
 
 
 def _measured(seen: Sequence[_Seen], view: View) -> Iterator[ObjectDistance]:
     flat = view.depth_m.ravel()
-    at = np.stack([each.within for each in seen])
+    width = view.depth_m.shape[1]
+    at = _in_image([each.within for each in seen], seen, width)
     z = flat[at]
     order = np.argsort(z, axis=1)
     z, at = np.take_along_axis(z, order, 1).astype(np.float64), np.take_along_axis(at, order, 1)
-    around = np.stack([each.around for each in seen])
-    own = foreground(z, np.sort(np.where(around < 0, np.nan, flat[around]), axis=1))
+    around = flat[_in_image([each.around for each in seen], seen, width)]
+    around[[each.around is _NONE for each in seen]] = np.nan
+    own = foreground(z, np.sort(around, axis=1))
     axial = _medians(z, own)
     spread = _SIGMA * _medians(np.abs(z - axial[:, np.newaxis]), own)
     euclidean, places = _placed(z, at, own, view)
@@ -192,4 +202,11 @@ def _placed(
 def _in_frame(frame_id: str, middles: NDArray[Any], from_camera: NDArray[Any] | str) -> list[Place]:
     if isinstance(from_camera, str):
         return [Place(frame_id=frame_id, unknown=from_camera)] * len(middles)
-    return [Place(frame_id=frame_id, at=(x, y, z)) for x, y, z in moved(from_camera, middles).tolist()]
+    return [_place(frame_id, at) for at in moved(from_camera, middles).tolist()]
+
+
+def _place(frame_id: str, at: Sequence[float]) -> Place:
+    if max(map(abs, at)) > MAX_COORDINATE_M:
+        return Place(frame_id=frame_id, unknown=f"more than {MAX_COORDINATE_M:g} m away by the transforms")
+    x, y, z = at
+    return Place(frame_id=frame_id, at=(x, y, z))

@@ -45,11 +45,12 @@ def foreground(within: Depths, around: Depths) -> Bools:
 
 
 def _own(within: Depths, dense: Bools, near: int, around: Depths) -> Bools:
-    edges = np.flatnonzero(np.diff(dense, prepend=False, append=False))
+    edges = (np.flatnonzero(dense[1:] != dense[:-1]) + 1).tolist()
+    edges = [*([0] if dense[0] else []), *edges, *([len(dense)] if dense[-1] else [])]
     own = np.ones(len(within), np.bool_)
-    if not len(edges):
+    if not edges:
         return own
-    first, last = edges[::2], edges[1::2] + near - 1
+    first, last = np.array(edges[::2]), np.array(edges[1::2]) + (near - 1)
     inside = (last - first + 1) / len(within)
     slack = _GAP_M + _GAP_SHARE * within[first]
     ends = np.searchsorted(around, np.stack([within[first] - slack, within[last] + slack]))

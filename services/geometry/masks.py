@@ -1,6 +1,7 @@
 """Masks of objects as windows of the image: COCO run-length encoding decoded, edges taken off."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import cv2
@@ -12,11 +13,12 @@ from services.geometry.errors import MaskError
 
 Bools = NDArray[np.bool_]
 
-_FIRST: Final = ord("0")
+_FIRST: Final = np.uint8(ord("0"))
 _BITS: Final = 5
 _VALUE: Final = 0x1F
 _MORE: Final = 0x20
 _SIGN: Final = 0x10
+_SIGN_PLACE: Final = 4
 _LONGEST: Final = 7
 """Characters of the longest number that fits an image."""
 
@@ -67,13 +69,15 @@ def decode(mask: Mask, *, margin: int = 0) -> Window:
 def _window(starts: NDArray[np.int64], stops: NDArray[np.int64], height: int, width: int, margin: int) -> Window:
     """Return the window of runs of set pixels, from `starts` to before `stops`, that go down the columns."""
     left, right = max(int(starts[0]) // height - margin, 0), min((int(stops[-1]) - 1) // height + 1 + margin, width)
-    edges = np.stack([starts, stops], axis=1).ravel() - left * height
-    lengths = np.diff(edges, prepend=0, append=(right - left) * height)
+    lengths = np.empty(2 * len(starts) + 1, np.int64)
+    lengths[1::2] = stops - starts
+    lengths[2:-1:2] = starts[1:] - stops[:-1]
+    lengths[0], lengths[-1] = starts[0] - left * height, right * height - stops[-1]
     flags = np.zeros(len(lengths), np.bool_)
     flags[1::2] = True
-    columns = np.repeat(flags, lengths).reshape(right - left, height)
-    first, last = starts % height, (stops - 1) % height
-    whole = bool((starts // height != (stops - 1) // height).any())
+    columns = flags.repeat(lengths).reshape(right - left, height)
+    (first_column, first), (last_column, last) = np.divmod(starts, height), np.divmod(stops - 1, height)
+    whole = (first_column != last_column).any()
     top, bottom = (0, height) if whole else (int(first.min()), int(last.max()) + 1)
     top, bottom = max(top - margin, 0), min(bottom + margin, height)
     return Window(top, left, np.ascontiguousarray(columns[:, top:bottom].T))
@@ -86,21 +90,22 @@ def _runs(counts: str) -> NDArray[np.int64]:
         MaskError: they are not encoded as COCO does it.
     """
     try:
-        codes = np.frombuffer(counts.encode("ascii"), np.uint8).astype(np.int64) - _FIRST
+        codes = np.frombuffer(counts.encode("ascii"), np.uint8) - _FIRST
     except UnicodeEncodeError as error:
         raise MaskError("runs that are not ASCII text") from error
-    last = np.flatnonzero((codes & _MORE) == 0)
-    if not len(codes) or codes.min() < 0 or codes.max() > _VALUE + _MORE or not len(last) or last[-1] + 1 != len(codes):
+    ends = np.flatnonzero(codes & _MORE == 0) + 1
+    if not len(ends) or codes.max() > _VALUE + _MORE or ends[-1] != len(codes):
         raise MaskError("runs that are not encoded as COCO does it")
-    first = np.concatenate([[0], last[:-1] + 1])
-    lengths = last - first + 1
+    first = np.zeros_like(ends)
+    first[1:] = ends[:-1]
+    lengths = ends - first
     if lengths.max() > _LONGEST:
         raise MaskError("a run longer than any image")
-    place = np.arange(len(codes)) - np.repeat(first, lengths)
-    numbers = np.add.reduceat((codes & _VALUE) << (_BITS * place), first)
-    numbers -= np.where(codes[last] & _SIGN, np.int64(1) << (_BITS * lengths), 0)
-    numbers[1::2] = np.cumsum(numbers[1::2])  # from the fourth on each is what it is more than the last but one
-    numbers[2::2] = np.cumsum(numbers[2::2])
+    places = np.arange(len(codes)) - first.repeat(lengths)
+    numbers = np.add.reduceat((codes & _VALUE).astype(np.int64) << _BITS * places, first)
+    numbers -= (codes[ends - 1] & _SIGN).astype(np.int64) << _BITS * lengths >> _SIGN_PLACE
+    numbers[1::2].cumsum(out=numbers[1::2])  # from the fourth on each is what it is more than the last but one
+    numbers[2::2].cumsum(out=numbers[2::2])
     if numbers.min() < 0:
         raise MaskError("a run of less than no pixels")
     return numbers
@@ -110,9 +115,7 @@ def eroded(window: Window, pixels: int) -> Window:
     """Return the mask without what is within `pixels` of its edge, in the same window."""
     if not (pixels and window.pixels.size):
         return window
-    size = 2 * pixels + 1
-    kernel = np.ones((size, size), np.uint8)
-    inner = cv2.erode(window.pixels.view(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    inner = cv2.erode(window.pixels.view(np.uint8), _square(pixels), borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return Window(window.top, window.left, inner.view(np.bool_))
 
 
@@ -120,6 +123,12 @@ def surroundings(window: Window, pixels: int) -> Bools:
     """Return which pixels of the window are within `pixels` of the mask, but not of it."""
     if not window.pixels.size:
         return window.pixels
-    size = 2 * pixels + 1
-    grown = cv2.dilate(window.pixels.view(np.uint8), np.ones((size, size), np.uint8))
+    grown = cv2.dilate(window.pixels.view(np.uint8), _square(pixels))
     return np.asarray(grown.view(np.bool_) > window.pixels)
+
+
+@cache
+def _square(pixels: int) -> NDArray[np.uint8]:
+    """Return the kernel that reaches so many pixels in each direction."""
+    size = 2 * pixels + 1
+    return np.ones((size, size), np.uint8)

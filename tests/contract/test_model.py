@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
-from services.detector.model import Model
+from services.detector.one_by_one import ImageModel as Model
 from services.detector.settings import DetectorSettings
 from services.detector.ultralytics_model import load
 from tests.services.detector.fakes import FakeModel

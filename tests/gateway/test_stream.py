@@ -16,7 +16,7 @@ from gateway.translators.stream_kind import each
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey, sensor_key
-from schemas.status import OVER_BUDGET, REPLACED_BEFORE_LINK, THINNED, StreamStatus
+from schemas.status import BEYOND_USE, OVER_BUDGET, REPLACED_BEFORE_LINK, THINNED, StreamStatus
 from tests.gateway.sensing import received, text
 
 COLOR = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
@@ -145,6 +145,15 @@ def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
     assert [made is None for made in taken] == [False, True, False, True, False]
     status = forward.status(wanted=True, publishers=1, replaced=0, broken_links={})
     assert (status.received, status.forwarded, status.dropped) == (5, 3, {THINNED: 2})
+
+
+def test_what_nobody_can_use_is_counted_as_that_and_takes_no_number() -> None:
+    thinning = Thinning(Instants(), "color", None)
+    forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", thinning, useful=lambda now_ns: now_ns % 2 == 0)
+    taken = [forward.take(message(stamp_s=1_700_000_000 + n), n) for n in range(5)]
+    assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
+    status = forward.status(wanted=True, publishers=1, replaced=0, broken_links={})
+    assert (status.received, status.forwarded, status.dropped) == (5, 3, {BEYOND_USE: 2})
 
 
 def test_messages_without_a_stamp_are_thinned_by_their_arrival() -> None:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from bus.keys import matches
 from schemas import keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted, WorkerAlive
+from schemas.keys import CameraKey, RobotStreamKey, Serves, Stream, StreamKey, Wanted, WorkerAlive
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
@@ -41,6 +41,47 @@ def test_a_consumers_token_says_what_it_wants_and_where(
     assert matches(str(token), keys.every_wanted(robot))
 
 
+@given(names, names, st.floats(keys.MIN_WEIGHT, keys.MAX_WEIGHT), st.none() | names)
+def test_a_workers_presence_says_its_weight_and_its_robot(
+    service: str, worker: str, weight: float, robot: str | None
+) -> None:
+    parsed = keys.parse_worker_alive(str(WorkerAlive(service, worker, weight, robot)))
+    assert parsed == WorkerAlive(service, worker, parsed.weight, robot)
+    assert parsed.weight == pytest.approx(weight, rel=1e-5)
+    assert keys.parse_worker_alive(str(parsed)) == parsed
+    assert matches(str(parsed), keys.every_worker_alive(service))
+
+
+@given(names, names, names, names.filter(lambda name: name not in keys.RESERVED))
+def test_what_workers_have_taken_over_and_can_use_parses_back(
+    service: str, worker: str, robot: str, camera: str
+) -> None:
+    token = Serves(service, worker, CameraKey(robot, camera))
+    assert keys.parse_serves(str(token)) == token
+    assert matches(str(token), keys.every_serves(service))
+    assert keys.parse_budget(keys.budget(token.camera)) == token.camera
+    assert matches(keys.budget(token.camera), keys.every_budget(robot))
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "workers/detector/w1/1/alive",
+        "workers/detector/w1/0/-/alive",
+        "workers/detector/w1/1001/-/alive",
+        "workers/detector/w1/1e3/-/alive",
+        "workers/detector/w1/nan/-/alive",
+        "workers/detector/w1/serves/r1/status",
+        "fleet/r1/ros/budget",
+        "fleet/r1/front/color/budget",
+    ],
+)
+def test_other_keys_are_no_workers_tokens_nor_budgets(key: str) -> None:
+    for parse in (keys.parse_worker_alive, keys.parse_serves, keys.parse_budget):
+        with pytest.raises(SchemaError):
+            parse(key)
+
+
 @pytest.mark.parametrize(
     "key",
     ["fleet/r1/front/color/wanted/a", "fleet/r1/front/color/wanted/a/b/c", "fleet/r1/wanted/a/b", "wanted/a/b", "a"],
@@ -52,7 +93,16 @@ def test_other_keys_are_no_consumers_tokens(key: str) -> None:
 
 @given(st.text(max_size=80))
 def test_whatever_the_key_parsing_raises_schema_errors_only(key: str) -> None:
-    for parse in (keys.parse_stream, keys.parse_robot, keys.parse_worker, keys.parse_wanted, keys.parse_service):
+    for parse in (
+        keys.parse_stream,
+        keys.parse_robot,
+        keys.parse_worker,
+        keys.parse_worker_alive,
+        keys.parse_serves,
+        keys.parse_budget,
+        keys.parse_wanted,
+        keys.parse_service,
+    ):
         try:
             parse(key)
         except SchemaError:

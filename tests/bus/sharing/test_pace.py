@@ -54,7 +54,7 @@ def test_up_while_there_is_time_left() -> None:
 
 def test_frames_lost_at_leisure_are_not_the_limits_fault() -> None:
     made = flooded()
-    made.look(Totals(done=30, lost=25, busy_s=1.5), 4, 2)
+    made.look(Totals(done=30, lost=25, busy_s=1.4), 4, 2)
     assert made.limit_hz is not None
     assert made.limit_hz > 20 * HEADROOM
 

@@ -124,7 +124,12 @@ def test_no_more_than_it_may() -> None:
 def test_news_is_what_was_not_known() -> None:
     made = Shares("a")
     taken = Serves("detector", "b", CAMERAS[0])
-    assert [made.worker(token("b"), alive=alive) for alive in (False, True, True, False)] == [False, True, True - 1, True]
+    assert [made.worker(token("b"), alive=alive) for alive in (False, True, True, False)] == [
+        False,
+        True,
+        True - 1,
+        True,
+    ]
     assert [made.camera(CAMERAS[0], alive=alive) for alive in (False, True, True, False)] == [False, True, False, True]
     assert [made.taken(taken, alive=alive) for alive in (False, True, True, False)] == [False, True, False, True]
 

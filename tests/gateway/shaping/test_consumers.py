@@ -1,11 +1,14 @@
 import asyncio
 import logging
+import time
 
 import pytest
 
-from bus import BusSettings, Presence
+from bus import BusSettings, Presence, QoS, Sample
 from bus.fake import FakeNetwork
 from gateway.shaping.consumers import MAX_CONSUMERS, Consumers, stays_near
+from schemas import codec
+from schemas.budget import RateBudget
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from tests.gateway.ros1.waiting import until
 
@@ -80,3 +83,47 @@ async def test_tokens_are_followed() -> None:
 )
 def test_a_client_of_a_far_router_reaches_its_neighbours_through_it(settings: BusSettings, *, near: bool) -> None:
     assert stays_near(settings) is near
+
+
+def budget_of(hz: float, key: str = "fleet/r1/front/budget") -> Sample:
+    said = RateBudget(robot="r1", camera="front", consumer="w", stream="color", hz=hz)
+    return Sample(key, codec.encode(said), codec.encoding(RateBudget), 0, 0)
+
+
+def test_what_consumers_can_use_is_sent_until_one_comes_that_says_nothing() -> None:
+    consumers = told(("here", "w", True))
+    consumers.note_budget(budget_of(2))
+    assert [consumers.passes(COLOR, n * 250_000_000) for n in range(4)] == [True, False, True, False]
+    consumers.note(Presence(str(Wanted(COLOR, "there", "viewer")), alive=True))
+    assert consumers.passes(COLOR, 1)
+    assert consumers.passes(DEPTH, 1)
+
+
+def test_a_budget_ends_with_its_consumers_token() -> None:
+    consumers = told(("here", "w", True))
+    consumers.note_budget(budget_of(2))
+    for alive in (False, True):
+        consumers.note(Presence(str(Wanted(COLOR, "here", "w")), alive))
+    assert all(consumers.passes(COLOR, n) for n in range(4))
+
+
+def test_what_is_no_budget_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    consumers = told(("here", "w", True))
+    consumers.note_budget(budget_of(2, "fleet/r1/rear/budget"))
+    consumers.note_budget(Sample("fleet/r1/front/budget", b"x", codec.encoding(RateBudget), 0, 0))
+    assert len(caplog.records) == 2
+    assert all(consumers.passes(COLOR, n) for n in range(4))
+
+
+async def test_budgets_are_heard_on_the_bus() -> None:
+    network = FakeNetwork()
+    consumers = told(("here", "w", True))
+    async with network.open_bus() as ours, network.open_bus() as theirs:
+        following = asyncio.create_task(consumers.follow(ours))
+        key = "fleet/r1/front/budget"
+        async with theirs.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
+            publisher.put(budget_of(1).payload)
+            now_ns = time.time_ns() + 10_000_000_000
+            await until(lambda: not (consumers.passes(COLOR, now_ns) and consumers.passes(COLOR, now_ns)), "heard")
+        following.cancel()
+        await asyncio.wait([following])

@@ -3,7 +3,7 @@ import msgspec
 from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
-from services.detector.account import MALFORMED, REPLACED, Account
+from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, STALE, Account
 from tests.schemas.frames import header
 
 
@@ -26,8 +26,16 @@ def test_a_gap_is_what_the_queue_replaced_and_the_rest_was_lost_on_the_link() ->
     assert account((about(3), 0), (about(10), 4)).load().dropped == {REPLACED: 4, MISSING: 2}
 
 
-def test_a_repeated_or_older_frame_is_no_gap() -> None:
-    assert account((about(3), 0), (about(3), 0), (about(1), 0)).load().dropped == {}
+def test_an_older_frame_is_no_gap() -> None:
+    assert account((about(3), 0), (about(1), 0)).load().dropped == {}
+
+
+def test_the_same_frame_again_is_counted_as_that() -> None:
+    made = account((about(3), 0))
+    assert not made.arrived(about(3), 0)
+    assert made.arrived(about(3, "next"), 0)
+    assert made.arrived(about(4, "next"), 0)
+    assert made.load().dropped == {DOUBLE: 1}
 
 
 def test_a_restarted_gateway_is_no_gap() -> None:
@@ -54,3 +62,14 @@ def test_a_malformed_frame_is_counted_once_and_is_no_gap() -> None:
     made.malformed(replaced=2)
     made.arrived(about(9), 0)
     assert made.load().dropped == {MALFORMED: 1, REPLACED: 2}
+
+
+def test_too_many_are_those_that_were_replaced_or_too_old() -> None:
+    made = account()
+    made.dropped.update({REPLACED: 3, STALE: 2, FAILED: 9})
+    assert made.too_many == 5
+
+
+def test_the_account_says_whether_the_camera_is_served_and_what_was_asked_for() -> None:
+    load = account().load(serving=True, budget_hz=2.5)
+    assert (load.serving, load.budget_hz) == (True, 2.5)

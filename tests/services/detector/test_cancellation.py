@@ -33,7 +33,9 @@ async def test_a_worker_with_a_wanted_camera() -> None:
             async def life() -> None:
                 before = classes.counts.received
                 async with network.open_bus() as ours, asyncio.TaskGroup() as group:
-                    working = group.create_task(Worker(ours, OneByOne(FakeModel(), executor), [ME], join_s=0).run())
+                    working = group.create_task(
+                        Worker(ours, OneByOne(FakeModel(), executor), [ME], max_age_s=60, join_s=0).run()
+                    )
                     while classes.counts.received == before:  # each turn of the loop is a suspension
                         if camera.wanted:
                             camera.put(codec.encode(frame(0)))

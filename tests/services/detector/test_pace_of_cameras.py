@@ -1,4 +1,4 @@
-"""A flooded worker and its gateways, in simulated time: what crosses the network is looked at, young and all the time."""
+"""A flooded worker and its gateways, in simulated time: most of what is sent is looked at, and while it is young."""
 
 import heapq
 import random
@@ -15,7 +15,7 @@ from tests.schemas.frames import image
 
 CALL_S = 0.05
 CAMERA_HZ = 10
-LIMIT_NS = 90_000_000
+LIMIT_NS = 80_000_000
 SECOND = 1_000_000_000
 
 
@@ -35,7 +35,7 @@ class Simulation:
 
     def run(self, seconds: float, measured_s: float) -> None:
         """Run for a while; count the end of it."""
-        rng = random.Random(self.seed)
+        rng = random.Random(self.seed)  # noqa: S311 - no secret
         cameras = [CameraKey("r1", f"c{number}") for number in range(self.count)]
         asked = {camera: Allowance() for camera in cameras}
         events: list[tuple[float, int, CameraKey | None]] = [(rng.random() / CAMERA_HZ, 1, key) for key in cameras]
@@ -86,7 +86,7 @@ def test_nine_in_ten_frames_are_used_and_the_worker_is_busy(count: int, seed: in
     simulation = Simulation(count, seed)
     simulation.run(60, measured_s=30)
     assert simulation.done / simulation.sent >= 0.9
-    assert simulation.busy_s >= 0.88 * 30
+    assert simulation.busy_s >= 0.85 * 30
     assert simulation.oldest_ns <= LIMIT_NS
 
 

@@ -78,7 +78,7 @@ async def rig() -> AsyncIterator[Rig]:
     network, model = FakeNetwork(), FakeModel()
     with ThreadPoolExecutor(1) as executor:
         async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
-            working = group.create_task(Worker(ours, OneByOne(model, executor), [ME], join_s=0).run())
+            working = group.create_task(Worker(ours, OneByOne(model, executor), [ME], max_age_s=60, join_s=0).run())
             yield Rig(theirs, model)
             model.may_answer.set()
             working.cancel()

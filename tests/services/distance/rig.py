@@ -6,6 +6,8 @@ from concurrent.futures import Executor
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Final
 
+import msgspec
+
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from schemas import codec, keys
 from schemas.camera_info import CameraInfo
@@ -21,7 +23,7 @@ from services.distance.worker import Worker
 from tests.gateway.ros1.waiting import until
 
 FRONT: Final = CameraKey("r1", "front")
-STREAMS: Final = {
+STREAMS: Final[dict[Stream, tuple[type[msgspec.Struct], QoS]]] = {
     Stream.DETECTIONS: (Detections, QoS.RESULT),
     Stream.DEPTH: (ImageFrame, QoS.IMAGE),
     Stream.INFO: (CameraInfo, QoS.LATCHED),

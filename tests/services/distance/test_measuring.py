@@ -100,6 +100,14 @@ def test_places_in_further_frames() -> None:
     assert (of_map.at, of_map.unknown) == (None, "nothing is known of frame 'map'")
 
 
+def test_a_transform_to_nowhere_makes_no_result_that_nobody_can_read() -> None:
+    vast = np.identity(4)
+    vast[0, 3] = 1e10
+    seen = view(wall(2.0), "none", Frame("map", vast))
+    measured = known(measure(found(mask(ROWS, COLUMNS)), seen, Criteria())[0])
+    assert measured.places[1].unknown == "more than 1e+09 m away by the transforms"
+
+
 def test_without_a_calibration_there_is_a_distance_and_no_place() -> None:
     seen = View(wall(2.0), FRAME, "no camera info arrived", (Frame("map", np.identity(4)),))
     measured = known(measure(found(mask(ROWS, COLUMNS)), seen, Criteria())[0])
@@ -172,3 +180,12 @@ def test_objects_of_the_rendered_warehouse(near: Near) -> None:
     measured = measure(found(*masks), View(depth.astype(np.float32), FRAME, lens), Criteria())
     axial = np.array([known(each).axial_m for each in measured])
     assert np.abs(axial / truth - 1).mean() < 0.005
+
+
+def test_an_object_that_fills_the_picture_has_nothing_around_it() -> None:
+    depth = wall(2.0)
+    depth[:, 32:] = 5.0
+    whole = found(mask(slice(0, 48), slice(0, 64)), mask(ROWS, COLUMNS))
+    first, _ = measure(whole, view(depth), Criteria())
+    assert known(first).axial_m in {2.0, 3.5, 5.0}
+    assert known(first).mean_m == pytest.approx(3.5)

@@ -1,0 +1,70 @@
+"""What is particular to one worker's place among others; how two share is in tests/contract."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+
+import pytest
+
+from bus.fake import FakeNetwork
+from bus.sharing import Sharing, SharingSettings
+from schemas.keys import CameraKey, Stream
+from tests.contract.test_sharing import CAMERAS, A, Worker, cameras
+from tests.contract.waiting import until
+
+
+async def test_no_more_cameras_than_it_may(caplog: pytest.LogCaptureFixture) -> None:
+    network, served = FakeNetwork(), set[CameraKey]()
+
+    async def serve(camera: CameraKey, _: Callable[[], None]) -> None:
+        served.add(camera)
+        await asyncio.Event().wait()
+
+    async with network.open_bus() as ours, network.open_bus() as theirs, cameras(theirs), asyncio.TaskGroup() as group:
+        task = group.create_task(Sharing(ours, [A], Stream.COLOR, serve, most=3, join_s=0).run())
+        await until(lambda: len(served) == 3)
+        task.cancel()
+    assert "3 are looked after already" in caplog.text
+
+
+async def test_what_fails_in_the_work_ends_the_sharing() -> None:
+    network = FakeNetwork()
+
+    async def serve(camera: CameraKey, _: Callable[[], None]) -> None:
+        raise RuntimeError(str(camera))
+
+    async with network.open_bus() as ours, network.open_bus() as theirs, cameras(theirs):
+        with pytest.raises(ExceptionGroup):
+            await Sharing(ours, [A], Stream.COLOR, serve, join_s=0).run()
+        async with theirs.watch("workers/**") as watch:
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(anext(watch), 0.01)
+
+
+async def test_a_camera_that_blinks_is_served_by_one_task_at_a_time() -> None:
+    network = FakeNetwork()
+    async with network.open_bus() as ours, network.open_bus() as theirs, Worker(ours, A, join_s=0).running() as a:
+        for pause_s in (0, 0.04, 0.1):
+            async with cameras(theirs):
+                await asyncio.sleep(pause_s)
+        async with cameras(theirs):
+            await until(lambda: a.serves == set(CAMERAS))
+
+
+async def test_a_worker_for_two_robots_takes_no_other() -> None:
+    network = FakeNetwork()
+    tokens = SharingSettings(robots=["r2", "r3"]).tokens("detector", "a")
+    served = set[CameraKey]()
+
+    async def serve(camera: CameraKey, _: Callable[[], None]) -> None:
+        served.add(camera)
+        await asyncio.Event().wait()
+
+    fronts = [CameraKey(robot, "front") for robot in ("r1", "r2", "r3")]
+    async with network.open_bus() as ours, network.open_bus() as theirs, AsyncExitStack() as stack:
+        for camera in fronts:
+            await stack.enter_async_context(theirs.announce(camera.alive(Stream.COLOR)))
+        async with asyncio.TaskGroup() as group:
+            task = group.create_task(Sharing(ours, tokens, Stream.COLOR, serve, join_s=0).run())
+            await until(lambda: served == set(fronts[1:]))
+            task.cancel()

@@ -1,0 +1,174 @@
+"""Batches of several cameras' frames through a model that is told when to answer."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+
+import msgspec
+import pytest
+
+from bus import QUEUE, Bus, Subscription
+from bus.fake import FakeNetwork
+from schemas import codec, keys
+from schemas.detections import ClassList
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey, Stream
+from services.detector.account import FAILED, STALE, Account
+from services.detector.board import Board, Waiting
+from services.detector.camera import Camera, serving
+from services.detector.looking import Looking
+from services.detector.model import ModelError
+from tests.contract.waiting import next_of, until
+from tests.schemas.frames import header, image
+from tests.services.detector.told_model import FATAL, ToldModel
+
+CAMERAS = [CameraKey("r1", f"c{number}") for number in range(4)]
+
+
+def frame(camera: CameraKey, seq: int) -> ImageFrame:
+    return msgspec.structs.replace(image(), header=header(robot=camera.robot, camera=camera.camera, seq=seq))
+
+
+class Rig:
+    """Four cameras whose class lists are wanted, a board, and what takes frames from it."""
+
+    def __init__(self, model: ToldModel, max_age_s: float | None = 3600) -> None:
+        self.model = model
+        self.board = Board()
+        self.cameras: dict[CameraKey, Camera] = {}
+        self.accounts = {key: Account(key) for key in CAMERAS}
+        self.told: list[CameraKey] = []
+        self.looking = Looking(
+            model,
+            "w1",
+            self.board,
+            cameras=self.cameras,
+            accounts=self.accounts,
+            max_age_s=max_age_s,
+            on_result=self.told.append,
+        )
+
+    @asynccontextmanager
+    async def running(self, bus: Bus) -> AsyncIterator[Subscription]:
+        async with AsyncExitStack() as stack:
+            lists = await stack.enter_async_context(bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(99)))
+            for key in CAMERAS:
+                self.cameras[key] = await stack.enter_async_context(serving(bus, key, self.accounts[key]))
+            await until(lambda: all(camera.demand.wanted for camera in self.cameras.values()))
+            async with asyncio.TaskGroup() as group:
+                task = group.create_task(self.looking.run())
+                yield lists
+                task.cancel()
+
+    def post(self, camera: CameraKey, seq: int, arrived_ns: int | None = None) -> None:
+        self.board.post(camera, Waiting(frame(camera, seq), arrived_ns or time.time_ns()))
+
+    async def called(self, count: int) -> None:
+        await until(lambda: len(self.model.calls) == count)
+
+
+@pytest.fixture
+async def bus() -> AsyncIterator[Bus]:
+    async with FakeNetwork().open_bus() as made:
+        yield made
+
+
+async def result(lists: Subscription) -> tuple[str, int]:
+    sample = await next_of(lists)
+    found = codec.decode(ClassList, sample.payload, sample.encoding)
+    return found.header.camera, found.header.seq
+
+
+async def test_newest_frames_of_different_cameras_are_one_call(bus: Bus) -> None:
+    rig = Rig(ToldModel(max_batch=3))
+    async with rig.running(bus) as lists:
+        for camera in CAMERAS:
+            rig.post(camera, 1)
+            rig.post(camera, 2)
+        await rig.called(1)
+        assert [(each.camera, each.frame.header.seq, each.masks) for each in rig.model.calls[0]] == [
+            (camera, 2, False) for camera in CAMERAS[:3]
+        ]
+        rig.model.answers[0].set()
+        await rig.called(2)
+        rig.model.answers[1].set()
+        assert [await result(lists) for _ in CAMERAS] == [(camera.camera, 2) for camera in CAMERAS]
+        assert rig.told == CAMERAS
+        assert rig.looking.totals().done == 4
+
+
+async def test_a_batch_does_not_wait_long_for_cameras_that_send_nothing(bus: Bus) -> None:
+    rig = Rig(ToldModel(max_batch=4))
+    async with rig.running(bus):
+        rig.post(CAMERAS[0], 1)
+        await rig.called(1)
+        assert len(rig.model.calls[0]) == 1
+
+
+async def test_as_many_calls_are_under_way_as_the_model_likes_and_results_keep_their_order(bus: Bus) -> None:
+    rig = Rig(ToldModel(in_flight=2))
+    async with rig.running(bus) as lists:
+        for seq, camera in enumerate(CAMERAS):
+            rig.post(camera, seq)
+        await rig.called(2)
+        await asyncio.sleep(0.02)
+        assert len(rig.model.calls) == 2
+        rig.model.answers[1].set()
+        await asyncio.sleep(0.02)
+        assert lists.counts.received == 0
+        rig.model.answers[0].set()
+        assert [await result(lists) for _ in range(2)] == [("c0", 0), ("c1", 1)]
+        await rig.called(4)
+
+
+async def test_a_frame_that_fails_fails_alone_and_is_named(bus: Bus, caplog: pytest.LogCaptureFixture) -> None:
+    rig = Rig(ToldModel(max_batch=2))
+    async with rig.running(bus) as lists:
+        rig.post(CAMERAS[0], FATAL)
+        rig.post(CAMERAS[1], 1)
+        await rig.called(1)
+        rig.model.answers[0].set()
+        assert await result(lists) == ("c1", 1)
+    assert rig.accounts[CAMERAS[0]].dropped == {FAILED: 1}
+    assert (rig.accounts[CAMERAS[0]].inferred, rig.accounts[CAMERAS[1]].inferred) == (0, 1)
+    assert "r1/c0: frame 13 of gateway boot left out, failed in the model" in caplog.text
+
+
+async def test_a_frame_that_is_too_old_when_its_turn_comes_is_left_out_and_counted(bus: Bus) -> None:
+    rig = Rig(ToldModel(), max_age_s=60)
+    async with rig.running(bus):
+        rig.post(CAMERAS[0], 1, arrived_ns=1)
+        await until(lambda: rig.accounts[CAMERAS[0]].dropped == {STALE: 1})
+        assert not rig.model.calls
+        assert rig.looking.totals().lost == 1
+
+
+async def test_what_is_under_way_of_a_camera_can_be_waited_for(bus: Bus) -> None:
+    rig = Rig(ToldModel())
+    async with rig.running(bus) as lists:
+        await rig.looking.settled(CAMERAS[0])
+        rig.post(CAMERAS[0], 1)
+        await rig.called(1)
+        settled = asyncio.create_task(rig.looking.settled(CAMERAS[0]))
+        await asyncio.sleep(0)
+        assert not settled.done()
+        rig.model.answers[0].set()
+        await settled
+        assert await result(lists) == ("c0", 1)
+
+
+async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
+    rig = Rig(ToldModel())
+    rig.model.broken = True
+
+    async def break_it() -> None:
+        async with rig.running(bus):
+            rig.post(CAMERAS[0], 1)
+            await rig.called(1)
+            rig.model.answers[0].set()
+            await asyncio.Event().wait()
+
+    with pytest.raises(ExceptionGroup) as caught:
+        await break_it()
+    assert caught.group_contains(ModelError)

@@ -1,0 +1,39 @@
+"""A model that answers when it is told to."""
+
+import asyncio
+from collections.abc import Sequence
+
+from services.detector.account import FAILED
+from services.detector.model import Failed, Found, ModelError, Outcome, Request
+
+FATAL = 13
+
+
+class ToldModel:
+    """Answers each call when told to, or at once; fails on frames numbered FATAL."""
+
+    name = "told"
+
+    def __init__(self, max_batch: int = 1, in_flight: int = 1, *, at_once: bool = False) -> None:
+        self.max_batch = max_batch
+        self.in_flight = in_flight
+        self.calls: list[Sequence[Request]] = []
+        self.answers: list[asyncio.Event] = []
+        self.broken = False
+        self._at_once = at_once
+
+    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """See `Model.infer`."""
+        answer = asyncio.Event()
+        self.calls.append(batch)
+        self.answers.append(answer)
+        if not self._at_once:
+            await answer.wait()
+        if self.broken:
+            raise ModelError("it is broken")
+        return [self._look_at(request) for request in batch]
+
+    def _look_at(self, request: Request) -> Outcome:
+        if request.frame.header.seq == FATAL:
+            return Failed(FAILED, RuntimeError("fatal"))
+        return Found([], {"model": 7})
