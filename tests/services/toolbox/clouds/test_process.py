@@ -1,4 +1,6 @@
 import asyncio
+import subprocess
+import sys
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
@@ -9,7 +11,6 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
-from services.toolbox.__main__ import main
 from services.toolbox.clouds.drawing import Drawing
 from services.toolbox.clouds.errors import ViewerError
 from services.toolbox.clouds.process import save, view
@@ -111,8 +112,17 @@ async def test_view_shows_clouds_until_the_window_is_closed(buses: tuple[Bus, Bu
     assert [drawing.xyz.tolist() for drawing in window.shown] == [[[0.5, 0.25, 2.0]], []]
 
 
-def test_without_open3d_there_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["clouds", "view", "r1", "front"]) == 2
-    assert capsys.readouterr().err == (
-        "fleetsight clouds: open3d is not installed; fleetsight's extra [viewer] brings it\n"
+WITHOUT_OPEN3D = """
+import sys
+sys.modules["open3d"] = None
+from services.toolbox.__main__ import main
+raise SystemExit(main(["clouds", "view", "r1", "front"]))
+"""
+
+
+def test_without_open3d_there_is_one_clear_line() -> None:
+    ended = subprocess.run([sys.executable, "-c", WITHOUT_OPEN3D], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (
+        2,
+        "fleetsight clouds: open3d is not installed; fleetsight's extra [viewer] brings it\n",
     )
