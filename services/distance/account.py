@@ -11,6 +11,7 @@ DOUBLE: Final = "the same detections again"
 REPLACED: Final = "replaced by newer detections"
 UNWANTED: Final = "no longer wanted"
 FAILED: Final = "failed while measuring"
+STAMPLESS: Final = "without a stamp"
 TOO_MANY: Final = "too many at once"
 
 

@@ -16,6 +16,7 @@ from services.geometry.joining import Joiner, NoPartner
 from services.geometry.transforms import TransformTree
 
 DEPTH_IMAGE: Final = "depth image"
+NO_STAMP: Final = "the image has no stamp"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,8 +41,10 @@ class Sensed:
     def at(self, detections: Detections) -> Moment:
         """Return what is known of the instant of an image."""
         header = detections.header
-        found = self.depths.find(header.stamp_ns)
         frames, frames_open = self._frames(header.frame_id, header.stamp_ns)
+        if not header.stamp_ns:
+            return Moment(NO_STAMP, frames, open=False)
+        found = self.depths.find(header.stamp_ns)
         if isinstance(found, NoPartner):
             return Moment(found.reason, frames, open=not found.final)
         depth = found.item

@@ -14,7 +14,7 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import TF, TF_STATIC, RobotStreamKey, Stream
 from schemas.transforms import Transforms
-from services.distance.account import TOO_MANY, Account
+from services.distance.account import STAMPLESS, TOO_MANY, Account
 from services.distance.sensed import DEPTH_IMAGE, Sensed
 
 log = logging.getLogger(__name__)
@@ -65,6 +65,9 @@ class Taking:
 
     def _depth(self, sample: Sample) -> None:
         frame = self._of_camera(ImageFrame, sample)
+        if not frame.header.stamp_ns:
+            self._account.add(DEPTH_IMAGE, Counter({STAMPLESS: 1}))
+            return
         self._sensed.depths.keep(frame.header.stamp_ns, frame, frame.data.nbytes)
         self._account.add(DEPTH_IMAGE, self._sensed.depths.dropped)
 

@@ -41,6 +41,13 @@ def test_no_depth_yet_or_none_of_the_instant() -> None:
     assert "no depth image of its instant" in str(moment.instant)
 
 
+def test_an_image_without_a_stamp_is_of_no_instant() -> None:
+    made = sensed("map")
+    keep(made, 1)
+    moment = made.at(detections([], 1, stamp_ns=0))
+    assert (moment.instant, moment.open) == ("the image has no stamp", False)
+
+
 def test_frames_at_the_images_stamp() -> None:
     made = sensed("base_link", "map")
     keep(made, 1)

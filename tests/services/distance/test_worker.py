@@ -124,6 +124,15 @@ async def test_each_way_in_which_nothing_is_known_is_said(rig: Rig) -> None:
         assert "unknown distortion model 'odd'" in only(await receive(distances, Distances))[1]
 
 
+async def test_stamps_that_are_not_there_join_nothing(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        rig.robot.send(Stream.DEPTH, depth(wall(2.0), 1, stamp_ns=0))
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 1, stamp_ns=0))
+        assert only(await receive(distances, Distances)) == (None, "the image has no stamp")
+        account = await load(rig.bus, lambda of: of.inferred == 1)
+    assert account.dropped == {"depth image: without a stamp": 1}
+
+
 async def test_an_empty_view_is_news_too(rig: Rig) -> None:
     async with rig.wanted() as distances:
         rig.robot.send(Stream.DEPTH, depth(wall(), 1))

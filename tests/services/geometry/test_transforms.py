@@ -8,7 +8,17 @@ from hypothesis import strategies as st
 from schemas.transforms import Transform, Transforms
 from services.geometry.errors import LoopError, TooNewError, TooOldError, UnconnectedError, UnknownFrameError
 from services.geometry.rotation import matrix_of, moved
-from services.geometry.transforms import BAD_ROTATION, JUMP_NS, KEEP_NS, NOT_FINITE, OF_ITSELF, TransformTree
+from services.geometry.transforms import (
+    BAD_ROTATION,
+    JUMP_NS,
+    KEEP_NS,
+    MAX_FRAMES,
+    MAX_SAMPLES,
+    NOT_FINITE,
+    OF_ITSELF,
+    TOO_MANY,
+    TransformTree,
+)
 from tests.schemas.frames import header
 
 S = 1_000_000_000
@@ -121,6 +131,23 @@ def test_a_clock_that_jumps_back_makes_a_frame_begin_anew() -> None:
     with pytest.raises(TooNewError):
         made.lookup("odom", "base", 11 * S)
     assert made.lookup("odom", "base", 10 * S - 1)[0, 3] == 3
+
+
+def test_one_stamp_from_far_ahead_does_not_stay_in_the_way() -> None:
+    made = tree(said("odom", "base", 1.0, at=10 * S), said("odom", "base", 9.0, at=9_000 * S))
+    made.add(said("odom", "base", 2.0, at=11 * S), static=False)
+    made.add(said("odom", "base", 3.0, at=12 * S), static=False)
+    assert made.lookup("odom", "base", 11 * S + S // 2)[0, 3] == 2.5
+
+
+def test_frames_and_stamps_are_bounded_in_number() -> None:
+    made = tree(*(said("odom", "base", at=at) for at in range(MAX_SAMPLES + 1)))
+    made.lookup("odom", "base", 1)
+    with pytest.raises(TooOldError):
+        made.lookup("odom", "base", 0)
+    for n in range(MAX_FRAMES):
+        made.add(said("base", f"f{n}"), static=True)
+    assert made.rejected == {TOO_MANY: 1}
 
 
 def test_flushing_forgets_what_is_not_static() -> None:
