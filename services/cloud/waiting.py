@@ -9,7 +9,7 @@ from schemas.detections import Detections
 from schemas.header import Header
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
-from services.cloud.account import DOUBLE, REPLACED, Account
+from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner, Partner
 from services.geometry.transforms import TransformTree
@@ -17,6 +17,7 @@ from services.geometry.transforms import TransformTree
 PATIENCE_S: Final = 0.3
 """How long detections wait for what belongs to them: longer than a lidar takes to turn, shorter than news is old."""
 
+NO_STAMP: Final = "the image has no stamp"
 MAX_WAITING: Final = 16
 
 
@@ -62,7 +63,10 @@ class Waiting:
         self._newest = identity
 
     def points(self, cloud: PointCloud) -> None:
-        """Take points; they are kept for the detections of their instant."""
+        """Take points; they are kept for the detections of their instant, of which they have none without a stamp."""
+        if not cloud.header.stamp_ns:
+            self._account.dropped[UNSTAMPED] += 1
+            return
         self._clouds.keep(cloud.header.stamp_ns, cloud, cloud.data.nbytes)
 
     def transforms(self, sent: Transforms, *, static: bool) -> None:
@@ -103,6 +107,8 @@ class Waiting:
         return None
 
     def _given_up(self, found: Detections, *, late: bool) -> Matched | None:
+        if not found.header.stamp_ns:
+            return Matched(found, None, NO_STAMP)
         match self._clouds.find(found.header.stamp_ns):
             case NoPartner(reason, final) if final or late:
                 return Matched(found, None, reason)

@@ -5,8 +5,8 @@ from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.points import PointCloud
 from schemas.transforms import Transform, Transforms
-from services.cloud.account import DOUBLE, REPLACED, Account
-from services.cloud.waiting import MAX_WAITING, PATIENCE_S, Waiting
+from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
+from services.cloud.waiting import MAX_WAITING, NO_STAMP, PATIENCE_S, Waiting
 from tests.schemas.frames import header
 from tests.services.cloud.scenes import detections
 
@@ -177,3 +177,13 @@ def test_at_the_end_nothing_is_left() -> None:
     assert (rig.waiting.end(), rig.waiting.end()) == (1, 0)
     rig.found(2, 1000)
     assert rig.took() is None
+
+
+def test_what_has_no_stamp_is_of_no_instant() -> None:
+    rig = Rig()
+    rig.points(0)
+    assert rig.account.dropped == {UNSTAMPED: 1}
+    rig.found(1, 0)
+    matched = rig.waiting.take(0.0)
+    assert matched is not None
+    assert (matched.cloud, matched.unknown) == (None, NO_STAMP)
