@@ -11,12 +11,12 @@ from typing import Final
 from bus import Bus, Publisher
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.latching import Latched, latching
-from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
 from gateway.ros1.wire.tcpros import ANY
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.outlet import Outlet, OutletOf, unshaped
 from gateway.stream import StreamForward
+from gateway.subscriptions import Subscriptions
 from schemas.header import MAX_LABEL
 from schemas.status import StreamStatus
 
@@ -69,18 +69,18 @@ class Forward:
         said = [self.latched.problem] if self.latched and self.latched.problem else []
         return said + (self.subscription.problems if self.subscription else [])
 
-    async def run(self, node: Node) -> None:
+    async def run(self, topics: Subscriptions) -> None:
         """Subscribe on ROS whenever the stream is wanted, for ever."""
-        await while_wanted(self.demand, lambda: self._subscribe(node), linger_s=self.linger_s)
+        await while_wanted(self.demand, lambda: self._subscribe(topics), linger_s=self.linger_s)
 
-    async def _subscribe(self, node: Node) -> None:
+    async def _subscribe(self, topics: Subscriptions) -> None:
         self.stream.begin()
         kind = self.stream.kind
         accepted = [name for name in kind.translators if name != ANY]
         try:
             async with (
                 latching(self.bus, self.stream.key, kind.encoding, self.outlet_of) as latched,
-                node.subscribe(
+                topics.subscribe(
                     self.stream.topic, kind.ros_type, self._on_message, accepted=accepted, on_gone=latched.forget
                 ) as subscription,
             ):

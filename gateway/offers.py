@@ -17,6 +17,7 @@ from gateway.ros1.node import Node
 from gateway.ros1.tasks import cancel_and_wait
 from gateway.shaping.shaping import Shaping
 from gateway.stream import StreamForward
+from gateway.subscriptions import Subscriptions
 from gateway.translators import kind_of
 from schemas.keys import CameraKey, SensorKey
 from schemas.status import ReturnStatus, StreamStatus
@@ -33,6 +34,7 @@ class _Offer:
 
     task: asyncio.Task[None]
     topic: str
+    of_points: bool
     offered: asyncio.Event = field(default_factory=asyncio.Event)
     forward: Forward | None = None
 
@@ -67,6 +69,7 @@ class Offers:
         self._group = group
         self._bus = bus
         self._node = node
+        self._topics = Subscriptions(node)
         self._boot_id = boot_id
         self._shaping = shaping
         self._returned_for = returned
@@ -93,12 +96,13 @@ class Offers:
         await self._withdraw(
             key
             for key, offer in self._offers.items()
-            if key not in plan.streams or plan.streams[key].topic != offer.topic
+            if key not in plan.streams
+            or (plan.streams[key].topic, plan.of_points(key)) != (offer.topic, offer.of_points)
         )
         await self._end_results(self._results.keys() - set(plan.cameras))
         for key, source in plan.streams.items():
             if key not in self._offers:
-                self._offer(key, source.topic)
+                self._offer(key, source.topic, of_points=plan.of_points(key))
         self._begin_results(plan)
         for offer in self._offers.values():
             await offer.offered.wait()
@@ -107,21 +111,23 @@ class Offers:
         """Withdraw everything."""
         await self.change(NOTHING)
 
-    def _offer(self, key: SensorKey, topic: str) -> None:
+    def _offer(self, key: SensorKey, topic: str, *, of_points: bool) -> None:
+        kind = kind_of(key, of_points=of_points)
         if key not in self._streams:
             self._streams[key] = StreamForward(
-                key, topic, kind_of(key), self._boot_id, self._shaping.thinning(key), useful=self._shaping.useful(key)
+                key, topic, kind, self._boot_id, self._shaping.thinning(key), useful=self._shaping.useful(key)
             )
         stream = self._streams[key]
-        stream.topic = topic
+        stream.topic, stream.kind = topic, kind
         offered = asyncio.Event()
-        self._offers[key] = _Offer(self._group.create_task(self._run(key, stream, offered)), topic, offered)
+        task = self._group.create_task(self._run(key, stream, offered))
+        self._offers[key] = _Offer(task, topic, of_points, offered)
 
     async def _run(self, key: SensorKey, stream: StreamForward, offered: asyncio.Event) -> None:
         async with offering(self._bus, stream, self._shaping.outlet) as forward:
             self._offers[key].forward = forward
             offered.set()
-            await forward.run(self._node)
+            await forward.run(self._topics)
 
     async def _withdraw(self, keys: Iterable[SensorKey]) -> None:
         ending = {key: self._offers[key] for key in keys}

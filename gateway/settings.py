@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from bus.settings import BusSettings
 from gateway.discovery import Wishes
-from gateway.discovery.plan import cameras_of
+from gateway.discovery.plan import Plan, Source, cameras_of
 from gateway.discovery.topics import is_topic
 from gateway.outgoing.topics import ALERTS_TOPIC, RESULTS, is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
@@ -237,8 +237,10 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
 
     def _uses(self) -> Iterator[tuple[str, str]]:
         resolve = self.names().resolve
-        for key, topic in self.streams().items():
-            yield topic, f"stream {key.name}"
+        streams = Plan({key: Source(topic) for key, topic in self.streams().items()})
+        for key, source in streams.streams.items():
+            if not streams.of_points(key):
+                yield source.topic, f"stream {key.name}"
         for action, topic in self.actions.items():
             yield resolve(topic), f"action {action}"
         if self.results:

@@ -19,6 +19,8 @@ VALUE_BYTES: Final = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}
 1 to 8 are int8, uint8, int16, uint16, int32, uint32, float32 and float64.
 """
 
+UINT8: Final = 2
+
 Uint32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 
@@ -93,3 +95,19 @@ def check_fields(fields: Iterable[PointField], point_step: int) -> None:
         end = field.offset + field.count * VALUE_BYTES[field.datatype]
         if end > point_step:
             raise SchemaError(f"field {field.name!r} ends at byte {end} of a point of {point_step}")
+
+
+def rgb_offsets(fields: Iterable[PointField], *, is_bigendian: bool) -> tuple[int, int, int] | None:
+    """Return where in a point the bytes of red, green and blue are, or None where it has no colour.
+
+    They are a field each (`r`, `g`, `b`), or one of four bytes, `rgb` or `rgba`, packed as PCL does: 0xAARRGGBB, often
+    called a float32.
+    """
+    known = {field.name: field for field in reversed(list(fields))}
+    packed = next((known[name] for name in ("rgb", "rgba") if name in known), None)
+    if packed is not None and VALUE_BYTES[packed.datatype] == 4:
+        red, green, blue = (1, 2, 3) if is_bigendian else (2, 1, 0)
+        return packed.offset + red, packed.offset + green, packed.offset + blue
+    if all(name in known and known[name].datatype == UINT8 for name in "rgb"):
+        return known["r"].offset, known["g"].offset, known["b"].offset
+    return None

@@ -48,6 +48,12 @@ def points_candidate(topic: Topic) -> Candidate | None:
     return _candidate(topic, found, Stream.POINTS, 0 if found.said & (COLORS | {"registered"}) else 1)
 
 
+def shows_colors(points: str) -> bool:
+    """Return whether the name of points says that they are a depth camera's with the colours of a picture."""
+    found = read(points)
+    return found is not None and (bool(found.said & COLORS) or found.said >= DEPTHS | {"registered"})
+
+
 def disparity_candidate(topic: Topic) -> Candidate | None:
     """Read the name of disparities, which are taken for depth where there is none."""
     found = _read(topic, DISPARITIES)

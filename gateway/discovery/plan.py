@@ -6,7 +6,7 @@ from itertools import islice
 from typing import Final
 
 from gateway.discovery.cameras import best, with_sides_joined
-from gateway.discovery.candidates import READERS, Candidate, one_of_each_image
+from gateway.discovery.candidates import READERS, Candidate, one_of_each_image, shows_colors
 from gateway.discovery.naming import name_cameras
 from gateway.discovery.reading import Path, read
 from gateway.discovery.sieve import why_not
@@ -51,6 +51,13 @@ class Plan:
         """The cameras with colour, of which there can be results; the one that came first is the first."""
         return sorted(cameras_of(self.streams), key=lambda key: (key.camera != self.first, key.camera))
 
+    def of_points(self, key: SensorKey) -> bool:
+        """Whether a stream is the colours of the points of its camera: both are one topic."""
+        if not isinstance(key, StreamKey) or key.stream is not Stream.COLOR:
+            return False
+        points = self.streams.get(StreamKey(key.camera, Stream.POINTS))
+        return points is not None and key in self.streams and points.topic == self.streams[key].topic
+
 
 def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
     """Return the cameras whose colour is among the streams."""
@@ -90,6 +97,7 @@ class _Planning:
         candidates = self._named(self._candidates(looked_at))
         for (camera, stream), choice in best(candidates, self._names).items():
             self._choose(StreamKey(CameraKey(self._wishes.robot, camera), stream), choice)
+        self._take_colors_of_points()
         self._take_infos({topic.name for topic in looked_at if topic.type == camera_info.TYPE_NAME})
         self._leave_rest(looked_at)
 
@@ -164,6 +172,12 @@ class _Planning:
         for candidate in choice:
             if candidate.topic.name != taken:
                 self._left_out[candidate.topic.name] = f"{key.name} is {taken}"
+
+    def _take_colors_of_points(self) -> None:
+        """Take the picture in a cloud for the colour of a camera that has no other, where its name says colour."""
+        for key, source in list(self._streams.items()):
+            if isinstance(key, StreamKey) and key.stream is Stream.POINTS and shows_colors(source.topic):
+                self._streams.setdefault(StreamKey(key.camera, Stream.COLOR), source)
 
     def _take_infos(self, infos: set[str]) -> None:
         used = {source.topic for source in self._streams.values()}

@@ -9,6 +9,7 @@ from gateway.ros1.wire.tcpros import ANY
 from gateway.translators import camera_info, compressed_image, disparity, raw
 from gateway.translators import transforms as tf
 from gateway.translators.camera_info import camera_info as info
+from gateway.translators.cloud_image import cloud_image
 from gateway.translators.image import depth, image
 from gateway.translators.points import point_cloud
 from gateway.translators.stream_kind import MIB, StreamKind, each
@@ -45,7 +46,11 @@ _KINDS: Final[dict[str, StreamKind]] = {
     ROS: StreamKind(RawMessage, QoS.IMAGE, {ANY: each(raw.raw)}),  # they may be large: the newest wins
 }
 
+_COLOR_OF_POINTS: Final = StreamKind(ImageFrame, QoS.IMAGE, {ros_point_cloud.TYPE_NAME: each(cloud_image)})
 
-def kind_of(key: SensorKey) -> StreamKind:
-    """Return what a stream that sensors send carries."""
+
+def kind_of(key: SensorKey, *, of_points: bool = False) -> StreamKind:
+    """Return what a stream that sensors send carries. of_points: it is the colours of a point cloud."""
+    if of_points:
+        return _COLOR_OF_POINTS
     return _KINDS[key.stream if isinstance(key, StreamKey) else key.kind]

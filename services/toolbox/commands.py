@@ -93,6 +93,23 @@ COMMANDS: Final = (
         extra="distance",
     ),
     Command(
+        "cloud",
+        "beside a gateway, or anywhere: cut detected objects out of point clouds",
+        "services.cloud.settings:CloudSettings",
+        "services.cloud.process:run",
+        extra="cloud",
+    ),
+    Command(
+        "clouds",
+        "show the clouds of a camera's objects in 3D, or save them as PLY and PCD",
+        "services.toolbox.clouds.settings:CloudsSettings",
+        "services.toolbox.clouds.process:run",
+        refusals=("bus:BusError", "services.toolbox.clouds.errors:ViewerError"),
+        extra="viewer",
+        positional=("do", "robot", "camera"),
+        log_level="error",
+    ),
+    Command(
         "monitor",
         "centrally: show what every robot sees, live",
         "services.monitor.settings:MonitorSettings",

@@ -13,8 +13,21 @@ STARTS = {
 }
 
 
-NO_TORCH = ("torch", "ultralytics", "pycocotools", "matplotlib", "scipy", "rich", "services.detector", "gateway")
-WITHOUT_TORCH = {"the distance service": "import services.distance.process, services.toolbox.__main__"}
+NO_TORCH = (
+    "torch",
+    "ultralytics",
+    "pycocotools",
+    "matplotlib",
+    "scipy",
+    "rich",
+    "open3d",
+    "services.detector",
+    "gateway",
+)
+WITHOUT_TORCH = {
+    "the distance service": "import services.distance.process, services.toolbox.__main__",
+    "the cloud service": "import services.cloud.process, services.toolbox.__main__",
+}
 
 
 def imported_by(statement: str) -> set[str]:

@@ -15,6 +15,7 @@ from gateway.shaping.consumers import Consumers
 from gateway.shaping.settings import ShapingSettings
 from gateway.shaping.shaping import Shaping
 from gateway.stream import StreamForward
+from gateway.subscriptions import Subscriptions
 from gateway.translators import kind_of
 from schemas.keys import CameraKey, Stream, StreamKey
 from tests.gateway.discovery.graphs import IMAGE, graph
@@ -85,7 +86,7 @@ async def test_a_wanted_stream(*, latch: bool, settings: dict[str, object]) -> N
                 offering(ours, stream, shaping.outlet) as forward,
                 asyncio.TaskGroup() as group,
             ):
-                running = [group.create_task(work) for work in (forward.run(node), shaping.run(ours))]
+                running = [group.create_task(work) for work in (forward.run(Subscriptions(node)), shaping.run(ours))]
                 publication.publish(encode_image(Image(0, 0, 0, "", 1, 1, "mono8", False, 1, memoryview(b"x"))))  # noqa: FBT003
                 while not (forward.status().publishers and forward.status().bytes >= latch):  # noqa: ASYNC110
                     await asyncio.sleep(0)  # each turn of the loop is a suspension

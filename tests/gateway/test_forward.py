@@ -15,6 +15,7 @@ from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.stream import MALFORMED, UNWANTED, StreamForward
+from gateway.subscriptions import Subscriptions
 from gateway.translators import kind_of
 from schemas import codec
 from schemas.image import ImageFrame
@@ -84,7 +85,8 @@ async def rig() -> AsyncIterator[Rig]:
         color, static = [
             await stack.enter_async_context(offering(ours, stream, linger_s=LINGER_S)) for stream in streams
         ]
-        running = [asyncio.create_task(forward.run(node)) for forward in (color, static)]
+        topics = Subscriptions(node)
+        running = [asyncio.create_task(forward.run(topics)) for forward in (color, static)]
         yield Rig(theirs, camera, lidar, color, static)
         for task in running:
             task.cancel()

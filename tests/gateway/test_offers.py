@@ -20,9 +20,11 @@ from gateway.stream import MALFORMED
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
+from schemas.points import PointCloud
 from tests.gateway.offering import Returned, new_offers, returned_in_root
 from tests.gateway.ros1.waiting import until
 from tests.gateway.test_forward import message
+from tests.gateway.translators.test_cloud_image import colored
 
 FRONT, REAR = (CameraKey("r1", name) for name in ("front", "rear"))
 COLOR, DEPTH = StreamKey(FRONT, Stream.COLOR), StreamKey(FRONT, Stream.DEPTH)
@@ -165,3 +167,26 @@ async def test_results_whose_topic_is_in_use_are_refused_and_others_not(caplog: 
 
 def returned_to(rig: Rig) -> set[tuple[str, str]]:
     return {(status.camera, status.stream) for status in rig.offers.returns() if status.wanted}
+
+
+async def test_points_and_the_picture_in_them_share_a_subscription(rig: Rig) -> None:
+    points = StreamKey(FRONT, Stream.POINTS)
+    await rig.offer({points: TOPIC, COLOR: TOPIC})
+    async with (
+        rig.camera.advertise(TOPIC, "sensor_msgs/PointCloud2") as publication,
+        rig.bus.subscribe(str(COLOR), QUEUE(9)) as pictures,
+        rig.bus.subscribe(str(points), QUEUE(9)) as clouds,
+    ):
+        await until(lambda: publication.subscriber_count == 1, "it is subscribed once")
+        await until(lambda: all(status.publishers == 1 for status in rig.offers.streams()), "both are connected")
+        publication.publish(bytes(colored().data))
+        async with asyncio.timeout(20):
+            picture, cloud = await anext(pictures), await anext(clouds)
+        frame = codec.decode(ImageFrame, picture.payload, picture.encoding)
+        about = codec.decode(PointCloud, cloud.payload, cloud.encoding).header
+        assert (frame.header.stamp_ns, frame.header.frame_id) == (about.stamp_ns, about.frame_id)
+        await rig.offer({points: OTHER, COLOR: TOPIC})
+        await until(lambda: publication.subscriber_count == 1, "the colour is still subscribed")
+        assert [(status.stream, status.dropped) for status in rig.offers.streams()] == [("color", {}), ("points", {})]
+        publication.publish(bytes(colored().data))
+        await until(lambda: rig.offers.streams()[0].broken_links, "points are no longer what colour may be of")

@@ -2,7 +2,7 @@ import pytest
 from backports import zstd
 
 from schemas.errors import SchemaError
-from schemas.points import VALUE_BYTES, PointCloud, PointField, check_fields, check_points
+from schemas.points import VALUE_BYTES, PointCloud, PointField, check_fields, check_points, rgb_offsets
 from tests.schemas.frames import header
 
 
@@ -65,3 +65,22 @@ def test_points_may_be_zstd_data_of_the_right_size() -> None:
 def test_points_are_in_no_other_format() -> None:
     with pytest.raises(SchemaError, match="unknown format: 'draco'"):
         points(bytes(24), "draco")
+
+
+@pytest.mark.parametrize(
+    ("fields", "little", "big"),
+    [
+        ([PointField("rgb", 16, 7)], (18, 17, 16), (17, 18, 19)),
+        ([PointField("rgba", 12, 6)], (14, 13, 12), (13, 14, 15)),
+        ([PointField("b", 0, 2), PointField("g", 1, 2), PointField("r", 2, 2)], (2, 1, 0), (2, 1, 0)),
+        ([PointField("rgb", 16, 8)], None, None),
+        ([PointField("r", 0, 7), PointField("g", 4, 7), PointField("b", 8, 7)], None, None),
+        ([PointField("intensity", 12, 7)], None, None),
+        ([], None, None),
+    ],
+)
+def test_where_the_colours_of_a_point_are(
+    fields: list[PointField], little: tuple[int, int, int] | None, big: tuple[int, int, int] | None
+) -> None:
+    assert rgb_offsets(fields, is_bigendian=False) == little
+    assert rgb_offsets(fields, is_bigendian=True) == big

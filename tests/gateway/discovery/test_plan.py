@@ -168,7 +168,7 @@ GRAPHS = st.lists(st.builds(Topic, NAMES, TYPES, NODES), max_size=25, unique_by=
 
 
 def check(made: Plan, topics: list[Topic]) -> None:
-    taken = [source.topic for source in made.streams.values()]
+    taken = [source.topic for key, source in made.streams.items() if not made.of_points(key)]
     assert len(taken) == len(set(taken))
     assert not set(taken) & made.left_out.keys()
     assert {topic.name for topic in topics} == set(taken) | made.left_out.keys()
@@ -197,3 +197,37 @@ def test_no_camera_ever_changes_its_name(before: list[Topic], after: list[Topic]
         assert isinstance(known, StreamKey) is isinstance(key, StreamKey)
         if isinstance(key, StreamKey) and isinstance(known, StreamKey):
             assert key.camera == known.camera
+
+
+@pytest.mark.parametrize(
+    ("points", "color"),
+    [
+        ("/front/depth_registered/points", True),
+        ("/front/depth/color/points", True),
+        ("/front/rgb/points", True),
+        ("/front/depth/points", False),
+        ("/cloud_registered", False),
+        ("/velodyne_points", False),
+    ],
+)
+def test_the_picture_in_a_coloured_cloud_is_the_colour_of_a_camera_that_has_no_other(
+    points: str, *, color: bool
+) -> None:
+    made = plan(graph({POINTS: points}), R1)
+    streams = {key.stream: source.topic for key, source in made.streams.items()}
+    assert streams == {"points": points, **({"color": points} if color else {})}
+    assert [made.of_points(key) for key in made.streams] == [False, True][: len(streams)]
+    assert made.left_out == {}
+
+
+def test_a_camera_with_a_colour_image_needs_none_from_its_points() -> None:
+    points = "/front/depth_registered/points"
+    lone = plan(graph({POINTS: points}), R1)
+    made = plan(graph({POINTS: points, IMAGE: "/front/rgb/image_raw"}), R1, lone)
+    assert mapping(made) == {"front/color": "/front/rgb/image_raw", "front/points": points}
+    assert not any(made.of_points(key) for key in made.streams)
+
+
+def test_the_settings_can_name_a_cloud_for_both() -> None:
+    made = plan([], Wishes("r1", named(front__color="/p", front__points="/p", rear__color="/p"), discover=False))
+    assert [key.name for key in made.streams if made.of_points(key)] == ["front/color"]

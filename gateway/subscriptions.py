@@ -1,0 +1,77 @@
+"""Subscriptions of ROS topics that several streams are made of: a node has one of each topic."""
+
+from collections.abc import AsyncIterator, Callable, Collection
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+
+from gateway.ros1.node import Node
+from gateway.ros1.subscriber import Message, Subscription
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reader:
+    """One of those who share. forget: told the slave URI of a publisher that has gone for good."""
+
+    take: Callable[[Message], None]
+    forget: Callable[[str], None]
+
+
+@dataclass(slots=True)
+class _Shared:
+    """A topic's subscription. latched: what each latching publisher sent last, for readers that come later."""
+
+    readers: list[_Reader] = field(default_factory=list)
+    latched: dict[str, Message] = field(default_factory=dict)
+    stack: AsyncExitStack = field(default_factory=AsyncExitStack)
+
+    def on_message(self, message: Message) -> None:
+        if message.publisher.latching:
+            self.latched[message.uri] = message
+        for reader in list(self.readers):
+            reader.take(message)
+
+    def on_gone(self, uri: str) -> None:
+        self.latched.pop(uri, None)
+        for reader in list(self.readers):
+            reader.forget(uri)
+
+
+class Subscriptions:
+    """Subscribes a node to topics, once each, for as many as want them."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._shared: dict[str, tuple[_Shared, Subscription]] = {}
+
+    @asynccontextmanager
+    async def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        on_message: Callable[[Message], None],
+        *,
+        accepted: Collection[str] = (),
+        on_gone: Callable[[str], None],
+    ) -> AsyncIterator[Subscription]:
+        """Receive a topic; see `Node.subscribe`. Who shares a topic with another asks for the same types.
+
+        What latching publishers sent before is taken first.
+        """
+        reader = _Reader(on_message, on_gone)
+        if topic not in self._shared:
+            shared = _Shared()
+            entering = self._node.subscribe(
+                topic, type_name, shared.on_message, accepted=accepted, on_gone=shared.on_gone
+            )
+            self._shared[topic] = shared, await shared.stack.enter_async_context(entering)
+        shared, subscription = self._shared[topic]
+        shared.readers.append(reader)
+        try:
+            for message in list(shared.latched.values()):
+                on_message(message)
+            yield subscription
+        finally:
+            shared.readers.remove(reader)
+            if not shared.readers:
+                del self._shared[topic]
+                await shared.stack.aclose()

@@ -1,0 +1,43 @@
+"""sensor_msgs/PointCloud2 to ImageFrame: the picture that an organised cloud with colours is."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.ros1.subscriber import Message
+from gateway.translators.points import point_cloud
+from schemas.errors import SchemaError
+from schemas.header import Header
+from schemas.image import ImageFrame
+from schemas.points import PointCloud, rgb_offsets
+
+ENCODING: Final = "rgb8"
+
+
+def cloud_image(message: Message, header: Header) -> ImageFrame:
+    """Translate the colours of a cloud's points, a pixel each, with the cloud's own stamp and frame."""
+    cloud = point_cloud(message, header)
+    if min(cloud.height, cloud.width) < 2:
+        raise SchemaError(f"a cloud of {cloud.height} x {cloud.width} points is no picture")
+    pixels = _pixels(cloud)
+    return ImageFrame(
+        header=cloud.header,
+        height=cloud.height,
+        width=cloud.width,
+        encoding=ENCODING,
+        step=cloud.width * 3,
+        data=pixels.reshape(-1).data,
+    )
+
+
+def _pixels(cloud: PointCloud) -> NDArray[np.uint8]:
+    offsets = rgb_offsets(cloud.fields, is_bigendian=cloud.is_bigendian)
+    if offsets is None:
+        raise SchemaError("a cloud without colours is no picture")
+    pixels = np.empty((cloud.height, cloud.width, 3), np.uint8)
+    for channel, offset in enumerate(offsets):
+        pixels[..., channel] = np.ndarray(
+            (cloud.height, cloud.width), np.uint8, cloud.data, offset, (cloud.row_step, cloud.point_step)
+        )
+    return pixels

@@ -1,0 +1,1 @@
+"""Object clouds: the points of every object that a camera's detections show, without background."""

@@ -1,0 +1,171 @@
+"""One camera at a worker: what its objects are made of comes in while somebody wants them, their clouds go out."""
+
+import asyncio
+import logging
+from asyncio import TaskGroup
+from collections.abc import Callable
+from concurrent.futures import Executor
+from contextlib import suppress
+from time import perf_counter_ns
+from typing import Final, TypeVar
+
+import msgspec
+
+from bus import LATEST, QUEUE, Bus, Sample, Subscription
+from bus.clock import clock_id
+from schemas import codec
+from schemas.camera_info import CameraInfo
+from schemas.codec import Message
+from schemas.detections import Detections
+from schemas.errors import SchemaError
+from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.objects import ObjectClouds
+from schemas.points import PointCloud
+from schemas.transforms import Transforms
+from services.cloud.account import (
+    FAILED,
+    MALFORMED,
+    MALFORMED_INFO,
+    MALFORMED_POINTS,
+    MALFORMED_TRANSFORMS,
+    REPLACED,
+    UNJOINED,
+    UNPLACED,
+    UNWANTED,
+    Account,
+)
+from services.cloud.cutting import Cut, Job, cut, nothing
+from services.cloud.measuring import Limits
+from services.cloud.waiting import Matched, Waiting
+
+log = logging.getLogger(__name__)
+
+M = TypeVar("M", bound=Message)
+
+TRANSFORMS: Final = 1000
+"""Messages of transforms that wait to be taken at most."""
+
+
+class Camera:
+    """Cuts one camera's objects out of points. executor: does so, off the event loop."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        key: CameraKey,
+        account: Account,
+        *,
+        worker: str,
+        executor: Executor,
+        limits: Limits,
+        target_frame: str,
+        tolerance_ns: int | None,
+    ) -> None:
+        self._bus = bus
+        self._key = key
+        self._account = account
+        self._worker = worker
+        self._executor = executor
+        self._limits = limits
+        self._target_frame = target_frame
+        self._waiting = Waiting(account, target=target_frame, tolerance_ns=tolerance_ns)
+        self._news = asyncio.Event()
+
+    async def run(self, points: CameraKey, publish: Callable[[ObjectClouds], None]) -> None:
+        """Work with the points of that sensor until cancelled."""
+        token = Wanted(StreamKey(points, Stream.POINTS), clock_id(), self._worker)
+        tf, tf_static = (RobotStreamKey(self._key.robot, stream) for stream in (TF, TF_STATIC))
+        bus, waiting = self._bus, self._waiting
+        try:
+            async with (
+                bus.announce(str(token)),
+                bus.subscribe(str(tf_static), QUEUE(TRANSFORMS)) as static,
+                bus.subscribe(str(tf), QUEUE(TRANSFORMS), history=False) as moving,
+                bus.subscribe(self._key.stream(Stream.INFO), LATEST) as infos,
+                bus.subscribe(points.stream(Stream.POINTS), LATEST, history=False) as clouds,
+                bus.subscribe(self._key.stream(Stream.DETECTIONS), LATEST, history=False) as detections,
+                TaskGroup() as group,
+            ):
+                read = self._read
+                group.create_task(read(static, Transforms, tf_static, MALFORMED_TRANSFORMS, self._static))
+                group.create_task(read(moving, Transforms, tf, MALFORMED_TRANSFORMS, self._moving))
+                group.create_task(read(infos, CameraInfo, self._key, MALFORMED_INFO, self._info))
+                group.create_task(read(clouds, PointCloud, points, MALFORMED_POINTS, waiting.points))
+                group.create_task(read(detections, Detections, self._key, MALFORMED, self._detections))
+                await self._work(publish)
+        finally:
+            self._account.dropped[UNWANTED] += waiting.end()
+
+    def _static(self, sent: Transforms) -> None:
+        self._waiting.transforms(sent, static=True)
+
+    def _moving(self, sent: Transforms) -> None:
+        self._waiting.transforms(sent, static=False)
+
+    def _info(self, info: CameraInfo) -> None:
+        self._waiting.info = info
+
+    def _detections(self, found: Detections) -> None:
+        self._waiting.detections(found, asyncio.get_running_loop().time())
+
+    async def _read(
+        self,
+        samples: Subscription,
+        schema: type[M],
+        of: CameraKey | RobotStreamKey,
+        malformed: str,
+        take: Callable[[M], None],
+    ) -> None:
+        async for sample in samples:
+            self._account.dropped[REPLACED] += sample.replaced if schema is Detections else 0
+            message = self._decoded(sample, schema, of, malformed)
+            if message is not None:
+                take(message)
+                self._news.set()
+
+    def _decoded(self, sample: Sample, schema: type[M], of: CameraKey | RobotStreamKey, malformed: str) -> M | None:
+        try:
+            message = codec.decode(schema, sample.payload, sample.encoding)
+            codec.check_identity(message.header, of)  # type: ignore[union-attr]
+        except SchemaError as error:
+            self._account.dropped[malformed] += 1
+            log.warning("%s: left out: %s", sample.key, error)
+            return None
+        return message
+
+    async def _work(self, publish: Callable[[ObjectClouds], None]) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            matched = self._waiting.take(loop.time())
+            if matched is not None:
+                publish(await self._clouds(matched))
+                continue
+            self._news.clear()
+            with suppress(TimeoutError):
+                async with asyncio.timeout_at(self._waiting.until_s):
+                    await self._news.wait()
+
+    async def _clouds(self, matched: Matched) -> ObjectClouds:
+        found = matched.detections
+        if matched.cloud is None:
+            self._account.dropped[UNJOINED] += 1
+            return nothing(found, matched.unknown, self._worker).clouds
+        begun_ns = perf_counter_ns()
+        job = Job.of(found, matched.cloud, self._waiting, self._target_frame)
+        try:
+            made = await asyncio.get_running_loop().run_in_executor(
+                self._executor, cut, job, self._limits, self._worker
+            )
+        except Exception as error:  # noqa: BLE001 - whatever a cloud does to the arithmetic, it fails alone
+            log.warning("%s: frame %d failed: %r", self._key, found.header.seq, error)
+            self._account.dropped[FAILED] += 1
+            return nothing(found, "it failed", self._worker).clouds
+        self._count(made)
+        spans = {**found.spans, "cloud": perf_counter_ns() - begun_ns}
+        return msgspec.structs.replace(made.clouds, spans=spans)
+
+    def _count(self, made: Cut) -> None:
+        if made.unknown:
+            self._account.dropped[UNPLACED] += 1
+        else:
+            self._account.measured += 1

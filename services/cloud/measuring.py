@@ -1,0 +1,193 @@
+"""Detections and points of the same instant to the clouds of the objects. Pure."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.detections import Detection, Detections
+from schemas.header import Header
+from schemas.objects import MAX_OBJECT_POINTS, ObjectCloud, ObjectClouds, Shape, UprightBox
+from schemas.transforms import Transform
+from services.cloud.errors import CloudError
+from services.cloud.outliers import crowded, foreground
+from services.cloud.outlines import Candidates, View, trusted
+from services.cloud.points import Bytes, Floats, Indices, Points
+from services.cloud.sampling import some
+from services.cloud.shape import Box, Level, fit_box
+from services.geometry.errors import GeometryError
+from services.geometry.masks import Window, decode
+from services.geometry.rotation import quaternion_of
+
+Numbers = NDArray[np.float64]
+
+NO_MASK: Final = "its detection has no mask: the model does not segment"
+ROS_UP: Final = np.array([0.0, 0.0, 1.0])
+ROS_LEVEL: Final = Level.of(ROS_UP)
+OPTICAL_UP: Final = np.array([0.0, -1.0, 0.0])
+OPTICAL: Final = "optical"
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What becomes of an object's points.
+
+    min_points: fewer are no object. max_points: of more, so many are kept. voxel_m: the edge of cubes of each of which
+    one point is kept, 0 to keep all.
+    """
+
+    min_points: int = 10
+    max_points: int = 100_000
+    voxel_m: float = 0.0
+
+    def thinned(self, xyz: Floats) -> Indices:
+        """Return which of (3, n) points are kept."""
+        if not self.voxel_m or not xyz.size:
+            return some(xyz.shape[1], self.max_points)
+        cells = np.floor((xyz - xyz.min(axis=1, keepdims=True)) / np.float32(self.voxel_m)).astype(np.int64)
+        _, kept = np.unique((cells[0] << 42) | (cells[1] << 21) | cells[2], return_index=True)
+        kept.sort()
+        return np.asarray(kept[some(len(kept), self.max_points)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """The target frame; from_points: 4 x 4, moves the points into it, or absent where `unknown` says why."""
+
+    frame_id: str = ""
+    from_points: Numbers | None = None
+    unknown: str = ""
+
+
+def measure(
+    detections: Detections, points: Points, view: View, *, of: Header, target: Target, limits: Limits, worker: str
+) -> ObjectClouds:
+    """Return the cloud of every detected object that has one, and why the others have none.
+
+    of: the header of the points. view: them as the camera of the detections sees them.
+    """
+    here = Level.of(up_in(of.frame_id, target))
+    objects: list[ObjectCloud] = []
+    unmeasured: dict[int, str] = {}
+    room = MAX_OBJECT_POINTS
+    masks = dict(_masks(detections, unmeasured))
+    for index, found in zip(masks, view.within(list(masks.values())), strict=True):
+        try:
+            kept, xyz = _isolated(found, limits)
+            _check_room(len(kept), room)
+        except GeometryError as error:
+            unmeasured[index] = str(error)
+            continue
+        room -= len(kept)
+        rgb = points.take(found.at[kept]).rgb()
+        objects.append(_object(detections.objects[index], index, xyz, rgb, here=here, target=target))
+    return ObjectClouds(
+        header=msgspec.structs.replace(detections.header, stamp_ns=of.stamp_ns, frame_id=of.frame_id),
+        objects=objects,
+        model=detections.model,
+        worker=worker,
+        target=_transform(of, target),
+        unknown_target=target.unknown,
+        unmeasured=unmeasured,
+    )
+
+
+def up_in(frame_id: str, target: Target) -> Numbers:
+    """Return what is up for points in a frame: the target's z where that is known, else what ROS's REP 103 says."""
+    if target.from_points is not None:
+        return np.asarray(target.from_points[2, :3])
+    return OPTICAL_UP if OPTICAL in frame_id else ROS_UP
+
+
+def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple[int, Window]]:
+    """Decode the masks; why there is none goes to `unmeasured`."""
+    for index, detection in enumerate(detections.objects):
+        if detection.mask is None:
+            unmeasured[index] = NO_MASK
+            continue
+        try:
+            yield index, trusted(decode(detection.mask))
+        except GeometryError as error:
+            unmeasured[index] = str(error)
+
+
+def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
+    """Return which of the points within a mask are the object's, and where they are, (3, n).
+
+    Raises:
+        CloudError: there are none to speak of.
+    """
+    _check_enough(len(found.at), limits, "within its mask")
+    kept = np.flatnonzero(foreground(found.depth, found.across))
+    xyz = found.xyz.take(kept, axis=1)
+    chosen = np.flatnonzero(crowded(xyz))
+    kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
+    if limits.voxel_m or len(kept) > limits.max_points:
+        chosen = limits.thinned(xyz)
+        kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
+    _check_enough(len(kept), limits, "that stand out from what is behind it")
+    return kept, xyz
+
+
+def _check_enough(count: int, limits: Limits, where: str) -> None:
+    if count < limits.min_points:
+        raise CloudError(f"{count} points {where}, at least {limits.min_points} are needed")
+
+
+def _check_room(count: int, room: int) -> None:
+    if count > room:
+        raise CloudError(f"the objects before it have nearly all of the {MAX_OBJECT_POINTS} points of a message")
+
+
+def _object(
+    detection: Detection, index: int, xyz: Floats, rgb: Bytes | None, *, here: Level, target: Target
+) -> ObjectCloud:
+    centroid, box = xyz.mean(axis=1, dtype=np.float64), fit_box(xyz, here)
+    return ObjectCloud(
+        name=detection.name,
+        label=detection.label,
+        index=index,
+        xyz=_octets(xyz.T.astype("<f4")),
+        rgb=_octets(rgb),
+        shape=_shape(centroid, box, here),
+        in_target=None if target.from_points is None else _moved(target.from_points, centroid, box),
+    )
+
+
+def _octets(values: Floats | Bytes | None) -> memoryview:
+    return memoryview(b"") if values is None else np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
+
+
+def _moved(transform: Numbers, centroid: Numbers, box: Box) -> Shape:
+    """Return the shape in the target frame, whose z is what was up."""
+    turn, offset = transform[:3, :3], transform[:3, 3]
+    there = Box(turn @ box.centre + offset, box.size, turn @ box.along)
+    return _shape(turn @ centroid + offset, there, ROS_LEVEL)
+
+
+def _shape(centroid: Numbers, box: Box, level: Level) -> Shape:
+    upright = UprightBox(
+        centre=_three(box.centre), size=_three(box.size), yaw=level.yaw(box.along), up=_three(level.up)
+    )
+    return Shape(centroid=_three(centroid), box=upright)
+
+
+def _three(vector: Numbers) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
+def _transform(of: Header, target: Target) -> Transform | None:
+    if target.from_points is None:
+        return None
+    x, y, z, w = quaternion_of(target.from_points).tolist()
+    return Transform(
+        frame_id=target.frame_id,
+        child_frame_id=of.frame_id,
+        stamp_ns=of.stamp_ns,
+        translation=_three(target.from_points[:3, 3]),
+        rotation=(x, y, z, w),
+    )

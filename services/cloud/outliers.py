@@ -1,0 +1,88 @@
+"""Which points of a mask are the object's: the foreground, less what stands alone. Pure."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.cloud.points import Floats
+
+Selection = NDArray[np.bool_]
+
+STEP: Final = 0.02
+"""How finely depths are told apart, relative to the depth."""
+
+GAP_BINS: Final = 2
+"""So many steps without points end a surface."""
+
+NOISE: Final = 0.003
+"""A step with less than this share of the points counts as one without: edges where two depths are mixed."""
+
+SUBSTANTIAL: Final = 0.25
+"""A surface with at least this share of the largest one's points may be the object."""
+
+HOLLOW: Final = 0.3
+"""Gaps of up to this share of the object's width are within it: a mast before its cabin."""
+
+CELLS: Final = 16
+"""Cells along the longest side of the grid in which points have neighbours."""
+
+WIDTH: Final = CELLS + 3
+"""With a border on either side, and a cell for what lies on the far edge."""
+
+MIN_SIDE_M: Final = 1e-4
+
+NEIGHBOURS: Final = 3
+"""A point with fewer points than this around it, itself included, is an outlier."""
+
+
+def foreground(depth: Floats, across: Floats) -> Selection:
+    """Return which points lie on the nearest substantial surface: n depths along the view, all above 0.
+
+    What shows through gaps, or beside edges that the mask missed, is on surfaces of its own behind it.
+    across: (2, n) metres across the view.
+    """
+    nearest = float(depth.min())
+    steps = (np.log(depth / np.float32(nearest)) * np.float32(1 / np.log1p(STEP))).astype(np.int32)
+    counts = np.bincount(steps)
+    starts, ends = _runs(counts > NOISE * len(depth))
+    until = np.cumsum(counts)
+    weights = until[ends - 1] - until[starts] + counts[starts]
+    first = int(np.argmax(weights >= SUBSTANTIAL * weights.max()))
+    last = first
+    chosen = (steps >= starts[first]) & (steps < ends[first])
+    width = float(np.ptp(across.compress(chosen, axis=1), axis=1).max())
+    while (
+        last + 1 < len(starts) and _metres(nearest, starts[last + 1]) - _metres(nearest, ends[last]) <= HOLLOW * width
+    ):
+        last += 1
+    return chosen if last == first else np.asarray((steps >= starts[first]) & (steps < ends[last]))
+
+
+def _metres(nearest: float, step: int) -> float:
+    return float(nearest * (1 + STEP) ** int(step))
+
+
+def _runs(filled: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where surfaces begin and end; shorter gaps than GAP_BINS are none."""
+    bordered = np.zeros(len(filled) + 2, np.bool_)
+    bordered[1:-1] = filled
+    changes = np.flatnonzero(bordered[1:] != bordered[:-1])
+    starts, ends = changes[::2], changes[1::2]
+    apart = np.flatnonzero(starts[1:] - ends[:-1] >= GAP_BINS)
+    return np.append(starts[:1], starts[apart + 1]), np.append(ends[apart], ends[-1:])
+
+
+def crowded(xyz: Floats) -> Selection:
+    """Return which of (3, n) points have neighbours, in their cell of a grid around all of them or the next ones."""
+    low = xyz.min(axis=1, keepdims=True)
+    side = max(float((xyz.max(axis=1, keepdims=True) - low).max()) / CELLS, MIN_SIDE_M)
+    x, y, z = ((xyz - low) * np.float32(1 / side)).astype(np.int32) + 1
+    cells = (x * WIDTH + y) * WIDTH + z
+    counts = np.bincount(cells, minlength=WIDTH**3)
+    for apart in (1, WIDTH, WIDTH * WIDTH):  # the next cell along each axis; those at the border are empty
+        around = counts.copy()
+        around[apart:] += counts[:-apart]
+        around[:-apart] += counts[apart:]
+        counts = around
+    return np.asarray(counts[cells] >= NEIGHBOURS)

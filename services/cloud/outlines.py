@@ -1,0 +1,76 @@
+"""What a camera's picture shows an object in, and which points of a cloud that is. Pure."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from services.cloud.points import Floats, Indices, Points, usable
+from services.geometry.masks import Window, eroded
+
+EDGE: Final = 1
+"""Pixels at the edge of a mask that are not trusted: two surfaces are mixed there, or it is the wrong one."""
+
+SOLID: Final = 0.6
+"""A mask that would lose more than the rest of its pixels with its edge keeps it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Points that a mask covers, as numbers in their cloud; some of them are the object's.
+
+    xyz: (3, n) in the points' own frame. depth: n metres along the camera's view, above 0. across: (2, n) metres across
+    it.
+    """
+
+    at: Indices
+    xyz: Floats
+    depth: Floats
+    across: Floats
+
+
+class View(Protocol):
+    """A cloud as the camera sees it."""
+
+    def within(self, windows: Sequence[Window]) -> Iterator[Candidates]:
+        """Return the points that the camera sees within each mask."""
+
+
+def trusted(window: Window) -> Window:
+    """Return a mask without its edge, unless it is mostly edge."""
+    inner = eroded(window, EDGE)
+    return inner if inner.area >= SOLID * window.area else window
+
+
+@dataclass(frozen=True, slots=True)
+class RegisteredView:
+    """A cloud with a point for each pixel, or for one of every `factor` x `factor` pixels."""
+
+    points: Points
+    factor: int = 1
+
+    def within(self, windows: Sequence[Window]) -> Iterator[Candidates]:
+        """See `View.within`."""
+        return map(self._within, windows)
+
+    def _within(self, window: Window) -> Candidates:
+        first = self.factor // 2
+        top, left = (first - window.top) % self.factor, (first - window.left) % self.factor
+        rows, columns = np.nonzero(window.pixels[top :: self.factor, left :: self.factor])
+        rows += (window.top + top) // self.factor
+        columns += (window.left + left) // self.factor
+        at = rows * self.points.shape[1] + columns
+        xyz = self.points.take(at).xyz()
+        seen = usable(xyz) & (xyz[2] > 0)
+        if not seen.all():
+            at, xyz = at[seen], xyz.compress(seen, axis=1)
+        return Candidates(at, xyz, xyz[2], xyz[:2])
+
+
+def factor_of(height: int, width: int, points: Points) -> int:
+    """Return how many pixels of a picture there are for each point across and down; 0 if they do not come out even."""
+    rows, columns = points.shape
+    if not points.is_organised or height % rows or width % columns or height // rows != width // columns:
+        return 0
+    return height // rows

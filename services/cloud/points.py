@@ -1,0 +1,111 @@
+"""A PointCloud's bytes as coordinates and colours, whatever its layout: only what is asked for is copied."""
+
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.compression import ZSTD
+from schemas.points import PointCloud, rgb_offsets
+from services.cloud.errors import CloudError
+from services.geometry.payload import decompressed
+
+Floats = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.intp]
+
+MAX_POINTS: Final = 4_000_000
+"""Points of a cloud that are looked at; a message may hold more, of a byte each."""
+
+FAR_M: Final = 10_000.0
+"""What is said to be farther away than this is none of a camera's or lidar's readings."""
+
+AXES: Final = ("x", "y", "z")
+_TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """A view of a cloud's points: `records` is (height, width), each the bytes of one point.
+
+    axes: what is where in a record. channels: offsets of red, green and blue in it, None where there is no colour.
+    """
+
+    records: NDArray[np.void]
+    axes: np.dtype[np.void]
+    channels: tuple[int, int, int] | None
+
+    @classmethod
+    def of(cls, cloud: PointCloud) -> Self:
+        """Read the layout of a cloud; its data is copied only to decompress it.
+
+        Raises:
+            GeometryError: no x, y or z, too many points, or damaged data.
+        """
+        if cloud.height * cloud.width > MAX_POINTS:
+            raise CloudError(f"a cloud of {cloud.height * cloud.width} points, at most {MAX_POINTS} are looked at")
+        fields = {field.name: field for field in reversed(cloud.fields)}
+        if missing := [axis for axis in AXES if axis not in fields]:
+            raise CloudError(f"a cloud without {', '.join(missing)}")
+        order = ">" if cloud.is_bigendian else "<"
+        axes = np.dtype(
+            {
+                "names": AXES,
+                "formats": [order + _TYPES[fields[axis].datatype] for axis in AXES],
+                "offsets": [fields[axis].offset for axis in AXES],
+                "itemsize": cloud.point_step,
+            }
+        )
+        return cls(_records(cloud), axes, rgb_offsets(cloud.fields, is_bigendian=cloud.is_bigendian))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width; an unordered cloud has one row."""
+        height, width = self.records.shape
+        return height, width
+
+    @property
+    def is_organised(self) -> bool:
+        """Whether the points lie in rows and columns as a picture's pixels do."""
+        return min(self.shape) > 1
+
+    def take(self, at: Indices) -> "Points":
+        """Return one row of the points with these numbers, counted row by row. Copies them."""
+        if self.records.strides[0] == self.records.shape[1] * self.records.itemsize:
+            taken = self.records.reshape(-1).take(at)
+        else:
+            taken = self.records[np.divmod(at, self.shape[1])]
+        return Points(taken[None], self.axes, self.channels)
+
+    def xyz(self) -> Floats:
+        """Return the coordinates of all points, (3, height * width): metres, NaN and infinities included."""
+        coordinates = self.records.view(self.axes)
+        xyz = np.empty((3, *self.records.shape), np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for number, axis in enumerate(AXES):
+                xyz[number] = coordinates[axis]
+        return xyz.reshape(3, -1)
+
+    def rgb(self) -> Bytes | None:
+        """Return the colours of all points, (height * width, 3), or None where there are none."""
+        if self.channels is None:
+            return None
+        octets = self.records.view([("octets", np.uint8, (self.records.itemsize,))])["octets"]
+        return np.stack([octets[..., at] for at in self.channels], axis=-1).reshape(-1, 3)
+
+
+def usable(xyz: Floats) -> NDArray[np.bool_]:
+    """Return which points are measured: within FAR_M, and not the origin that some drivers send for no reading."""
+    x, y, z = xyz
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = x * x + y * y + z * z  # infinite or NaN if any of them is
+    return np.asarray((apart > 0) & (apart < FAR_M**2))
+
+
+def _records(cloud: PointCloud) -> NDArray[np.void]:
+    data: Any = decompressed(cloud.data, cloud.row_step * cloud.height) if cloud.format == ZSTD else cloud.data
+    shape = (cloud.height, cloud.width)
+    if not cloud.height * cloud.width:
+        return np.zeros(shape, f"V{cloud.point_step}")
+    return np.ndarray(shape, f"V{cloud.point_step}", data, strides=(cloud.row_step, cloud.point_step))

@@ -1,0 +1,28 @@
+"""Some of many points. Pure."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.cloud.points import Indices
+
+_JITTER: Final = np.random.default_rng(0).random(2048)
+
+
+def some(count: int, wanted: int) -> Indices:
+    """Return ascending numbers below `count`, all of them or about `wanted`, and never more than that.
+
+    They are spread evenly but not regularly: of rows of points a regular step may take a single column.
+    """
+    if count <= wanted:
+        return np.arange(count)
+    taken = ((np.arange(wanted) + _jitter(wanted)) * (count / wanted)).astype(np.intp)
+    new = np.empty(wanted, np.bool_)
+    new[0] = True
+    np.not_equal(taken[1:], taken[:-1], out=new[1:])
+    return taken[new]
+
+
+def _jitter(wanted: int) -> NDArray[np.float64]:
+    return _JITTER[:wanted] if wanted <= len(_JITTER) else np.resize(_JITTER, wanted)

@@ -1,0 +1,121 @@
+"""How a cloud lies to the pictures that detections are of. Pure."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.camera_info import CameraInfo
+from schemas.detections import Detections
+from schemas.header import Header
+from services.cloud.errors import CloudError
+from services.cloud.measuring import Target
+from services.cloud.outlines import RegisteredView, View, factor_of
+from services.cloud.points import Points, usable
+from services.cloud.projection import ProjectedView
+from services.cloud.sampling import some
+from services.geometry.camera import CameraModel
+from services.geometry.errors import TransformError
+from services.geometry.rotation import inverse_of
+from services.geometry.transforms import TransformTree
+
+Numbers = NDArray[Any]
+
+NO_INFO: Final = "no camera info of the colour image arrived, so no points can be projected into it"
+FIXED_FRAMES: Final = ("map", "odom")
+"""Frames that stand still, the preferred one first: through them points of one instant are seen at another."""
+
+CHECKED: Final = 64
+_STRAY_PIXELS: Final = 2.0
+_SAME: Final = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Instant:
+    """A picture's detections, and the points that belong to them. of: the header of the points.
+
+    moves: 4 x 4, moves the points into the camera's optical frame, or why it is not known.
+    """
+
+    detections: Detections
+    points: Points
+    of: Header
+    info: CameraInfo | None
+    moves: Numbers | str
+
+
+def view_of(instant: Instant) -> View:
+    """Return the points as the camera sees them: pixel by pixel where they are registered to it, else projected.
+
+    Raises:
+        GeometryError: what is needed for that is not known.
+    """
+    moves = instant.moves
+    if isinstance(moves, str):
+        raise CloudError(f"points cannot be brought to the picture: {moves}")
+    factor = factor_of(instant.detections.height, instant.detections.width, instant.points)
+    at_home = bool(factor) and bool(np.abs(moves - np.identity(4)).max() < _SAME)
+    if at_home and instant.info is None:
+        return RegisteredView(instant.points, factor)
+    camera = _camera(instant)
+    if at_home and _fits(instant.points, camera, factor):
+        return RegisteredView(instant.points, factor)
+    return ProjectedView(instant.points, camera, moves)
+
+
+def moves_of(picture: Header, points: Header, tree: TransformTree) -> Numbers | str:
+    """Return the transform that moves points of their instant into the camera's frame at the picture's, or why not."""
+    if picture.frame_id == points.frame_id and picture.stamp_ns == points.stamp_ns:
+        return np.identity(4)
+    try:
+        return camera_from_points(picture, points, tree)
+    except TransformError as error:
+        return np.identity(4) if picture.frame_id == points.frame_id else str(error)
+
+
+def camera_from_points(picture: Header, points: Header, tree: TransformTree) -> Numbers:
+    """Return the 4 x 4 transform that moves points of their instant into the camera's frame at the picture's.
+
+    Raises:
+        TransformError: it is not known, not even as if nothing had moved in between.
+    """
+    if picture.stamp_ns != points.stamp_ns:
+        for fixed in FIXED_FRAMES:
+            try:
+                there = tree.lookup(fixed, picture.frame_id, picture.stamp_ns)
+                return np.asarray(inverse_of(there) @ tree.lookup(fixed, points.frame_id, points.stamp_ns))
+            except TransformError:
+                continue
+    return tree.lookup(picture.frame_id, points.frame_id, points.stamp_ns)
+
+
+def target_of(frame_id: str, points: Header, tree: TransformTree) -> Target:
+    """Return where points are in the target frame, which is none if it has no name."""
+    if not frame_id:
+        return Target()
+    try:
+        return Target(frame_id, tree.lookup(frame_id, points.frame_id, points.stamp_ns))
+    except TransformError as error:
+        return Target(frame_id, unknown=str(error))
+
+
+def _camera(instant: Instant) -> CameraModel:
+    if instant.info is None:
+        raise CloudError(NO_INFO)
+    camera = CameraModel.of(instant.info)
+    camera.check_size(instant.detections.height, instant.detections.width)
+    return camera
+
+
+def _fits(points: Points, camera: CameraModel, factor: int) -> bool:
+    """Return whether points lie where their pixels look, as a registered cloud's do."""
+    at = some(points.shape[0] * points.shape[1], CHECKED * CHECKED)
+    xyz = points.take(at).xyz()
+    seen = np.flatnonzero(usable(xyz) & (xyz[2] > 0))[:: CHECKED // 4]
+    if not len(seen):
+        return True
+    rows, columns = np.divmod(at[seen], points.shape[1])
+    pixels = np.column_stack([columns, rows]) * factor + factor // 2
+    off = np.abs(camera.project(xyz[:, seen].T) - pixels).max(axis=1)
+    return bool(np.median(np.nan_to_num(off, nan=np.inf)) <= _STRAY_PIXELS * factor)

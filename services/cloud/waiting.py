@@ -1,0 +1,126 @@
+"""Detections that wait for the points of their instant, and for the transforms of theirs. Pure."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.camera_info import CameraInfo
+from schemas.detections import Detections
+from schemas.header import Header
+from schemas.points import PointCloud
+from schemas.transforms import Transforms
+from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
+from services.geometry.errors import TooNewError, TransformError
+from services.geometry.joining import Joiner, NoPartner, Partner
+from services.geometry.transforms import TransformTree
+
+PATIENCE_S: Final = 0.3
+"""How long detections wait for what belongs to them: longer than a lidar takes to turn, shorter than news is old."""
+
+NO_STAMP: Final = "the image has no stamp"
+MAX_WAITING: Final = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Matched:
+    """Detections with the points of their instant, or why there are none."""
+
+    detections: Detections
+    cloud: PointCloud | None
+    unknown: str = ""
+
+
+class Waiting:
+    """Joins one camera's detections with its points; the newest that can be joined count.
+
+    target: the frame that transforms are waited for to. tolerance_ns: see `Joiner`. Time is any steady clock's, in
+    seconds.
+    """
+
+    def __init__(self, account: Account, *, target: str, tolerance_ns: int | None = None) -> None:
+        self._account = account
+        self._target = target
+        self._clouds: Joiner[PointCloud] = Joiner("points", tolerance_ns=tolerance_ns)
+        self._waiting: deque[tuple[Detections, float]] = deque()
+        self._newest: tuple[str, int] | None = None
+        self.tree = TransformTree()
+        self.info: CameraInfo | None = None
+
+    @property
+    def until_s(self) -> float | None:
+        """When the detections that wait longest have waited enough; None while none do."""
+        return self._waiting[0][1] if self._waiting else None
+
+    def detections(self, found: Detections, now_s: float) -> None:
+        """Take detections."""
+        identity = (found.header.boot_id, found.header.seq)
+        if identity == self._newest:
+            self._account.dropped[DOUBLE] += 1
+            return
+        if len(self._waiting) >= MAX_WAITING:
+            self._drop(1)
+        self._waiting.append((found, now_s + PATIENCE_S))
+        self._newest = identity
+
+    def points(self, cloud: PointCloud) -> None:
+        """Take points; they are kept for the detections of their instant, of which they have none without a stamp."""
+        if not cloud.header.stamp_ns:
+            self._account.dropped[UNSTAMPED] += 1
+            return
+        self._clouds.keep(cloud.header.stamp_ns, cloud, cloud.data.nbytes)
+
+    def transforms(self, sent: Transforms, *, static: bool) -> None:
+        """Take transforms of the robot."""
+        self.tree.take(sent, static=static)
+
+    def take(self, now_s: float) -> Matched | None:
+        """Return the newest detections that what belongs to them is there for, or that have waited long enough.
+
+        Those that waited before them are dropped.
+        """
+        for look in (self._joined, self._given_up):
+            for place in reversed(range(len(self._waiting))):
+                found, until_s = self._waiting[place]
+                if (matched := look(found, late=now_s >= until_s)) is not None:
+                    self._drop(place)
+                    self._waiting.popleft()
+                    return matched
+        return None
+
+    def end(self) -> int:
+        """Forget everything that is of an instant; return how many detections waited."""
+        waited = len(self._waiting)
+        self._waiting.clear()
+        self._clouds.flush()
+        self._newest = None
+        return waited
+
+    def _drop(self, count: int) -> None:
+        self._account.dropped[REPLACED] += count
+        for _ in range(count):
+            self._waiting.popleft()
+
+    def _joined(self, found: Detections, *, late: bool) -> Matched | None:
+        match self._clouds.find(found.header.stamp_ns):
+            case Partner(cloud) if late or self._is_placed(found.header, cloud.header):
+                return Matched(found, cloud)
+        return None
+
+    def _given_up(self, found: Detections, *, late: bool) -> Matched | None:
+        if not found.header.stamp_ns:
+            return Matched(found, None, NO_STAMP)
+        match self._clouds.find(found.header.stamp_ns):
+            case NoPartner(reason, final) if final or late:
+                return Matched(found, None, reason)
+        return None
+
+    def _is_placed(self, picture: Header, points: Header) -> bool:
+        """Return whether no transform is still to come."""
+        for frame_id in {self._target, picture.frame_id} - {"", points.frame_id}:
+            try:
+                self.tree.lookup(frame_id, points.frame_id, points.stamp_ns)
+            except TooNewError:
+                return False
+            except TransformError:
+                continue
+        return True

@@ -1,0 +1,149 @@
+"""A cloud worker: its share of the fleet's cameras, their objects' clouds to who wants them."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from typing import Final
+
+from bus import Bus, QoS
+from bus.shared_demand import SharedDemand, while_wanted
+from bus.sharing import Sharing
+from bus.sharing.sharing import JOIN_S
+from schemas import codec, keys
+from schemas.errors import SchemaError
+from schemas.keys import CameraKey, Stream, WorkerAlive
+from schemas.objects import ObjectClouds
+from schemas.status import MAX_STREAMS, WorkerStatus
+from services.cloud.account import Account
+from services.cloud.camera import Camera
+from services.cloud.sensors import Sensors
+from services.cloud.settings import CloudSettings
+
+log = logging.getLogger(__name__)
+
+SERVICE: Final = "cloud"
+METHOD: Final = "geometry"
+"""What status messages say instead of a model's name."""
+
+STATUS_PERIOD_S: Final = 1.0
+UNWANTED_S: Final = 0.2
+"""A camera whose results nobody has wanted for so long since it was taken over is taken over."""
+
+
+class Worker:
+    """Serves the cameras that fall to it. tokens: what it says of itself. executor: cuts clouds, off the event loop."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        settings: CloudSettings,
+        tokens: Sequence[WorkerAlive],
+        executor: Executor,
+        *,
+        join_s: float = JOIN_S,
+    ) -> None:
+        self._bus = bus
+        self._settings = settings
+        self._name = tokens[0].worker
+        self._executor = executor
+        self._sensors = Sensors(settings.points)
+        self._changed = asyncio.Event()
+        self._accounts: dict[CameraKey, Account] = {}
+        self._serving: set[CameraKey] = set()
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
+
+    async def run(self) -> None:
+        """Work until cancelled; then hand over and end."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._report())
+            for stream in (Stream.COLOR, Stream.POINTS):
+                group.create_task(self._watch(stream))
+            await self._sharing.run()
+
+    async def _watch(self, stream: Stream) -> None:
+        async with self._bus.watch(keys.every_stream_alive(stream)) as watch:
+            async for presence in watch:
+                with suppress(SchemaError):  # the sharing of the work says what is no camera
+                    self._sensors.note(keys.parse_stream(presence.key), alive=presence.alive)
+                    changed, self._changed = self._changed, asyncio.Event()
+                    changed.set()
+
+    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
+        account = self._accounts.setdefault(key, Account(key))
+        demand = SharedDemand()
+        self._serving.add(key)
+        try:
+            async with (
+                self._bus.publisher(
+                    key.stream(Stream.OBJECTS),
+                    QoS.IMAGE,
+                    encoding=codec.encoding(ObjectClouds),
+                    on_demand=demand.of(Stream.OBJECTS),
+                ) as publisher,
+                asyncio.TaskGroup() as group,
+            ):
+
+                def publish(clouds: ObjectClouds) -> None:
+                    publisher.put(codec.encode(clouds))
+                    took_over()
+
+                group.create_task(self._notice_unwanted(demand, took_over))
+                camera = self._camera(key, account)
+                await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
+        finally:
+            self._serving.discard(key)
+
+    def _camera(self, key: CameraKey, account: Account) -> Camera:
+        return Camera(
+            self._bus,
+            key,
+            account,
+            worker=self._name,
+            executor=self._executor,
+            limits=self._settings.limits,
+            target_frame=self._settings.target_frame,
+            tolerance_ns=self._settings.tolerance_ns,
+        )
+
+    async def _notice_unwanted(self, demand: SharedDemand, took_over: Callable[[], None]) -> None:
+        await asyncio.sleep(UNWANTED_S)
+        await demand.until(wanted=False)
+        took_over()
+
+    async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Awaitable[None]]) -> None:
+        """Work with the camera's points, whosever they are now, for ever."""
+        while True:
+            points = self._sensors.points_of(key)
+            async with asyncio.TaskGroup() as group:
+                working = None if points is None else group.create_task(_run(work, points))
+                while self._sensors.points_of(key) == points:
+                    await self._changed.wait()
+                if working is not None:
+                    working.cancel()
+
+    async def _report(self) -> None:
+        key = keys.worker_status(SERVICE, self._name)
+        async with self._bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WorkerStatus)) as publisher:
+            try:
+                while True:
+                    publisher.put(codec.encode(self._status()))
+                    await asyncio.sleep(STATUS_PERIOD_S)
+            finally:
+                publisher.put(codec.encode(self._status()))
+
+    def _status(self) -> WorkerStatus:
+        accounts = list(self._accounts.items())[-MAX_STREAMS:]
+        return WorkerStatus(
+            service=SERVICE,
+            worker=self._name,
+            model=METHOD,
+            sent_ns=time.time_ns(),
+            cameras=[account.load(serving=key in self._serving) for key, account in accounts],
+        )
+
+
+async def _run(work: Callable[[CameraKey], Awaitable[None]], points: CameraKey) -> None:
+    await work(points)

@@ -1,0 +1,1 @@
+"""Show the clouds of a camera's objects, or save them to files."""

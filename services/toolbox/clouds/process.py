@@ -1,0 +1,112 @@
+"""Clouds as they come: into a window, or into files."""
+
+import asyncio
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, Protocol
+
+from bus import LATEST, Bus, Subscription, open_bus
+from schemas import codec
+from schemas.errors import SchemaError
+from schemas.keys import Stream
+from schemas.objects import ObjectClouds
+from services.toolbox.clouds.drawing import Drawing, drawing_of
+from services.toolbox.clouds.errors import ViewerError
+from services.toolbox.clouds.files import pcd, ply
+from services.toolbox.clouds.settings import CloudsSettings
+from services.toolbox.clouds.viewing import Window
+
+FAILED: Final = 1
+FRAME_S: Final = 1 / 30
+WRITERS: Final = {"ply": ply, "pcd": pcd}
+
+
+class Shown(Protocol):
+    """What clouds are drawn in."""
+
+    def show(self, drawing: Drawing) -> None: ...
+
+    def turn(self) -> bool: ...
+
+
+async def run(settings: CloudsSettings) -> int:
+    """View or save; return the exit code.
+
+    Raises:
+        ViewerError: no window can be opened, or no file written.
+        ModuleNotFoundError: Open3D is needed and not installed.
+    """
+    if settings.do == "save":
+        async with open_bus(settings) as bus:
+            return await save(bus, settings)
+    with _window(f"fleetsight: {settings.key}") as window:
+        async with open_bus(settings) as bus:
+            await view(bus, settings, window)
+    return 0
+
+
+async def save(bus: Bus, settings: CloudsSettings) -> int:
+    """Write the next messages to files, and say which; return the exit code."""
+    async with bus.subscribe(settings.key.stream(Stream.OBJECTS), LATEST, history=False) as samples:
+        for _ in range(settings.count):
+            try:
+                async with asyncio.timeout(settings.timeout_s):
+                    seen = await _next(samples, settings)
+            except TimeoutError:
+                where = f"clouds of {settings.key} in {settings.timeout_s:g} s"
+                sys.stderr.write(f"fleetsight clouds: no {where}; a cloud worker and a detector must be there\n")
+                return FAILED
+            for path in await asyncio.to_thread(_write, seen, settings):
+                sys.stdout.write(f"{path}: {sum(each.count for each in seen.objects)} points\n")
+    return 0
+
+
+async def view(bus: Bus, settings: CloudsSettings, window: Shown) -> None:
+    """Show clouds until the window is closed."""
+
+    async def receive() -> None:
+        async with bus.subscribe(settings.key.stream(Stream.OBJECTS), LATEST, history=False) as samples:
+            while True:
+                window.show(drawing_of(await _next(samples, settings)))
+
+    async with asyncio.TaskGroup() as group:
+        receiving = group.create_task(receive())
+        while window.turn():  # noqa: ASYNC110 - a window is to be looked after often, whether there is news or not
+            await asyncio.sleep(FRAME_S)
+        receiving.cancel()
+
+
+async def _next(samples: Subscription, settings: CloudsSettings) -> ObjectClouds:
+    """Wait for the next message that is one."""
+    while True:
+        sample = await anext(samples)
+        try:
+            seen = codec.decode(ObjectClouds, sample.payload, sample.encoding)
+            codec.check_identity(seen.header, settings.key)
+        except SchemaError as error:
+            sys.stderr.write(f"fleetsight clouds: left out: {error}\n")
+            continue
+        return seen
+
+
+def _write(seen: ObjectClouds, settings: CloudsSettings) -> list[Path]:
+    stem = f"{settings.robot}_{settings.camera}_{seen.header.stamp_ns}_{seen.header.seq}"
+    paths = [settings.folder / f"{stem}.{kind}" for kind in settings.formats]
+    try:
+        settings.folder.mkdir(parents=True, exist_ok=True)
+        for path, kind in zip(paths, settings.formats, strict=True):
+            path.write_bytes(WRITERS[kind](seen))
+    except OSError as error:
+        raise ViewerError(f"--folder {settings.folder}: {error.strerror or error}") from error
+    return paths
+
+
+@contextmanager
+def _window(title: str) -> Iterator[Window]:
+    window = Window(title)
+    try:
+        yield window
+    finally:
+        window.close()

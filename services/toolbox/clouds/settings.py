@@ -1,0 +1,41 @@
+"""Settings of `fleetsight clouds`."""
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from bus.settings import BusSettings
+from schemas.errors import SchemaError
+from schemas.keys import CameraKey
+
+
+class CloudsSettings(BusSettings):
+    """Look at the clouds of a camera's objects: `fleetsight clouds view r1 front`, `fleetsight clouds save r1 front`.
+
+    Asking for them makes a cloud worker and a detector work. View shows them in a window, as they come, until it is
+    closed. Save writes each message to files that Open3D, CloudCompare, MeshLab and PCL read, and ends.
+    """
+
+    do: Annotated[Literal["view", "save"], Field(description="what to do; the first argument if no option is")]
+    robot: Annotated[str, Field(description="the robot's name; the second argument")]
+    camera: Annotated[str, Field(description="the camera's name; the third argument")]
+    folder: Annotated[Path, Field(description="where to save; made if it is not there")] = Path()
+    formats: Annotated[
+        list[Literal["ply", "pcd"]], Field(min_length=1, description="what to save: ply, pcd or both")
+    ] = ["ply", "pcd"]
+    count: Annotated[int, Field(ge=1, le=10_000, description="messages to save")] = 1
+    timeout_s: Annotated[float, Field(gt=0, le=3600, description="seconds to wait for each message to save")] = 10.0
+
+    @model_validator(mode="after")
+    def _names_a_camera(self) -> Self:
+        try:
+            CameraKey(self.robot, self.camera)
+        except SchemaError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+    @property
+    def key(self) -> CameraKey:
+        """The camera."""
+        return CameraKey(self.robot, self.camera)

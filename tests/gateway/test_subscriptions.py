@@ -1,0 +1,86 @@
+"""Several readers of one topic, between an embedded ROS master and a publisher."""
+
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+
+import pytest
+
+from gateway.ros1.node import Node
+from gateway.ros1.publisher import Publication
+from gateway.ros1.rosmaster import RosMaster
+from gateway.ros1.subscriber import Message, Subscription
+from gateway.subscriptions import Subscriptions
+from tests.gateway.ros1.waiting import until
+
+STRING = "std_msgs/String"
+WORD = b"\x02\x00\x00\x00hi"
+
+
+class Reader:
+    def __init__(self, topics: Subscriptions) -> None:
+        self._topics = topics
+        self.heard: list[bytes] = []
+        self.gone: list[str] = []
+
+    @asynccontextmanager
+    async def reading(self) -> AsyncIterator[Subscription]:
+        async with self._topics.subscribe("/word", STRING, self._take, on_gone=self.gone.append) as subscription:
+            yield subscription
+
+    def _take(self, message: Message) -> None:
+        self.heard.append(bytes(message.data))
+
+
+class Rig:
+    def __init__(self, sensor: Node, topics: Subscriptions) -> None:
+        self.sensor = sensor
+        self.one, self.other = Reader(topics), Reader(topics)
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    async with AsyncExitStack() as stack:
+        master = await stack.enter_async_context(RosMaster())
+        sensor = await stack.enter_async_context(Node("/sensor", master_uri=master.uri))
+        node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
+        yield Rig(sensor, Subscriptions(node))
+
+
+async def subscribed(publication: Publication, count: int) -> None:
+    await until(lambda: publication.subscriber_count == count, f"{count} subscribe")
+
+
+async def test_two_readers_share_one_subscription_until_both_have_left(rig: Rig) -> None:
+    async with rig.sensor.advertise("/word", STRING) as publication, rig.one.reading() as first:
+        async with AsyncExitStack() as leaving:
+            assert await leaving.enter_async_context(rig.other.reading()) is first
+            await subscribed(publication, 1)
+            publication.publish(WORD)
+            await until(lambda: rig.one.heard == rig.other.heard == [WORD], "both hear it")
+        publication.publish(WORD)
+        await until(lambda: rig.one.heard == [WORD, WORD], "who stays hears on")
+        assert rig.other.heard == [WORD]
+
+
+async def test_whoever_came_first_may_leave_first(rig: Rig) -> None:
+    async with rig.sensor.advertise("/word", STRING) as publication:
+        async with AsyncExitStack() as staying:
+            async with rig.one.reading():
+                await staying.enter_async_context(rig.other.reading())
+            await subscribed(publication, 1)
+            publication.publish(WORD)
+            await until(lambda: rig.other.heard == [WORD], "the other one hears it")
+        await subscribed(publication, 0)
+        async with rig.one.reading():
+            await subscribed(publication, 1)
+
+
+async def test_who_comes_later_is_told_what_was_latched_and_both_that_it_has_gone(rig: Rig) -> None:
+    async with AsyncExitStack() as readers:
+        async with rig.sensor.advertise("/word", STRING, latch=True) as publication:
+            publication.publish(WORD)
+            await readers.enter_async_context(rig.one.reading())
+            await until(lambda: rig.one.heard == [WORD], "the first one hears it")
+            await readers.enter_async_context(rig.other.reading())
+            assert rig.other.heard == [WORD]
+        await until(lambda: len(rig.one.gone) == len(rig.other.gone) == 1, "both are told")

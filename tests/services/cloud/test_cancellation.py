@@ -1,0 +1,47 @@
+"""Cancelled at any await, a worker leaves nothing: no task, subscription or token."""
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AsyncExitStack
+
+from bus import QUEUE
+from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.keys import Stream
+from services.cloud.settings import CloudSettings
+from services.cloud.worker import SERVICE, Worker
+from tests.gateway.ros1.cancelling import cancel_everywhere
+from tests.gateway.ros1.waiting import until
+from tests.services.cloud.test_worker import FRONT, Rig, found, registered
+
+SENT = {Stream.POINTS: codec.encode(registered(3)), Stream.DETECTIONS: codec.encode(found(3))}
+
+
+async def test_a_worker_with_a_wanted_camera() -> None:
+    network, settings = FakeNetwork(), CloudSettings(worker="w1")
+    async with AsyncExitStack() as stack:
+        executor = stack.enter_context(ThreadPoolExecutor(1))
+        theirs = await stack.enter_async_context(network.open_bus())
+        front = await Rig(theirs, stack).camera(FRONT, Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)
+        objects = await stack.enter_async_context(theirs.subscribe(FRONT.stream(Stream.OBJECTS), QUEUE(9)))
+        tasks = asyncio.all_tasks()
+
+        async def life() -> None:
+            before = objects.counts.received
+            async with network.open_bus() as ours, asyncio.TaskGroup() as group:
+                worker = Worker(ours, settings, settings.tokens(SERVICE, "w1"), executor, join_s=0)
+                working = group.create_task(worker.run())
+                sent = False
+                while objects.counts.received == before:  # each turn of the loop is a suspension
+                    if not sent and all(front[stream].wanted for stream in SENT):
+                        sent = True
+                        for stream, message in SENT.items():
+                            front[stream].put(message)
+                    await asyncio.sleep(0)
+                working.cancel()
+
+        async def nothing_is_left(n: int) -> None:
+            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
+            await until(lambda: not any(each.wanted for each in front.values()), f"nothing is subscribed after {n}")
+
+        assert await cancel_everywhere(life, nothing_is_left) > 10

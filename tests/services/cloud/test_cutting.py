@@ -1,0 +1,43 @@
+import msgspec
+import numpy as np
+import pytest
+
+from schemas.keys import CameraKey
+from services.cloud.account import Account
+from services.cloud.cutting import Job, cut, nothing
+from services.cloud.measuring import Limits
+from services.cloud.waiting import Waiting
+from tests.services.cloud.clouds import Layout, cloud_of, xyz_cloud
+from tests.services.cloud.scenes import Cuboid, camera_view, detection, detections
+
+BOXES = (Cuboid((4.0, 0.6), (0.6, 0.9, 0.7)),)
+
+
+def waiting() -> Waiting:
+    return Waiting(Account(CameraKey("r1", "front")), target="base_link")
+
+
+def test_objects_are_cut_out_with_what_is_known_of_their_instant() -> None:
+    points, owners = camera_view(BOXES)
+    found = detections(detection(owners == 1))
+    cloud = xyz_cloud(points, header=found.header)
+    made = cut(Job.of(found, cloud, waiting(), "base_link"), Limits(), "w")
+    assert made.unknown == ""
+    assert [each.index for each in made.clouds.objects] == [0]
+    assert made.clouds.unknown_target == "nothing is known of frame 'base_link'"
+
+
+def test_a_cloud_that_cannot_be_read_is_the_reason_for_every_object() -> None:
+    found = detections(detection(None), detection(None))
+    flat = cloud_of({"x": np.zeros((1, 3)), "y": np.zeros((1, 3))}, Layout([("x", "f4"), ("y", "f4")]))
+    made = cut(Job.of(found, flat, waiting(), ""), Limits(), "w")
+    assert made.unknown == "a cloud without z"
+    assert made.clouds.unmeasured == {0: "a cloud without z", 1: "a cloud without z"}
+    assert (made.clouds.header, made.clouds.worker) == (found.header, "w")
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_nothing_is_said_of_each_object(count: int) -> None:
+    made = nothing(detections(*[detection(None)] * count), "no points arrived", "w")
+    assert made.clouds.unmeasured == dict.fromkeys(range(count), "no points arrived")
+    assert msgspec.structs.asdict(made.clouds)["objects"] == []

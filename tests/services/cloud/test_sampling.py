@@ -1,0 +1,22 @@
+import numpy as np
+import pytest
+
+from services.cloud.sampling import some
+
+
+@pytest.mark.parametrize("count", [0, 1, 99, 100])
+def test_few_enough_are_all_taken(count: int) -> None:
+    assert some(count, 100).tolist() == list(range(count))
+
+
+@pytest.mark.parametrize("count", [101, 150, 1000, 10_007, 1_000_000])
+def test_of_more_no_more_than_wanted_are_taken_each_once_from_all_over(count: int) -> None:
+    taken = some(count, 100)
+    assert 60 <= len(taken) <= 100
+    assert (np.diff(taken) > 0).all()
+    assert taken[0] < count / 25
+    assert count * 24 / 25 < taken[-1] < count
+
+
+def test_rows_of_points_are_not_thinned_to_a_column() -> None:
+    assert len(set((some(100 * 64, 100) % 64).tolist())) > 40

@@ -1,0 +1,189 @@
+import msgspec
+
+from schemas.detections import Detections
+from schemas.header import Header
+from schemas.keys import CameraKey
+from schemas.points import PointCloud
+from schemas.transforms import Transform, Transforms
+from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
+from services.cloud.waiting import MAX_WAITING, NO_STAMP, PATIENCE_S, Waiting
+from tests.schemas.frames import header
+from tests.services.cloud.scenes import detections
+
+MS = 1_000_000
+
+
+class Rig:
+    """A robot whose points come ten times a second."""
+
+    def __init__(self, target: str = "") -> None:
+        self.account = Account(CameraKey("r1", "front"))
+        self.waiting = Waiting(self.account, target=target)
+
+    def found(self, seq: int, at_ms: int, now_s: float = 0.0) -> None:
+        self.waiting.detections(found(seq, at_ms), now_s)
+
+    def points(self, *at_ms: int) -> None:
+        for at in at_ms:
+            self.waiting.points(cloud(at))
+
+    def took(self, now_s: float = 0.0) -> tuple[int, int | None] | None:
+        """Return the detections' number and the points' time in ms of what is taken."""
+        matched = self.waiting.take(now_s)
+        if matched is None:
+            return None
+        at = None if matched.cloud is None else matched.cloud.header.stamp_ns // MS
+        return matched.detections.header.seq, at
+
+
+def stamped(seq: int, at_ms: int, frame_id: str) -> Header:
+    return msgspec.structs.replace(header(seq=seq), stamp_ns=at_ms * MS, frame_id=frame_id)
+
+
+def found(seq: int, at_ms: int) -> Detections:
+    return msgspec.structs.replace(detections(), header=stamped(seq, at_ms, "lens"))
+
+
+def cloud(at_ms: int) -> PointCloud:
+    return PointCloud(
+        header=stamped(0, at_ms, "lidar"),
+        height=0,
+        width=0,
+        fields=[],
+        is_bigendian=False,
+        point_step=0,
+        row_step=0,
+        data=memoryview(b""),
+        is_dense=True,
+    )
+
+
+def moved(parent: str, child: str, at_ms: int) -> Transforms:
+    transform = Transform(
+        frame_id=parent,
+        child_frame_id=child,
+        stamp_ns=at_ms * MS,
+        translation=(0.0, 0.0, 0.0),
+        rotation=(0.0, 0.0, 0.0, 1.0),
+    )
+    return Transforms(header=header(camera=""), transforms=[transform])
+
+
+def test_detections_get_the_points_nearest_in_time_within_half_a_period() -> None:
+    rig = Rig()
+    rig.points(1000, 1100, 1200)
+    rig.found(1, 1140)
+    assert rig.took() == (1, 1100)
+    rig.found(2, 1160)
+    assert rig.took() == (2, 1200)
+    assert rig.took() is None
+
+
+def test_they_wait_for_points_that_may_still_come_but_not_for_ever() -> None:
+    rig = Rig()
+    rig.points(1000, 1100)
+    rig.found(1, 1200, now_s=5.0)
+    assert rig.took(5.0) is None
+    assert rig.waiting.until_s == 5.0 + PATIENCE_S
+    rig.points(1200)
+    assert rig.took(5.1) == (1, 1200)
+    rig.found(2, 1300, now_s=6.0)
+    assert rig.took(6.0 + PATIENCE_S) == (2, None)
+    assert rig.waiting.until_s is None
+
+
+def test_points_that_will_never_come_are_not_waited_for() -> None:
+    rig = Rig()
+    rig.points(1000, 1100, 1400)
+    rig.found(1, 1250)
+    matched = rig.waiting.take(0.0)
+    assert matched is not None
+    assert matched.cloud is None
+    assert matched.unknown.startswith("no points of its instant: the nearest is 0.150 s")
+
+
+def test_the_newest_that_can_be_joined_counts_and_those_before_it_are_dropped() -> None:
+    rig = Rig()
+    rig.points(1000, 1100)
+    for seq, at in ((1, 1000), (2, 1100), (3, 1200)):
+        rig.found(seq, at)
+    assert rig.took() == (2, 1100)
+    assert rig.account.dropped == {REPLACED: 1}
+    rig.points(1200)
+    assert rig.took() == (3, 1200)
+
+
+def test_detections_faster_than_points_starve_nobody() -> None:
+    rig = Rig()
+    rig.points(1000, 1100)
+    for seq in range(3 * MAX_WAITING):
+        rig.found(seq, 1300 + 30 * seq, now_s=seq * 0.03)
+        if (took := rig.took(seq * 0.03)) is not None:
+            assert took[1] is None
+    assert 0 < rig.account.dropped[REPLACED] < 3 * MAX_WAITING
+
+
+def test_the_same_detections_again_are_counted() -> None:
+    rig = Rig()
+    rig.points(1000)
+    rig.found(1, 1000)
+    rig.found(1, 1000)
+    assert rig.took() == (1, 1000)
+    assert rig.took() is None
+    assert rig.account.dropped[DOUBLE] == 1
+
+
+def test_a_transform_that_may_still_come_is_waited_for() -> None:
+    rig = Rig(target="base_link")
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 900), static=False)
+    rig.points(1000)
+    rig.found(1, 1000)
+    assert rig.took(0.1) is None
+    rig.waiting.transforms(moved("base_link", "lidar", 1100), static=False)
+    assert rig.took(0.1) == (1, 1000)
+
+
+def test_a_transform_that_does_not_come_is_not_waited_for_for_ever() -> None:
+    rig = Rig(target="base_link")
+    rig.waiting.transforms(moved("base_link", "lidar", 900), static=False)
+    rig.points(1000)
+    rig.found(1, 1000)
+    assert rig.took(PATIENCE_S - 0.01) is None
+    assert rig.took(PATIENCE_S) == (1, 1000)
+
+
+def test_what_nothing_was_ever_said_of_is_not_waited_for() -> None:
+    rig = Rig(target="nowhere")
+    rig.points(1000)
+    rig.found(1, 1000)
+    assert rig.took() == (1, 1000)
+
+
+def test_a_clock_that_jumps_back_joins_nothing_of_before() -> None:
+    rig = Rig()
+    rig.points(9000, 9100)
+    rig.points(1000)
+    rig.found(1, 9100)
+    assert rig.took() is None
+    rig.found(2, 1000)
+    assert rig.took() == (2, 1000)
+
+
+def test_at_the_end_nothing_is_left() -> None:
+    rig = Rig()
+    rig.points(1000)
+    rig.found(1, 1200)
+    assert (rig.waiting.end(), rig.waiting.end()) == (1, 0)
+    rig.found(2, 1000)
+    assert rig.took() is None
+
+
+def test_what_has_no_stamp_is_of_no_instant() -> None:
+    rig = Rig()
+    rig.points(0)
+    assert rig.account.dropped == {UNSTAMPED: 1}
+    rig.found(1, 0)
+    matched = rig.waiting.take(0.0)
+    assert matched is not None
+    assert (matched.cloud, matched.unknown) == (None, NO_STAMP)
