@@ -1,23 +1,94 @@
-"""What the worker asks of a model, whichever library runs it."""
+"""What a worker asks of a model, whichever library runs it."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schemas.detections import Detection
+from schemas.header import Spans
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey
+from schemas.tuning import Tuning
 
 
 class ModelError(Exception):
-    """A model that cannot be used; the message says which and why."""
+    """A model that cannot be used, or no longer; the message says which and why."""
+
+
+class TuningError(Exception):
+    """A tuning that the model cannot follow; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One image to look at. masks: whether anybody has a use for them."""
+
+    camera: CameraKey
+    frame: ImageFrame
+    masks: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The objects of one image, best score first, and nanoseconds per stage."""
+
+    objects: list[Detection]
+    spans: Spans = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """An image that nothing can be said about. reason: one of `services.detector.account`."""
+
+    reason: str
+    error: Exception
+
+
+Outcome = Found | Failed
 
 
 class Model(Protocol):
-    """A loaded detection or segmentation model. Used from one thread at a time."""
+    """A loaded detection or segmentation model."""
 
     @property
     def name(self) -> str:
         """What results say they come from."""
 
-    def infer(self, image: NDArray[np.uint8], *, masks: bool) -> list[Detection]:
-        """Return the objects in a height x width x 3 BGR image, best score first, with masks if asked for and known."""
+    @property
+    def max_batch(self) -> int:
+        """Most images that are worth one call; at least 1."""
+
+    @property
+    def in_flight(self) -> int:
+        """How many calls should be under way at once, so that one is prepared while another computes; at least 1."""
+
+    @property
+    def segments(self) -> bool:
+        """Whether it finds masks at all."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What whoever waits for results should know, each in a line: which results there cannot be, and why."""
+
+    @property
+    def tuning(self) -> Tuning:
+        """What counts as a detection now."""
+
+    def tune(self, tuning: Tuning) -> None:
+        """Count by another tuning from the next image on; what it leaves open stays as it is.
+
+        Raises:
+            TuningError: it names a class that the model does not know.
+        """
+
+    def close(self) -> None:
+        """Compute nothing more; what is under way is not waited for."""
+
+    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """Return what is in each image, in the same order. Calls end in the order in which they began.
+
+        A bad image fails alone. Masks come with the objects of the images they were asked for, if the model has them.
+
+        Raises:
+            ModelError: the model is of no more use to anybody.
+        """

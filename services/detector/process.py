@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bus import open_bus
+from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
-from services.detector.ultralytics_model import load
 from services.detector.worker import Worker
 
 log = logging.getLogger(__name__)
@@ -24,19 +24,22 @@ async def run(settings: DetectorSettings) -> None:
     """
     with (
         tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder,
-        model_thread() as executor,
+        loading_thread() as executor,
     ):
         log.info("loading %s", settings.model)
         model = await asyncio.get_running_loop().run_in_executor(executor, load, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
-        async with open_bus(settings) as bus:
-            await Worker(bus, model, settings.worker, executor).run()
+        try:
+            async with open_bus(settings) as bus:
+                await Worker(bus, model, settings.worker).run()
+        finally:
+            model.close()
 
 
 @contextmanager
-def model_thread() -> Iterator[Executor]:
-    """Give the model a thread of its own. Leaving does not wait for a call that is going on: loading takes seconds."""
-    executor = ThreadPoolExecutor(1, thread_name_prefix="model")
+def loading_thread() -> Iterator[Executor]:
+    """Give loading a thread of its own. Leaving does not wait for it: it takes seconds."""
+    executor = ThreadPoolExecutor(1, thread_name_prefix="loading")
     try:
         yield executor
     finally:

@@ -3,7 +3,7 @@
 import os
 import socket
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -19,6 +19,11 @@ def default_worker_name() -> str:
     return f"{machine[:48] or 'worker'}-{os.getpid()}"
 
 
+def default_cache() -> Path:
+    """Return the user's folder for what can be made again."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fleetsight"
+
+
 class DetectorSettings(BusSettings):
     """Run a YOLO model on the cameras whose results somebody wants, one call per image."""
 
@@ -29,6 +34,15 @@ class DetectorSettings(BusSettings):
     confidence: Annotated[float, Field(ge=0, le=1, description="lowest score that counts as a detection")] = 0.35
     iou: Annotated[float, Field(ge=0, le=1, description="overlap above which two boxes are one object")] = 0.7
     max_detections: Annotated[int, Field(ge=1, le=1000, description="most objects reported per image")] = 300
+    classes: Annotated[list[str], Field(description="names of the classes to report; all that the model knows unless given")] = []
+    runtime: Annotated[
+        Literal["auto", "torch", "onnx", "openvino", "tensorrt"],
+        Field(description="what computes; auto takes the fastest that is installed, by measuring once"),
+    ] = "auto"
+    image_size: Annotated[
+        int | None, Field(ge=32, le=4096, description="longer side that images are scaled to; as trained unless given")
+    ] = None
+    cache: Path = Field(default_factory=default_cache, description="folder for what is made once of the weights")
     device: Annotated[str | None, Field(description="cpu, cuda:0, ...; the best there is unless given")] = None
     threads: Annotated[int, Field(ge=0, description="CPU threads for inference; 0 uses every core")] = 0
     worker: str = Field(

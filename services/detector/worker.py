@@ -1,23 +1,20 @@
-"""A detector worker: every camera's newest frame through the model, one call at a time, results to who wants them."""
+"""A detector worker: every camera's newest frame through the model, results to who wants them."""
 
 import asyncio
 import logging
 import time
 from collections import defaultdict
-from concurrent.futures import Executor
 
 from bus import Bus, QoS
 from schemas import codec, keys
-from schemas.detections import Detection, Detections
+from schemas.detections import Detections
 from schemas.errors import SchemaError
-from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_STREAMS, WorkerStatus
-from services.detector.account import FAILED, MALFORMED, UNWANTED, Account
+from services.detector.account import UNWANTED, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, feed, serving
-from services.detector.model import Model
-from services.detector.pixels import PictureError, to_bgr
+from services.detector.model import Failed, Model, Request
 
 log = logging.getLogger(__name__)
 
@@ -26,13 +23,12 @@ STATUS_PERIOD_S = 1.0
 
 
 class Worker:
-    """Serves every camera that is there. `executor` runs the model, off the event loop."""
+    """Serves every camera that is there."""
 
-    def __init__(self, bus: Bus, model: Model, name: str, executor: Executor) -> None:
+    def __init__(self, bus: Bus, model: Model, name: str) -> None:
         self._bus = bus
         self._model = model
         self._name = name
-        self._executor = executor
         self._board = Board()
         self._cameras: dict[CameraKey, Camera] = {}
         self._accounts: dict[CameraKey, Account] = {}
@@ -68,7 +64,7 @@ class Worker:
     async def _serve(self, key: CameraKey) -> None:
         """Serve a camera that is there (again), once what served it before has ended."""
         account = self._accounts.setdefault(key, Account(key))
-        async with self._turns[key], serving(self._bus, key, account) as camera:
+        async with self._turns[key], serving(self._bus, key, account, segments=self._model.segments) as camera:
             self._cameras[key] = camera
             try:
                 await feed(self._bus, camera, self._board, self._name)
@@ -76,43 +72,38 @@ class Worker:
                 del self._cameras[key]
 
     async def _infer(self) -> None:
-        while True:
-            key, waiting = await self._board.take()
-            camera = self._cameras.get(key)
-            if camera is None or not camera.demand.wanted:
-                self._accounts[key].dropped[UNWANTED] += 1
-                continue
-            try:
-                found = await self._detect(waiting, masks=camera.detections.wanted)
-            except PictureError as error:
-                camera.account.dropped[MALFORMED] += 1
-                log.warning("%s: frame %d left out: %s", key, waiting.frame.header.seq, error)
-                continue
-            except Exception as error:  # noqa: BLE001 - whatever a frame does to the model, it fails alone
-                camera.account.dropped[FAILED] += 1
-                log.warning("%s: frame %d failed in the model: %r", key, waiting.frame.header.seq, error)
-                continue
-            camera.account.inferred += 1
-            camera.publish(found)
+        room = asyncio.Semaphore(self._model.in_flight)
+        async with asyncio.TaskGroup() as group:
+            while True:
+                await room.acquire()
+                key, waiting = await self._board.take()
+                camera = self._cameras.get(key)
+                if camera is None or not camera.demand.wanted:
+                    self._accounts[key].dropped[UNWANTED] += 1
+                    room.release()
+                    continue
+                group.create_task(self._look(camera, waiting)).add_done_callback(lambda _: room.release())
 
-    async def _detect(self, waiting: Waiting, *, masks: bool) -> Detections:
+    async def _look(self, camera: Camera, waiting: Waiting) -> None:
         begun_ns = time.time_ns()
-        loop = asyncio.get_running_loop()
-        objects, model_ns = await loop.run_in_executor(self._executor, self._call_model, waiting.frame, masks)
-        return Detections(
-            header=waiting.frame.header,
-            height=waiting.frame.height,
-            width=waiting.frame.width,
-            objects=objects,
+        frame = waiting.frame
+        (outcome,) = await self._model.infer([Request(camera.key, frame, camera.wants_masks)])
+        if isinstance(outcome, Failed):
+            camera.account.dropped[outcome.reason] += 1
+            about = frame.header
+            log.warning("%s: frame %s/%d %s: %s", camera.key, about.boot_id, about.seq, outcome.reason, outcome.error)
+            return
+        camera.account.inferred += 1
+        found = Detections(
+            header=frame.header,
+            height=frame.height,
+            width=frame.width,
+            objects=outcome.objects,
             model=self._model.name,
             worker=self._name,
-            spans={"queue": max(0, begun_ns - waiting.arrived_ns), "model": model_ns},
+            spans={"queue": max(0, begun_ns - waiting.arrived_ns), **outcome.spans},
         )
-
-    def _call_model(self, frame: ImageFrame, masks: bool) -> tuple[list[Detection], int]:  # noqa: FBT001
-        begun_ns = time.perf_counter_ns()
-        objects = self._model.infer(to_bgr(frame), masks=masks)
-        return objects, time.perf_counter_ns() - begun_ns
+        camera.publish(found, frame)
 
     async def _report(self) -> None:
         key = keys.worker_status(SERVICE, self._name)
@@ -130,5 +121,6 @@ class Worker:
             worker=self._name,
             model=self._model.name,
             sent_ns=time.time_ns(),
+            remarks=list(self._model.remarks),
             cameras=[account.load() for account in list(self._accounts.values())[-MAX_STREAMS:]],
         )

@@ -1,6 +1,5 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 
 import msgspec
@@ -74,12 +73,11 @@ async def loads_after(statuses: Subscription, *, inferred: int) -> dict[str, Cam
 @pytest.fixture
 async def rig() -> AsyncIterator[Rig]:
     network, model = FakeNetwork(), FakeModel()
-    with ThreadPoolExecutor(1) as executor:
-        async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
-            working = group.create_task(Worker(ours, model, "w1", executor).run())
-            yield Rig(theirs, model)
-            model.may_answer.set()
-            working.cancel()
+    async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
+        working = group.create_task(Worker(ours, model, "w1").run())
+        yield Rig(theirs, model)
+        model.may_answer.set()
+        working.cancel()
 
 
 async def test_nobody_listens_so_nothing_is_asked_of_the_camera_or_the_model(rig: Rig) -> None:
