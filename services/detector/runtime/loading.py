@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.tuning import Tuning
-from services.detector.model import ModelError, TuningError
+from services.detector.model import Model, ModelError, TuningError
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
 from services.detector.runtime.engine import Engine
 from services.detector.runtime.exporting import exported
@@ -19,6 +19,7 @@ from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
 from services.detector.settings import DetectorSettings
+from services.detector.tracking import TrackingModel
 
 if TYPE_CHECKING:
     import torch
@@ -29,13 +30,27 @@ BATCH_ON_GPU = 8
 """Images of different cameras that one call computes together where that costs little more than one."""
 
 
-def load(settings: DetectorSettings, folder: Path) -> Pipeline:
-    """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
+def load(settings: DetectorSettings, folder: Path) -> Model:
+    """Load what is to be run on every camera. Takes seconds; call it off the event loop.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours.
 
     Raises:
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
+    """
+    model = load_pipeline(settings, folder)
+    if settings.tracker == "off":
+        return model
+    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
+
+    return TrackingModel(model, partial(UltralyticsTracker, settings.tracker))
+
+
+def load_pipeline(settings: DetectorSettings, folder: Path) -> Pipeline:
+    """Load the model alone, without tracking, and run it once, so that the first real frame does not wait.
+
+    Raises:
+        ModelError: see `load`.
     """
     keep_offline(folder, download=settings.download)
     from services.detector.runtime.weights import device_of, first_line, load_weights  # noqa: PLC0415 - they are heavy
@@ -43,12 +58,11 @@ def load(settings: DetectorSettings, folder: Path) -> Pipeline:
     weights = load_weights(settings.model)
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
-    facts = Facts(weights.path.name, weights.names, weights.segments, longest, weights.stride)
     on_gpu = device.type == "cuda"
     try:
         runtime, engine, reference = _engines(settings, weights, device, longest)
-        model = Pipeline(
-            facts,
+        return Pipeline(
+            Facts(weights.path.name, weights.names, weights.segments, longest, weights.stride),
             engine,
             _tuning(settings),
             reference=None if runtime == "torch" else reference,
@@ -61,7 +75,6 @@ def load(settings: DetectorSettings, folder: Path) -> Pipeline:
         raise
     except Exception as error:
         raise ModelError(f"--model {settings.model}: not a model that can be used: {first_line(error)}") from error
-    return model
 
 
 def _tuning(settings: DetectorSettings) -> Tuning:

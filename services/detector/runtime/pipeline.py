@@ -99,7 +99,7 @@ class Pipeline:
         self._last = ended
         try:
             found = await asyncio.get_running_loop().run_in_executor(self._stages, self.run, batch)
-            if before is not None:
+            if before is not None and not before.done():
                 await asyncio.wait([before])
             return found
         finally:

@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,7 +41,8 @@ class FakeModel:
         unknown = set(tuning.classes or []) - {BOX}
         if unknown:
             raise TuningError(f"no class is called {unknown.pop()!r}; the model knows {BOX}")
-        self.tuning = tuning
+        given = {name: value for name, value in msgspec.structs.asdict(tuning).items() if value is not None}
+        self.tuning = msgspec.structs.replace(self.tuning, **given)
 
     def close(self) -> None:
         """See `Model.close`."""
