@@ -159,6 +159,25 @@ def worker_status(service: str, worker: str) -> str:
     return f"workers/{service}/{worker}/status"
 
 
+def worker_settings(service: str, worker: str) -> str:
+    """Return the key under which a worker takes other settings while it runs."""
+    check_name("service", service)
+    check_name("worker", worker)
+    return f"workers/{service}/{worker}/settings"
+
+
+def infer(worker: str) -> str:
+    """Return the key under which a detector worker answers an image with its Detections."""
+    check_name("worker", worker)
+    return f"services/detector/infer/{worker}"
+
+
+def every_worker_alive(service: str) -> str:
+    """Return the key expression of the presence tokens of a service's workers."""
+    check_name("service", service)
+    return f"workers/{service}/*/*/*/{ALIVE}"
+
+
 def worker_alive(service: str, worker: str) -> str:
     """Return the key of a worker's presence token.
 

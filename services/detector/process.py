@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bus import open_bus
-from services.detector.runtime.loading import load
+from services.detector.requests import answering
+from services.detector.runtime.loading import load, tracking
 from services.detector.settings import DetectorSettings
 from services.detector.worker import Worker
 
@@ -30,8 +31,8 @@ async def run(settings: DetectorSettings) -> None:
         model = await asyncio.get_running_loop().run_in_executor(executor, load, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
         try:
-            async with open_bus(settings) as bus:
-                await Worker(bus, model, settings.worker).run()
+            async with open_bus(settings) as bus, answering(bus, model, settings.worker):
+                await Worker(bus, tracking(model, settings.tracker), settings.worker).run()
         finally:
             model.close()
 

@@ -86,6 +86,16 @@ COMMANDS: Final = (
         extra="detector",
     ),
     Command(
+        "detect",
+        "say what is in an image, by a worker of the fleet or a model of this machine",
+        "services.toolbox.detect.settings:DetectSettings",
+        "services.toolbox.detect.process:run",
+        refusals=("bus:BusError", "services.detector.model:ModelError"),
+        extra="detector",
+        positional=("image",),
+        log_level="error",
+    ),
+    Command(
         "monitor",
         "centrally: show what every robot sees, live",
         "services.monitor.settings:MonitorSettings",

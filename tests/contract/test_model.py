@@ -13,7 +13,7 @@ from schemas.detections import Detection
 from schemas.tuning import Tuning
 from services.detector.account import MALFORMED
 from services.detector.model import Failed, Found, Model, Outcome, Request, TuningError
-from services.detector.runtime.loading import load_pipeline
+from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
 from tests.schemas.pictures import compressed
 from tests.services.detector.fakes import FakeModel
@@ -26,7 +26,7 @@ def made(request: pytest.FixtureRequest, model_folder: Path) -> Model:
     if request.param == "fake":
         return FakeModel()
     settings = DetectorSettings.model_validate({"runtime": request.param, "cache": model_folder / "cache"})
-    return load_pipeline(settings, model_folder / "ultralytics")
+    return load(settings, model_folder / "ultralytics")
 
 
 @pytest.fixture
@@ -100,7 +100,9 @@ async def test_a_batch_is_answered_in_order_and_a_bad_image_fails_alone(
     outcomes = await model.infer(batch)
     assert isinstance(outcomes[1], Failed)
     assert outcomes[1].reason == MALFORMED
-    assert [_objects(each) for each in outcomes[::2]] == [await found(model, view), await found(model, small)]
+    for outcome, alone in zip(outcomes[::2], [await found(model, view), await found(model, small)], strict=True):
+        assert [each.name for each in _objects(outcome)] == [each.name for each in alone]
+        assert [each.score for each in _objects(outcome)] == pytest.approx([each.score for each in alone], abs=0.02)
 
 
 def _objects(outcome: Outcome) -> list[Detection]:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import cv2
 import numpy as np
@@ -30,27 +30,13 @@ BATCH_ON_GPU = 8
 """Images of different cameras that one call computes together where that costs little more than one."""
 
 
-def load(settings: DetectorSettings, folder: Path) -> Model:
-    """Load what is to be run on every camera. Takes seconds; call it off the event loop.
+def load(settings: DetectorSettings, folder: Path) -> Pipeline:
+    """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours.
 
     Raises:
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
-    """
-    model = load_pipeline(settings, folder)
-    if settings.tracker == "off":
-        return model
-    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
-
-    return TrackingModel(model, partial(UltralyticsTracker, settings.tracker))
-
-
-def load_pipeline(settings: DetectorSettings, folder: Path) -> Pipeline:
-    """Load the model alone, without tracking, and run it once, so that the first real frame does not wait.
-
-    Raises:
-        ModelError: see `load`.
     """
     keep_offline(folder, download=settings.download)
     from services.detector.runtime.weights import device_of, first_line, load_weights  # noqa: PLC0415 - they are heavy
@@ -62,7 +48,7 @@ def load_pipeline(settings: DetectorSettings, folder: Path) -> Pipeline:
     try:
         runtime, engine, reference = _engines(settings, weights, device, longest)
         return Pipeline(
-            Facts(weights.path.name, weights.names, weights.segments, longest, weights.stride),
+            Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
             _tuning(settings),
             reference=None if runtime == "torch" else reference,
@@ -75,6 +61,15 @@ def load_pipeline(settings: DetectorSettings, folder: Path) -> Pipeline:
         raise
     except Exception as error:
         raise ModelError(f"--model {settings.model}: not a model that can be used: {first_line(error)}") from error
+
+
+def tracking(model: Model, tracker: Literal["off", "bytetrack", "botsort"]) -> Model:
+    """Return the model with its objects followed from frame to frame; it must have been loaded here."""
+    if tracker == "off":
+        return model
+    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
+
+    return TrackingModel(model, partial(UltralyticsTracker, tracker))
 
 
 def _tuning(settings: DetectorSettings) -> Tuning:

@@ -34,6 +34,7 @@ class Facts:
     """What a model is. names: of its classes, by label. longest: its input's longer side in pixels."""
 
     name: str
+    runtime: str
     names: Mapping[int, str]
     segments: bool
     longest: int
@@ -168,7 +169,7 @@ class Pipeline:
         found = [objects(each, as_it_is, self._criteria, self.facts.names, masks=False) for each in (ours, theirs)]
         differing = difference(*found, self._criteria.confidence)
         if differing is not None:
-            remark = f"{self.name} differs from torch under this runtime: {differing}"
+            remark = f"{self.name} under {self.facts.runtime} differs from torch: {differing}"
             log.warning("%s", remark)
             self.remarks = (*self.remarks, remark)
 

@@ -10,7 +10,7 @@ from services.detector.runtime.pipeline import Facts
 from services.detector.runtime.postprocess import Output
 
 STRIDE = 32
-FACTS = Facts("fake.pt", {0: "box", 1: "pallet"}, segments=True, longest=64, stride=STRIDE)
+FACTS = Facts("fake.pt", "fake", {0: "box", 1: "pallet"}, segments=True, longest=64, stride=STRIDE)
 
 
 def output(
