@@ -6,9 +6,7 @@ from typing import Any
 Targets = dict[str, dict[str, Any]]
 
 
-def at_least(
-    found: Mapping[str, Any], name: str, other: str, limit: float, ceiling: str | None = None
-) -> Targets:
+def at_least(found: Mapping[str, Any], name: str, other: str, limit: float, ceiling: str | None = None) -> Targets:
     """Return whether one figure is at least `limit` times another. ceiling: the figure that none can pass."""
     ratio = round(found[name] / found[other], 3)
     target: dict[str, Any] = {"ratio": ratio, "at_least": limit, "met": ratio >= limit}

@@ -43,8 +43,9 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
     """One object.
 
     score: confidence, 0 to 1. mask: absent when the model does not segment. label: the model's own number of the class.
-    track: equal in the frames of a camera that show the same object; no two objects ever have the same, whatever their
-    camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent when nothing is tracked, and of what was seen once only.
+    track: equal in the frames of a camera that show the same object; no two objects ever share one, whatever
+    their camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent when nothing is tracked, and of what was seen
+    but once.
     """
 
     name: Label

@@ -1,7 +1,7 @@
 """A detector worker against a bare loop over its model, side by side in one run of about eight minutes.
 
-    worker   `fleetsight detector`, a process of its own, fed 640x480 rgb8 frames raw over Zenoh through shared memory by
-             four cameras, each of which sends its next frame when it has had the last one's detections, masks and tracks
+    worker   `fleetsight detector`, a process of its own, fed raw 640x480 rgb8 frames over Zenoh's shared memory by four
+             cameras, each of which sends its next frame when it has had the last one's detections, masks and tracks
     bare     a process that calls Ultralytics' own `predict` (with masks in the image's resolution, as the worker has
              them; without encoding them) on the same pictures in memory, one after the other
 
@@ -60,6 +60,8 @@ async def measure(seconds: float, rss_frames: int, calls: int) -> dict[str, Any]
         with ExitStack() as stack:
             async with AsyncExitStack() as buses:
                 workers = {name: await _worker(name, size, stack, buses) for name in RUNTIMES}
+                for bus, _ in workers.values():  # exports are made and runtimes chosen by now, and nobody does it twice
+                    await frames(bus, pictures, frames=WARM_UP_FRAMES)
                 bares = {name: stack.enter_context(running(_bare(name, size, seconds), "")) for name in RUNTIMES}
                 found |= await _speeds(workers, bares, pictures, seconds, ending)
                 if size == side:
@@ -113,8 +115,7 @@ async def _speeds(
 ) -> dict[str, Any]:
     speeds: dict[str, list[float]] = {}
     chosen: dict[str, str] = {}
-    for name in RUNTIMES:  # everybody is up and warm before anything counts
-        await frames(workers[name][0], pictures, frames=WARM_UP_FRAMES // 4)
+    for name in RUNTIMES:
         chosen[name] = str((await asyncio.to_thread(bares[name].ask))["runtime"])
     for repeat in range(REPEATS):
         for name in RUNTIMES:

@@ -18,7 +18,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 
 CAMERAS: Final = 4
-PATIENCE_S: Final = 120.0
+PATIENCE_S: Final = 300.0
 LOST_S: Final = 2.0
 
 
@@ -92,7 +92,7 @@ async def frames(bus: Bus, pictures: Sequence[NDArray[np.uint8]], *, seconds: fl
 
 async def _wanted(sources: dict[str, Camera]) -> None:
     async with asyncio.timeout(PATIENCE_S):
-        while not all(camera.publisher.wanted for camera in sources.values()):
+        while not all(camera.publisher.wanted for camera in sources.values()):  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.01)
 
 
@@ -109,7 +109,7 @@ async def _next(results: Subscription, sources: dict[str, Camera]) -> None:
 
 
 async def overheads_ms(bus: Bus, pictures: Sequence[NDArray[np.uint8]], *, hz: float, number: int) -> list[float]:
-    """Return each frame's way from the gateway's receiving it to its class list at a subscriber, less the model's call."""
+    """Return each frame's way from the gateway that received it to its class list, less the model's call."""
     found = []
     async with (
         cameras(bus, 1, pictures) as sources,

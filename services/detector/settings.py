@@ -34,7 +34,9 @@ class DetectorSettings(BusSettings):
     confidence: Annotated[float, Field(ge=0, le=1, description="lowest score that counts as a detection")] = 0.35
     iou: Annotated[float, Field(ge=0, le=1, description="overlap above which two boxes are one object")] = 0.7
     max_detections: Annotated[int, Field(ge=1, le=1000, description="most objects reported per image")] = 300
-    classes: Annotated[list[str], Field(description="names of the classes to report; all that the model knows unless given")] = []
+    classes: Annotated[
+        list[str], Field(description="names of the classes to report; all that the model knows unless given")
+    ] = []
     runtime: Annotated[
         Literal["auto", "torch", "onnx", "openvino", "tensorrt"],
         Field(description="what computes; auto takes the fastest that is installed, by measuring once"),

@@ -60,9 +60,7 @@ class CameraTracks:
 
 def _goes_on(last: Header, now: Header) -> bool:
     """Whether a frame is a later one of the same source, and not much later."""
-    return (
-        last.boot_id == now.boot_id and last.seq < now.seq and 0 <= now.received_ns - last.received_ns <= GAP_NS
-    )
+    return last.boot_id == now.boot_id and last.seq < now.seq and 0 <= now.received_ns - last.received_ns <= GAP_NS
 
 
 class TrackingModel:

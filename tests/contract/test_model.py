@@ -42,7 +42,9 @@ def view() -> NDArray[np.uint8]:
     return near_view()
 
 
-async def found(model: Model, image: NDArray[np.uint8], encoding: str = "bgr8", *, masks: bool = False) -> list[Detection]:
+async def found(
+    model: Model, image: NDArray[np.uint8], encoding: str = "bgr8", *, masks: bool = False
+) -> list[Detection]:
     (outcome,) = await model.infer([request(image, encoding, masks=masks)])
     assert isinstance(outcome, Found)
     return outcome.objects
@@ -91,10 +93,10 @@ async def test_colour_order_changes_nothing(model: Model, view: NDArray[np.uint8
         assert await found(model, np.ascontiguousarray(pixels), encoding, masks=True) == expected, encoding
 
 
-async def test_a_batch_is_answered_in_order_and_a_bad_image_fails_alone(
-    model: Model, view: NDArray[np.uint8]
-) -> None:
-    cut_off = compressed(b"\xff\xd8\xff\xc0\x00\x11\x08\x00\x30\x00\x40\x03", "rgb8", 192, kind="jpeg", height=48, width=64)
+async def test_a_batch_is_answered_in_order_and_a_bad_image_fails_alone(model: Model, view: NDArray[np.uint8]) -> None:
+    cut_off = compressed(
+        b"\xff\xd8\xff\xc0\x00\x11\x08\x00\x30\x00\x40\x03", "rgb8", 192, kind="jpeg", height=48, width=64
+    )
     small = np.zeros((48, 64, 3), np.uint8)
     batch = [request(view), Request(request(view).camera, cut_off, masks=False), request(small)]
     outcomes = await model.infer(batch)

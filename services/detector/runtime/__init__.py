@@ -1,1 +1,1 @@
-"""From weights to objects: the same model under torch, ONNX Runtime, OpenVINO or TensorRT, whichever is fastest here."""
+"""From weights to objects: the same model under torch, ONNX Runtime, OpenVINO or TensorRT."""

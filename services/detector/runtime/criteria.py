@@ -15,7 +15,7 @@ MAX_LISTED: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """What counts as a detection; see `schemas.tuning.Tuning`. labels: of the classes that are reported; None for all."""
+    """What counts as a detection; see `schemas.tuning.Tuning`. labels: of those classes; None for all."""
 
     confidence: float = 0.35
     iou: float = 0.7

@@ -27,7 +27,9 @@ def exported(weights: Weights, kind: str, cache: Path, device: str, longest: int
     Raises:
         ModelError: the export failed.
     """
-    folder = cache / f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
+    folder = (
+        cache / f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
+    )
     if not (folder / FILES[kind]).is_file():
         log.info("exporting %s for %s, once", weights.path.name, kind)
         try:

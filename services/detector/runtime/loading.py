@@ -1,7 +1,6 @@
 """Settings to a model that is ready."""
 
 import os
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -107,7 +106,7 @@ def _engines(
 
 
 def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place: Place, reference: Engine) -> Engine:
-    file: Callable[[str], Path] = lambda kind: exported(weights, kind, place.cache, str(device), place.longest)
+    file = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest)
     match runtime:
         case "torch":
             return reference

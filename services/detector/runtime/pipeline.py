@@ -28,7 +28,6 @@ log = logging.getLogger(__name__)
 SILENT: Final = "overlay/segmentation, distances and objects are silent"
 
 
-
 @dataclass(frozen=True, slots=True)
 class Facts:
     """What a model is. names: of its classes, by label. longest: its input's longer side in pixels."""

@@ -38,9 +38,9 @@ def load_weights(model: str, option: str = "--model") -> Weights:
     Raises:
         ModelError: the file is no checkpoint, or of a task that finds no objects.
     """
+    if not model.endswith(SUFFIX):
+        raise ModelError(f"{option} {model}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
     try:
-        if not model.endswith(SUFFIX):
-            raise ValueError(f"Ultralytics weights end in {SUFFIX}; --runtime makes what other libraries run of them")
         yolo = YOLO(model)
         path = Path(yolo.ckpt_path)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -113,7 +113,9 @@ def table(found: Detections, output: Path) -> str:
     rows = [("object", "score", "left", "top", "right", "bottom"), *map(_row, found.objects)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
-        "  ".join([row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))])
+        "  ".join(
+            [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        )
         for row in rows
     ]
     about = f"{len(found.objects)} objects by {found.model} of {found.worker}; drawn in {output}"

@@ -18,11 +18,14 @@ class DetectSettings(BusSettings):
 
     image: Annotated[Path, Field(description="image file; the first argument if no option is")]
     output: Annotated[
-        Path | None, Field(description="JPEG file to draw the objects in; photo.detected.jpg for photo.jpg unless given")
+        Path | None,
+        Field(description="JPEG file to draw the objects in; photo.detected.jpg for photo.jpg unless given"),
     ] = None
     json_: Annotated[bool, Field(alias="json", description="print one JSON object instead of a table")] = False
     local: Annotated[bool, Field(description="run the model here, without a fleet")] = False
-    model: Annotated[str | None, Field(description="Ultralytics weights for --local; the shipped ones unless given")] = None
+    model: Annotated[
+        str | None, Field(description="Ultralytics weights for --local; the shipped ones unless given")
+    ] = None
     timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for a worker and its answer")] = 10.0
 
     @model_validator(mode="after")
