@@ -11,7 +11,7 @@ from schemas.header import Header
 from schemas.image import MAX_SIDE, ImageFrame
 
 ROBOT: Final = "still"
-FORMATS: Final = ("JPEG", "PNG", "WEBP", "BMP", "GIF", "TIFF", "PPM", "MPO")
+FORMATS: Final = ("JPEG", "PNG", "WEBP", "BMP", "GIF", "TIFF", "PPM")
 MAX_PIXELS: Final = 64_000_000
 """What is decoded at most: three bytes each."""
 
