@@ -19,6 +19,7 @@ import json
 import statistics
 import sys
 from contextlib import AsyncExitStack, ExitStack
+from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.detector.feeding import frames, overheads_ms
@@ -29,8 +30,6 @@ from benchmarks.targets import at_least, at_most
 from bus import Bus, BusSettings, open_bus
 from services.toolbox.demo.ports import free_ports
 
-REPEATS: Final = 3
-OWN_SIDE: Final = 0
 HZ: Final = 5.0
 WARM_UP_FRAMES: Final = 100
 RUNTIMES: Final = ("auto", "torch")
@@ -45,35 +44,51 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=4.0, help="length of one measurement (default: 4)")
     parser.add_argument("--frames", type=int, default=2000, help="frames for the worker's memory (default: 2000)")
     parser.add_argument("--calls", type=int, default=200, help="frames for the overhead (default: 200)")
+    parser.add_argument("--repeats", type=int, default=3, help="how often each is measured (default: 3)")
+    parser.add_argument("--only-own-side", action="store_true", help="leave 640 pixels out")
     arguments = parser.parse_args()
-    found = asyncio.run(measure(arguments.seconds, arguments.frames, arguments.calls))
+    plan = Plan(
+        arguments.seconds, arguments.repeats, arguments.frames, arguments.calls, only_own_side=arguments.only_own_side
+    )
+    found = asyncio.run(measure(plan))
     print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
 
 
-async def measure(seconds: float, rss_frames: int, calls: int) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How long to measure: seconds and repeats of each speed, frames for memory, calls for the overhead."""
+
+    seconds: float
+    repeats: int
+    frames: int
+    calls: int
+    only_own_side: bool
+
+
+async def measure(plan: Plan) -> dict[str, Any]:
     """Measure everything."""
     pictures = views()
     side = await asyncio.to_thread(_own_side)
     found: dict[str, Any] = {"side": side}
-    for size in dict.fromkeys((side, 640)):
+    for size in (side,) if plan.only_own_side or side == 640 else (side, 640):
         ending = "" if size == side else f"_{size}"
         with ExitStack() as stack:
             async with AsyncExitStack() as buses:
                 workers = {name: await _worker(name, size, stack, buses) for name in RUNTIMES}
                 for bus, _ in workers.values():  # exports are made and runtimes chosen by now, and nobody does it twice
                     await frames(bus, pictures, frames=WARM_UP_FRAMES)
-                bares = {name: stack.enter_context(running(_bare(name, size, seconds), "")) for name in RUNTIMES}
-                found |= await _speeds(workers, bares, pictures, seconds, ending)
+                bares = {name: stack.enter_context(running(_bare(name, size, plan.seconds), "")) for name in RUNTIMES}
+                found |= await _speeds(workers, bares, pictures, plan, ending)
                 if size == side:
                     bus, process = workers["auto"]
                     note("overhead")
-                    found |= _overhead(await overheads_ms(bus, pictures, hz=HZ, number=calls))
+                    found |= _overhead(await overheads_ms(bus, pictures, hz=HZ, number=plan.calls))
                     note("memory")
                     await frames(bus, pictures, frames=WARM_UP_FRAMES)
                     before = process.rss_bytes()
-                    await frames(bus, pictures, frames=rss_frames)
+                    await frames(bus, pictures, frames=plan.frames)
                     found["rss_growth_mb"] = round((process.rss_bytes() - before) / 1e6, 2)
-                    found["rss_frames"] = rss_frames
+                    found["rss_frames"] = plan.frames
     packages = ["torch", "ultralytics-opencv-headless", "onnxruntime", "openvino", "eclipse-zenoh"]
     return {"targets": _targets(found), **found, "machine": machine(), "versions": versions(packages)}
 
@@ -110,18 +125,18 @@ async def _speeds(
     workers: dict[str, tuple[Bus, Process]],
     bares: dict[str, Process],
     pictures: list[Any],
-    seconds: float,
+    plan: Plan,
     ending: str,
 ) -> dict[str, Any]:
     speeds: dict[str, list[float]] = {}
     chosen: dict[str, str] = {}
     for name in RUNTIMES:
         chosen[name] = str((await asyncio.to_thread(bares[name].ask))["runtime"])
-    for repeat in range(REPEATS):
+    for repeat in range(plan.repeats):
         for name in RUNTIMES:
-            note(f"[{repeat + 1}/{REPEATS}] {name} ({chosen[name]}){ending}")
+            note(f"[{repeat + 1}/{plan.repeats}] {name} ({chosen[name]}){ending}")
             speeds.setdefault(f"{name}_fps{ending}", []).append(
-                await frames(workers[name][0], pictures, seconds=seconds)
+                await frames(workers[name][0], pictures, seconds=plan.seconds)
             )
             told = await asyncio.to_thread(bares[name].ask)
             speeds.setdefault(f"bare_{name}_fps{ending}", []).append(float(str(told["fps"])))

@@ -22,9 +22,7 @@ INSIDE = detection(Box(40, 50, 100, 90))
 
 
 def found(*objects: Detection, frame: ImageFrame) -> Detections:
-    return Detections(
-        header=frame.header, height=HEIGHT, width=WIDTH, objects=list(objects), model="fake", worker="w1"
-    )
+    return Detections(header=frame.header, height=HEIGHT, width=WIDTH, objects=list(objects), model="fake", worker="w1")
 
 
 def grey() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
@@ -51,8 +49,7 @@ def test_captions_stay_in_the_picture() -> None:
     corners = [Box(0, 0, 10, 10), Box(150, 0, 160, 10), Box(150, 110, 160, 120), Box(0, 0, 160, 120)]
     for box in corners:
         drawn = draw(grey(), [detection(box)], masks=False)
-        written = np.argwhere(np.all(drawn == 0, axis=2) | np.all(drawn == 255, axis=2))
-        assert len(written) > 5, box
+        assert np.count_nonzero(drawn.min(axis=2) > 180) > 10, box
 
 
 def test_a_caption_says_name_score_and_the_number_of_a_track() -> None:
@@ -78,4 +75,8 @@ def test_the_smallest_and_the_grey_can_be_drawn_over() -> None:
     )
     everything = Detection(name="box", score=1, box=Box(0, 0, 1, 1))
     seen = Detections(header=dot.header, height=1, width=1, objects=[everything], model="fake", worker="w1")
-    assert cv2.imdecode(np.frombuffer(overlay(seen, dot, masks=True).data, np.uint8), cv2.IMREAD_COLOR).shape == (1, 1, 3)
+    assert cv2.imdecode(np.frombuffer(overlay(seen, dot, masks=True).data, np.uint8), cv2.IMREAD_COLOR).shape == (
+        1,
+        1,
+        3,
+    )

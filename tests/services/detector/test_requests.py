@@ -76,7 +76,5 @@ async def test_settings_that_cannot_be_are_refused_and_change_nothing(bus: Bus, 
     with pytest.raises(RefusedError, match="no class is called 'unicorn'"):
         await tuned(bus, Tuning(classes=["unicorn"]))
     with pytest.raises(RefusedError, match="Tuning"):
-        await bus.request(
-            keys.worker_settings("detector", "w1"), b"\x81", encoding=codec.encoding(Tuning), timeout_s=5
-        )
+        await bus.request(keys.worker_settings("detector", "w1"), b"\x81", encoding=codec.encoding(Tuning), timeout_s=5)
     assert model.tuning == before
