@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 from schemas.detections import Detection
 from schemas.header import Spans
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
+
+
+SILENT: Final = "overlay/segmentation, distances and objects are silent"
+"""How a remark ends that says of a model that it has no masks."""
 
 
 class ModelError(Exception):

@@ -9,8 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bus import open_bus
+from services.detector.model import Model, ModelError
 from services.detector.requests import answering
-from services.detector.runtime.loading import load, tracking
+from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
 from services.detector.worker import Worker
 
@@ -21,20 +22,33 @@ async def run(settings: DetectorSettings) -> None:
     """Run a worker until cancelled. It announces itself only once its model works.
 
     Raises:
-        ModelError: the model cannot be used.
+        ModelError: the model cannot be used, or no longer.
     """
     with (
         tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder,
         loading_thread() as executor,
     ):
         log.info("loading %s", settings.model)
-        model = await asyncio.get_running_loop().run_in_executor(executor, load, settings, Path(folder))
+        model = await asyncio.get_running_loop().run_in_executor(executor, load_all, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
+        for remark in model.remarks:
+            log.warning("%s", remark)
         try:
-            async with open_bus(settings) as bus, answering(bus, model, settings.worker):
-                await Worker(bus, tracking(model, settings.tracker), settings.worker).run()
+            await _work(settings, model)
+        except* ModelError as failed:
+            raise _first(failed) from failed
         finally:
             model.close()
+
+
+async def _work(settings: DetectorSettings, model: Model) -> None:
+    async with open_bus(settings) as bus, answering(bus, model, settings.worker):
+        await Worker(bus, tracking(model, settings.tracker), settings.worker).run()
+
+
+def _first(failed: BaseExceptionGroup[ModelError]) -> ModelError:
+    first = failed.exceptions[0]
+    return _first(first) if isinstance(first, BaseExceptionGroup) else first
 
 
 @contextmanager

@@ -30,6 +30,9 @@ class DetectorSettings(BusSettings):
     model: Annotated[
         str, Field(description="Ultralytics weights: a path, or with --download a published model's name")
     ] = str(SHIPPED_MODEL)
+    detection_model: Annotated[
+        str | None, Field(description="second weights, for boxes; what they find has the first one's masks")
+    ] = None
     download: Annotated[bool, Field(description="let Ultralytics fetch weights that are not here")] = False
     confidence: Annotated[float, Field(ge=0, le=1, description="lowest score that counts as a detection")] = 0.35
     iou: Annotated[float, Field(ge=0, le=1, description="overlap above which two boxes are one object")] = 0.7
@@ -56,6 +59,7 @@ class DetectorSettings(BusSettings):
 
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:
-        if not self.download and not Path(self.model).is_file():
-            raise ValueError(f"--model {self.model}: no such file (--download would let Ultralytics fetch it)")
+        for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
+            if weights is not None and not self.download and not Path(weights).is_file():
+                raise ValueError(f"{option} {weights}: no such file (--download would let Ultralytics fetch it)")
         return self

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError
+from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
 from services.detector.runtime.engine import Engine
 from services.detector.runtime.exporting import exported
@@ -29,10 +30,23 @@ BATCH_ON_GPU = 8
 """Images of different cameras that one call computes together where that costs little more than one."""
 
 
-def load(settings: DetectorSettings, folder: Path) -> Pipeline:
+def load_all(settings: DetectorSettings, folder: Path) -> Model:
+    """Load the model, and the one for boxes if there is one; see `load`."""
+    model = load(settings, folder)
+    if settings.detection_model is None:
+        return model
+    try:
+        boxes = settings.model_copy(update={"model": settings.detection_model})
+        return PairedModel(load(boxes, folder, option="--detection-model"), model)
+    except ModelError:
+        model.close()
+        raise
+
+
+def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -> Pipeline:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
-    folder: where Ultralytics keeps its settings, so that they are nobody's but ours.
+    folder: where Ultralytics keeps its settings, so that they are nobody's but ours. option: what errors speak of.
 
     Raises:
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
@@ -40,7 +54,7 @@ def load(settings: DetectorSettings, folder: Path) -> Pipeline:
     keep_offline(folder, download=settings.download)
     from services.detector.runtime.weights import device_of, first_line, load_weights  # noqa: PLC0415 - they are heavy
 
-    weights = load_weights(settings.model)
+    weights = load_weights(settings.model, option)
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
     on_gpu = device.type == "cuda"
@@ -55,11 +69,11 @@ def load(settings: DetectorSettings, folder: Path) -> Pipeline:
             in_flight=3 if on_gpu else 2,
         )
     except TuningError as error:
-        raise ModelError(f"--classes: {error}") from error
+        raise ModelError(f"--classes with {option} {settings.model}: {error}") from error
     except ModelError:
         raise
     except Exception as error:
-        raise ModelError(f"--model {settings.model}: not a model that can be used: {first_line(error)}") from error
+        raise ModelError(f"{option} {settings.model}: not a model that can be used: {first_line(error)}") from error
 
 
 def tracking(model: Model, tracker: Literal["off", "bytetrack", "botsort"]) -> Model:

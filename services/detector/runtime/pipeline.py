@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
 from services.detector.account import FAILED, MALFORMED
-from services.detector.model import Failed, Found, ModelError, Outcome, Request
+from services.detector.model import SILENT, Failed, Found, ModelError, Outcome, Request
 from services.detector.pixels import PictureError, to_bgr
 from services.detector.runtime.agreement import difference
 from services.detector.runtime.criteria import Criteria
@@ -24,8 +23,6 @@ from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.postprocess import Output, objects
 
 log = logging.getLogger(__name__)
-
-SILENT: Final = "overlay/segmentation, distances and objects are silent"
 
 
 @dataclass(frozen=True, slots=True)

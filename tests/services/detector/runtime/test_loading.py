@@ -37,7 +37,9 @@ class Malicious:
 @pytest.mark.parametrize("content", [b"", b"no weights", SHIPPED_MODEL.read_bytes()[:-1000]])
 def test_a_file_that_is_no_model(content: bytes, tmp_path: Path, model_folder: Path) -> None:
     (tmp_path / "bad.pt").write_bytes(content)
-    assert refusal(model_folder, model=str(tmp_path / "bad.pt")).startswith(f"--model {tmp_path / 'bad.pt'}: not a model")
+    assert refusal(model_folder, model=str(tmp_path / "bad.pt")).startswith(
+        f"--model {tmp_path / 'bad.pt'}: not a model"
+    )
 
 
 def test_nothing_in_a_file_is_executed(tmp_path: Path, model_folder: Path) -> None:
@@ -54,7 +56,7 @@ def test_another_format_is_named(tmp_path: Path, model_folder: Path) -> None:
 
 def test_unknown_classes_and_devices(model_folder: Path) -> None:
     assert refusal(model_folder, classes=["unicorn"]) == (
-        "--classes: no class is called 'unicorn'; the model knows box, pallet, forklift"
+        f"--classes with --model {SHIPPED_MODEL}: no class is called 'unicorn'; the model knows box, pallet, forklift"
     )
     assert refusal(model_folder, device="cuda:77").startswith("--device cuda:77: ")
 
