@@ -53,4 +53,4 @@ def _compressed(counts: NDArray[np.int64]) -> str:
     written = np.ones_like(more)
     np.logical_and.accumulate(more[:, :-1], axis=1, out=written[:, 1:])
     letters = (low | (more << 5)) + ord("0")
-    return letters[written].astype(np.uint8).tobytes().decode("ascii")
+    return str(letters[written].astype(np.uint8).tobytes(), "ascii")

@@ -10,7 +10,6 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
 
-
 SILENT: Final = "overlay/segmentation, distances and objects are silent"
 """How a remark ends that says of a model that it has no masks."""
 

@@ -177,3 +177,13 @@ def test_other_keys_are_no_services(key: str) -> None:
 def test_a_robots_clock_has_a_key() -> None:
     assert keys.robot_clock("r1") == "fleet/r1/clock"
     assert keys.parse_robot("fleet/r1/clock") == "r1"
+
+
+def test_what_a_worker_is_asked_under() -> None:
+    assert keys.infer("w1") == "services/detector/infer/w1"
+    assert keys.worker_settings("detector", "w1") == "workers/detector/w1/settings"
+    assert keys.every_worker_alive("detector") == "workers/detector/*/*/*/alive"
+    with pytest.raises(SchemaError, match="worker name"):
+        keys.infer("a/b")
+    with pytest.raises(SchemaError, match="worker name"):
+        keys.worker_settings("detector", "a/b")

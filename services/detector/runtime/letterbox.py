@@ -26,7 +26,7 @@ class Axis:
     def to_image(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return where places in the input are in the image, none of them outside."""
         inside = (places - np.float32(self.before)) * np.float32(self.image / self.content)
-        return np.clip(inside, 0, self.image, dtype=np.float32)
+        return np.asarray(np.clip(inside, 0, self.image), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
