@@ -162,8 +162,10 @@ class Pipeline:
     def _check(self, batch: NDArray[np.uint8], ours: Output, theirs: Output) -> None:
         height, width = batch.shape[1:3]
         as_it_is = Letterbox.fit(height, width, max(height, width), self.facts.stride)
-        found = [objects(each, as_it_is, self._criteria, self.facts.names, masks=False) for each in (ours, theirs)]
-        differing = difference(*found, self._criteria.confidence)
+        here, there = (
+            objects(each, as_it_is, self._criteria, self.facts.names, masks=False) for each in (ours, theirs)
+        )
+        differing = difference(here, there, self._criteria.confidence)
         if differing is not None:
             remark = f"{self.name} under {self.facts.runtime} differs from torch: {differing}"
             log.warning("%s", remark)
