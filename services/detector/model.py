@@ -22,6 +22,11 @@ class TuningError(Exception):
     """A tuning that the model cannot follow; the message says why."""
 
 
+def first_line(error: Exception) -> str:
+    """Return the first line of what an error says."""
+    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+
+
 @dataclass(frozen=True, slots=True)
 class Request:
     """One image to look at. masks: whether anybody has a use for them."""

@@ -28,5 +28,9 @@ def test_heavy_imports_stay_out(statement: str) -> None:
     assert not heavy
 
 
+def test_a_detector_can_still_say_how_ultralytics_is_to_behave() -> None:
+    assert not {"torch", "ultralytics", "onnxruntime", "openvino"} & imported_by("import services.detector.process")
+
+
 def test_the_check_sees_what_is_imported() -> None:
     assert "cv2" in imported_by("import services.detector.pixels")

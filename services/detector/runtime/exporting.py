@@ -6,10 +6,12 @@ import tempfile
 import warnings
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from services.detector.model import ModelError
-from services.detector.runtime.weights import Weights, first_line
+from services.detector.model import ModelError, first_line
+
+if TYPE_CHECKING:
+    from services.detector.runtime.weights import Weights
 
 log = logging.getLogger(__name__)
 
@@ -17,7 +19,7 @@ PACKAGE: Final = "ultralytics-opencv-headless"
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
 
 
-def exported(weights: Weights, kind: str, cache: Path, device: str, longest: int) -> Path:
+def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int) -> Path:
     """Return the model as a file that other libraries run, exported by Ultralytics if it is not in the cache yet.
 
     Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
@@ -39,7 +41,7 @@ def exported(weights: Weights, kind: str, cache: Path, device: str, longest: int
     return folder / FILES[kind]
 
 
-def _export(weights: Weights, kind: str, folder: Path, device: str, longest: int) -> None:
+def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: int) -> None:
     from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
 
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.tuning import Tuning
-from services.detector.model import Model, ModelError, TuningError
+from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
 from services.detector.runtime.engine import Engine
@@ -52,7 +52,7 @@ def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
     """
     keep_offline(folder, download=settings.download)
-    from services.detector.runtime.weights import device_of, first_line, load_weights  # noqa: PLC0415 - they are heavy
+    from services.detector.runtime.weights import device_of, load_weights  # noqa: PLC0415 - they are heavy
 
     weights = load_weights(settings.model, option)
     device = device_of(settings.device)

@@ -15,7 +15,9 @@ def keep_offline(folder: Path, *, download: bool) -> None:
     os.environ["YOLO_VERBOSE"] = "false"
     os.environ["YOLO_CONFIG_DIR"] = str(folder)
     os.environ["ULTRALYTICS_SAFE_LOAD"] = "true"  # weights are data: nothing in them is executed
+    from ultralytics.nn import tasks  # noqa: PLC0415
     from ultralytics.utils import LOGGER, SETTINGS  # noqa: PLC0415
 
+    tasks.SAFE_LOAD = True  # whoever imported it before
     SETTINGS["sync"] = False
     LOGGER.setLevel(logging.ERROR)

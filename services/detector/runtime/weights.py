@@ -10,7 +10,7 @@ import torch
 from ultralytics.models import YOLO
 from ultralytics.utils.torch_utils import select_device
 
-from services.detector.model import ModelError
+from services.detector.model import ModelError, first_line
 
 SEGMENT: Final = "segment"
 TASKS: Final = (SEGMENT, "detect")
@@ -70,8 +70,3 @@ def device_of(name: str | None) -> torch.device:
         return select_device(name or ("" if torch.cuda.is_available() else "cpu"), verbose=False)
     except Exception as error:
         raise ModelError(f"--device {name}: {first_line(error)}") from error
-
-
-def first_line(error: Exception) -> str:
-    """Return the first line of what an error says."""
-    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
