@@ -41,7 +41,7 @@ def load_weights(model: str, option: str = "--model") -> Weights:
     if not model.endswith(SUFFIX):
         raise ModelError(f"{option} {model}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
     try:
-        yolo = YOLO(model)
+        yolo: Any = YOLO(model)
         path = Path(yolo.ckpt_path)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         names = {int(label): str(name) for label, name in yolo.model.names.items()}
@@ -67,6 +67,7 @@ def device_of(name: str | None) -> torch.device:
         ModelError: it is not there.
     """
     try:
-        return select_device(name or ("" if torch.cuda.is_available() else "cpu"), verbose=False)
+        found: torch.device = select_device(name or ("" if torch.cuda.is_available() else "cpu"), verbose=False)
     except Exception as error:
         raise ModelError(f"--device {name}: {first_line(error)}") from error
+    return found
