@@ -18,6 +18,6 @@ def keep_offline(folder: Path, *, download: bool) -> None:
     from ultralytics.nn import tasks  # noqa: PLC0415
     from ultralytics.utils import LOGGER, SETTINGS  # noqa: PLC0415
 
-    tasks.SAFE_LOAD = True  # whoever imported it before
+    vars(tasks)["SAFE_LOAD"] = True  # whoever imported it before
     SETTINGS["sync"] = False
     LOGGER.setLevel(logging.ERROR)

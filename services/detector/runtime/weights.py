@@ -1,6 +1,7 @@
 """An Ultralytics checkpoint: what it is a model of, and its module."""
 
 import hashlib
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from services.detector.model import ModelError, first_line
 SEGMENT: Final = "segment"
 TASKS: Final = (SEGMENT, "detect")
 SUFFIX: Final = ".pt"
+SHOUTED: Final = "ERROR \u274c\ufe0f "
 DEFAULT_SIDE: Final = 640
 """What Ultralytics trains at unless told otherwise."""
 
@@ -41,14 +43,18 @@ def load_weights(model: str, option: str = "--model") -> Weights:
     if not model.endswith(SUFFIX):
         raise ModelError(f"{option} {model}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
     try:
-        yolo: Any = YOLO(model)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what is wrong is said in one line
+            yolo: Any = YOLO(model)
         path = Path(yolo.ckpt_path)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         names = {int(label): str(name) for label, name in yolo.model.names.items()}
         stride = max(32, int(yolo.model.stride.max()))
         longest = _longest(yolo)
     except Exception as error:
-        raise ModelError(f"{option} {model}: not a model that can be used: {first_line(error)}") from error
+        raise ModelError(
+            f"{option} {model}: not a model that can be used: {first_line(error).removeprefix(SHOUTED)}"
+        ) from error
     if yolo.task not in TASKS:
         raise ModelError(f"{option} {model}: a model for {yolo.task!r}, not for one of {', '.join(TASKS)}")
     return Weights(path, digest, yolo, names, yolo.task == SEGMENT, longest, stride)
