@@ -33,7 +33,7 @@ def frame_of(data: bytes) -> ImageFrame:
             if max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
                 raise StillError(f"an image of {width}x{height} pixels is too large")
             pixels = np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
-    except UnidentifiedImageError as error:
+    except (UnidentifiedImageError, ImportError) as error:  # Ultralytics makes Pillow look for a HEIF decoder
         raise StillError(f"not an image of any format known here ({', '.join(FORMATS)})") from error
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         if isinstance(error, StillError):
