@@ -25,7 +25,11 @@ class OpenVinoEngine:
         pixels.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
         pixels.input().model().set_layout(openvino.Layout("NCHW"))
         pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0)
-        hints = {"PERFORMANCE_HINT": "LATENCY", "INFERENCE_NUM_THREADS": threads}
+        hints = {
+            "PERFORMANCE_HINT": "LATENCY",
+            "INFERENCE_NUM_THREADS": threads,
+            "ENABLE_CPU_PINNING": False,  # a core that somebody else keeps busy would hold up every layer
+        }
         self._request = core.compile_model(pixels.build(), DEVICE, hints).create_infer_request()
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
