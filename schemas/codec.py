@@ -20,6 +20,7 @@ from schemas.raw import RawMessage, Text
 from schemas.service import ServiceRequest, ServiceResponse
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.transforms import Transforms
+from schemas.tuning import Tuning
 
 Message = (
     ImageFrame
@@ -40,6 +41,7 @@ Message = (
     | ClockReading
     | ServiceRequest
     | ServiceResponse
+    | Tuning
 )
 M = TypeVar("M", bound=Message)
 
@@ -64,6 +66,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     ClockReading: 64 * KIB,
     ServiceRequest: 9 * KIB * KIB,
     ServiceResponse: 9 * KIB * KIB,
+    Tuning: 1024 * KIB,
 }
 """Largest payload accepted per message, checked before a byte of it is read."""
 

@@ -10,7 +10,11 @@ from schemas.image import MAX_SIDE, Side
 
 MAX_DETECTIONS: Final = 1_000
 
+TRACK_COUNT_BITS: Final = 20
+"""How many of a track number's lowest bits count objects from 1; those above are of a tracker's own."""
+
 Index = Annotated[int, msgspec.Meta(ge=0, lt=MAX_DETECTIONS)]
+TrackNumber = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 ClassNumber = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 Edge = Annotated[float, msgspec.Meta(ge=0, le=MAX_SIDE)]
@@ -39,6 +43,9 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
     """One object.
 
     score: confidence, 0 to 1. mask: absent when the model does not segment. label: the model's own number of the class.
+    track: equal in the frames of a camera that show the same object; no two objects ever share one, whatever
+    their camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent when nothing is tracked, and of what was seen
+    but once.
     """
 
     name: Label
@@ -46,6 +53,7 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
     box: Box
     mask: Mask | None = None
     label: ClassNumber = 0
+    track: TrackNumber | None = None
 
 
 class Detections(msgspec.Struct, frozen=True, kw_only=True):

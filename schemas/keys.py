@@ -168,6 +168,19 @@ def worker_status(service: str, worker: str) -> str:
     return f"workers/{service}/{worker}/status"
 
 
+def worker_settings(service: str, worker: str) -> str:
+    """Return the key under which a worker takes other settings while it runs."""
+    check_name("service", service)
+    check_name("worker", worker)
+    return f"workers/{service}/{worker}/settings"
+
+
+def infer(worker: str) -> str:
+    """Return the key under which a detector worker answers an image with its Detections."""
+    check_name("worker", worker)
+    return f"services/detector/infer/{worker}"
+
+
 @dataclass(frozen=True, slots=True)
 class WorkerAlive:
     """A worker's presence. A token has no payload, so all that others must know of the worker is in its key.

@@ -131,10 +131,14 @@ class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """A worker's account of itself, once a second and once more when it stops."""
+    """A worker's account of itself, once a second and once more when it stops.
+
+    remarks: what whoever waits for its results should know, such as which there cannot be, and why.
+    """
 
     service: Name
     worker: Name
     model: Label
     sent_ns: Nanoseconds
     cameras: Annotated[list[CameraLoad], msgspec.Meta(max_length=MAX_STREAMS)] = []
+    remarks: Annotated[list[Label], msgspec.Meta(max_length=16)] = []

@@ -1,7 +1,11 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 # No test asserts how long anything takes, on machines that do many things at once least of all.
@@ -10,3 +14,11 @@ settings.load_profile("fleetsight")
 
 # Zenoh has two receiving threads a process. What waits for a link holds one, and a test's sessions wait for each other.
 os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def model_folder() -> Iterator[Path]:
+    """What is made of models, in `cache`, is made once for all tests and their processes, and is not the user's."""
+    with tempfile.TemporaryDirectory(prefix="fleetsight-tests-", ignore_cleanup_errors=True) as folder:
+        os.environ["FLEETSIGHT_CACHE"] = str(Path(folder) / "cache")
+        yield Path(folder)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from benchmarks.gateway.flow import Figure, Variant
+from benchmarks.targets import at_least, at_most
 
 CEILING: Final = "tcpros_only_frames_per_s"
 
@@ -60,32 +61,15 @@ def targets(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
             name: target
             for ending in ("", "_no_shm")
             for name, target in {
-                **_at_least(found, f"frames_per_s{ending}", f"rospy_naive_frames_per_s{ending}", 3),
-                **_at_least(found, f"frames_per_s{ending}", f"zenoh_only_frames_per_s{ending}", 0.8, CEILING),
-                **_at_most(found, f"cpu_ms_per_frame{ending}", 0.3, f"rospy_naive_cpu_ms_per_frame{ending}"),
-                **_at_most(found, f"cpu_ms_per_frame_30hz{ending}", 0.4, f"rospy_naive_cpu_ms_per_frame_30hz{ending}"),
-                **_at_most(found, f"added_latency_p50_ms{ending}", 1.5),
-                **_at_most(found, f"peak_frames_buffered{ending}", 3),
-                **_at_most(found, f"stalled_rss_growth_mb{ending}", 10),
+                **at_least(found, f"frames_per_s{ending}", f"rospy_naive_frames_per_s{ending}", 3),
+                **at_least(found, f"frames_per_s{ending}", f"zenoh_only_frames_per_s{ending}", 0.8, CEILING),
+                **at_most(found, f"cpu_ms_per_frame{ending}", 0.3, f"rospy_naive_cpu_ms_per_frame{ending}"),
+                **at_most(found, f"cpu_ms_per_frame_30hz{ending}", 0.4, f"rospy_naive_cpu_ms_per_frame_30hz{ending}"),
+                **at_most(found, f"added_latency_p50_ms{ending}", 1.5),
+                **at_most(found, f"peak_frames_buffered{ending}", 3),
+                **at_most(found, f"stalled_rss_growth_mb{ending}", 10),
             }.items()
         }
-        | _at_most(found, "idle_cpu_percent", 1)
-        | _at_most(found, "idle_bytes", 0)
+        | at_most(found, "idle_cpu_percent", 1)
+        | at_most(found, "idle_bytes", 0)
     )
-
-
-def _at_least(
-    found: Mapping[str, Any], name: str, other: str, limit: float, ceiling: str | None = None
-) -> dict[str, dict[str, Any]]:
-    ratio = round(found[name] / found[other], 3)
-    target: dict[str, Any] = {"ratio": ratio, "at_least": limit, "met": ratio >= limit}
-    if ceiling is not None:
-        target["ceiling"] = round(found[ceiling] / found[other], 3)
-    return {f"{name} / {other}": target}
-
-
-def _at_most(found: Mapping[str, Any], name: str, limit: float, other: str | None = None) -> dict[str, dict[str, Any]]:
-    if other is None:
-        return {name: {"value": found[name], "at_most": limit, "met": found[name] <= limit}}
-    ratio = round(found[name] / found[other], 3)
-    return {f"{name} / {other}": {"ratio": ratio, "at_most": limit, "met": ratio <= limit}}

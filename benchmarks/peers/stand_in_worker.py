@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from bus import BusSettings, open_bus
 from schemas.keys import WorkerAlive
+from schemas.tuning import Tuning
 from services.detector.model import Found, Outcome, Request
 from services.detector.worker import SERVICE, Worker
 from services.toolbox.process import run
@@ -18,9 +19,19 @@ class StandIn:
     name = "stand-in"
     max_batch = 1
     in_flight = 1
+    segments = False
+    remarks: tuple[str, ...] = ()
+    tuning = Tuning()
 
     def __init__(self, frame_s: float) -> None:
         self._frame_s = frame_s
+
+    def tune(self, tuning: Tuning) -> None:
+        """See `Model.tune`."""
+        self.tuning = tuning
+
+    def close(self) -> None:
+        """See `Model.close`."""
 
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""

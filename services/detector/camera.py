@@ -1,56 +1,67 @@
-"""One camera at a worker: its publishers and the demand for what they publish."""
+"""One camera at a worker: its publishers, and its frames on their way to the model while somebody wants results."""
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import logging
+from collections.abc import AsyncIterator, Mapping
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
+from typing import Final
 
 from bus import Bus, Publisher, QoS
 from bus.shared_demand import SharedDemand
 from schemas import codec
 from schemas.detections import ClassList, Detections, class_list
+from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector.account import Account
+from services.detector.drawing import Overlay, drawing
+
+log = logging.getLogger(__name__)
+
+OVERLAYS: Final = (Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A camera's results and the demand for them."""
+    """A camera's results and the demand for them. overlays: those there can be."""
 
     key: CameraKey
     account: Account
     demand: SharedDemand
     detections: Publisher
     classes: Publisher
+    overlays: Mapping[Stream, Overlay]
 
     @property
     def wants_masks(self) -> bool:
         """Whether somebody has a use for masks."""
-        return self.detections.wanted
+        segmentation = self.overlays.get(Stream.OVERLAY_SEGMENTATION)
+        return self.detections.wanted or (segmentation is not None and segmentation.wanted)
 
-    def publish(self, found: Detections) -> None:
-        """Publish what somebody wants of the results."""
-        if self.detections.wanted:
-            self.detections.put(codec.encode(found))
+    def publish(self, found: Detections, frame: ImageFrame) -> None:
+        """Publish what somebody wants of the results; the overlays follow when they are drawn."""
         if self.classes.wanted:
             self.classes.put(codec.encode(class_list(found)))
+        if self.detections.wanted:
+            self.detections.put(codec.encode(found))
+        for each in self.overlays.values():
+            each.offer(found, frame)
 
 
 @asynccontextmanager
-async def serving(bus: Bus, key: CameraKey, account: Account) -> AsyncIterator[Camera]:
-    """Declare a camera's result streams for as long as the context lasts."""
+async def serving(bus: Bus, key: CameraKey, account: Account, *, segments: bool = True) -> AsyncIterator[Camera]:
+    """Declare a camera's result streams for as long as the context lasts. segments: whether there are masks to draw."""
     demand = SharedDemand()
-    async with (
-        bus.publisher(
-            key.stream(Stream.DETECTIONS),
-            QoS.RESULT,
-            encoding=codec.encoding(Detections),
-            on_demand=demand.of(Stream.DETECTIONS),
-        ) as detections,
-        bus.publisher(
-            key.stream(Stream.CLASSES),
-            QoS.RESULT,
-            encoding=codec.encoding(ClassList),
-            on_demand=demand.of(Stream.CLASSES),
-        ) as classes,
-    ):
-        yield Camera(key, account, demand, detections, classes)
+
+    def declare(stream: Stream, qos: QoS, schema: type[codec.Message]) -> AbstractAsyncContextManager[Publisher]:
+        encoding = codec.encoding(schema)
+        return bus.publisher(key.stream(stream), qos, encoding=encoding, on_demand=demand.of(stream))
+
+    async with AsyncExitStack() as stack:
+        detections = await stack.enter_async_context(declare(Stream.DETECTIONS, QoS.RESULT, Detections))
+        classes = await stack.enter_async_context(declare(Stream.CLASSES, QoS.RESULT, ClassList))
+        overlays = {}
+        for stream in OVERLAYS[: 1 + segments]:
+            publisher = await stack.enter_async_context(declare(stream, QoS.IMAGE, ImageFrame))
+            masks = stream is Stream.OVERLAY_SEGMENTATION
+            overlays[stream] = await stack.enter_async_context(drawing(publisher, masks=masks))
+        yield Camera(key, account, demand, detections, classes, overlays)

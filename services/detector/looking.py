@@ -152,7 +152,7 @@ class Looking:
             log.warning(text, look.camera.key, header.seq, header.boot_id, outcome.reason, outcome.error)
             return
         account.inferred += 1
-        look.camera.publish(self._detections(look, outcome))
+        look.camera.publish(self._detections(look, outcome), look.request.frame)
         self._on_result(look.camera.key)
 
     def _detections(self, look: Look, found: Found) -> Detections:

@@ -2,16 +2,29 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 from schemas.detections import Detection
 from schemas.header import Spans
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
+from schemas.tuning import Tuning
+
+SILENT: Final = "overlay/segmentation, distances and objects are silent"
+"""How a remark ends that says of a model that it has no masks."""
 
 
 class ModelError(Exception):
     """A model that cannot be used, or no longer; the message says which and why."""
+
+
+class TuningError(Exception):
+    """A tuning that the model cannot follow; the message says why."""
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of what an error says."""
+    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +69,28 @@ class Model(Protocol):
     @property
     def in_flight(self) -> int:
         """How many calls should be under way at once, so that one is prepared while another computes; at least 1."""
+
+    @property
+    def segments(self) -> bool:
+        """Whether it finds masks at all."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What whoever waits for results should know, each in a line: which results there cannot be, and why."""
+
+    @property
+    def tuning(self) -> Tuning:
+        """What counts as a detection now."""
+
+    def tune(self, tuning: Tuning) -> None:
+        """Count by another tuning from the next image on; what it leaves open stays as it is.
+
+        Raises:
+            TuningError: it names a class that the model does not know.
+        """
+
+    def close(self) -> None:
+        """Compute nothing more; what is under way is not waited for."""
 
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """Return what is in each image, in the same order. Calls end in the order in which they began.

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bus import open_bus
-from services.detector.one_by_one import OneByOne
+from services.detector.model import Model, ModelError
+from services.detector.requests import answering
+from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
-from services.detector.ultralytics_model import load
 from services.detector.worker import SERVICE, Worker
 
 log = logging.getLogger(__name__)
@@ -21,24 +22,40 @@ async def run(settings: DetectorSettings) -> None:
     """Run a worker until cancelled. It announces itself only once its model works.
 
     Raises:
-        ModelError: the model cannot be used.
+        ModelError: the model cannot be used, or no longer.
     """
     with (
         tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder,
-        model_thread() as executor,
+        loading_thread() as executor,
     ):
         log.info("loading %s", settings.model)
-        model = await asyncio.get_running_loop().run_in_executor(executor, load, settings, Path(folder))
+        model = await asyncio.get_running_loop().run_in_executor(executor, load_all, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
-        async with open_bus(settings) as bus:
-            tokens = settings.tokens(SERVICE, settings.worker)
-            await Worker(bus, OneByOne(model, executor), tokens, max_age_s=settings.max_age_s).run()
+        for remark in model.remarks:
+            log.warning("%s", remark)
+        try:
+            await _work(settings, model)
+        except* ModelError as failed:
+            raise _first(failed) from failed
+        finally:
+            model.close()
+
+
+async def _work(settings: DetectorSettings, model: Model) -> None:
+    async with open_bus(settings) as bus, answering(bus, model, settings.worker):
+        tokens = settings.tokens(SERVICE, settings.worker)
+        await Worker(bus, tracking(model, settings.tracker), tokens, max_age_s=settings.max_age_s).run()
+
+
+def _first(failed: BaseExceptionGroup[ModelError]) -> ModelError:
+    first = failed.exceptions[0]
+    return _first(first) if isinstance(first, BaseExceptionGroup) else first
 
 
 @contextmanager
-def model_thread() -> Iterator[Executor]:
-    """Give the model a thread of its own. Leaving does not wait for a call that is going on: loading takes seconds."""
-    executor = ThreadPoolExecutor(1, thread_name_prefix="model")
+def loading_thread() -> Iterator[Executor]:
+    """Give loading a thread of its own. Leaving does not wait for it: it takes seconds."""
+    executor = ThreadPoolExecutor(1, thread_name_prefix="loading")
     try:
         yield executor
     finally:

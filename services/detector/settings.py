@@ -1,7 +1,8 @@
 """Settings of a detector worker."""
 
+import os
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -13,16 +14,38 @@ from schemas.keys import NAME
 SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
 
 
+def default_cache() -> Path:
+    """Return the user's folder for what can be made again."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fleetsight"
+
+
 class DetectorSettings(SharingSettings, BusSettings):
     """Run a YOLO model on the cameras whose results somebody wants, one call per image."""
 
     model: Annotated[
         str, Field(description="Ultralytics weights: a path, or with --download a published model's name")
     ] = str(SHIPPED_MODEL)
+    detection_model: Annotated[
+        str | None, Field(description="second weights, for boxes; what they find has the first one's masks")
+    ] = None
     download: Annotated[bool, Field(description="let Ultralytics fetch weights that are not here")] = False
     confidence: Annotated[float, Field(ge=0, le=1, description="lowest score that counts as a detection")] = 0.35
     iou: Annotated[float, Field(ge=0, le=1, description="overlap above which two boxes are one object")] = 0.7
     max_detections: Annotated[int, Field(ge=1, le=1000, description="most objects reported per image")] = 300
+    classes: Annotated[
+        list[str], Field(description="names of the classes to report; all that the model knows unless given")
+    ] = []
+    runtime: Annotated[
+        Literal["auto", "torch", "onnx", "openvino", "tensorrt"],
+        Field(description="what computes; auto takes the fastest that is installed, by measuring once"),
+    ] = "auto"
+    tracker: Annotated[
+        Literal["off", "bytetrack", "botsort"], Field(description="how objects are followed from frame to frame")
+    ] = "bytetrack"
+    image_size: Annotated[
+        int | None, Field(ge=32, le=4096, description="longer side that images are scaled to; as trained unless given")
+    ] = None
+    cache: Path = Field(default_factory=default_cache, description="folder for what is made once of the weights")
     device: Annotated[str | None, Field(description="cpu, cuda:0, ...; the best there is unless given")] = None
     threads: Annotated[int, Field(ge=0, description="CPU threads for inference; 0 uses every core")] = 0
     max_age_s: Annotated[
@@ -40,6 +63,7 @@ class DetectorSettings(SharingSettings, BusSettings):
 
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:
-        if not self.download and not Path(self.model).is_file():
-            raise ValueError(f"--model {self.model}: no such file (--download would let Ultralytics fetch it)")
+        for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
+            if weights is not None and not self.download and not Path(weights).is_file():
+                raise ValueError(f"{option} {weights}: no such file (--download would let Ultralytics fetch it)")
         return self

@@ -80,7 +80,10 @@ class Worker:
         asked = self._asked[key] = Asked()
         self._took_over[key] = took_over
         try:
-            async with serving(self._bus, key, account) as camera, asyncio.TaskGroup() as group:
+            async with (
+                serving(self._bus, key, account, segments=self._model.segments) as camera,
+                asyncio.TaskGroup() as group,
+            ):
                 self._cameras[key] = camera
                 group.create_task(self._notice_unwanted(camera, took_over))
                 try:
@@ -142,6 +145,7 @@ class Worker:
             worker=self._name,
             model=self._model.name,
             sent_ns=time.time_ns(),
+            remarks=list(self._model.remarks),
             cameras=[
                 account.load(
                     serving=key in self._cameras, budget_hz=self._asked[key].hz if key in self._asked else None

@@ -107,6 +107,15 @@ COMMANDS: Final = (
         refusals=("bus:BusError", "services.toolbox.clouds.errors:ViewerError"),
         extra="viewer",
         positional=("do", "robot", "camera"),
+    ),
+    Command(
+        "detect",
+        "say what is in an image, by a worker of the fleet or a model of this machine",
+        "services.toolbox.detect.settings:DetectSettings",
+        "services.toolbox.detect.process:run",
+        refusals=("bus:BusError", "services.detector.model:ModelError"),
+        extra="detector",
+        positional=("image",),
         log_level="error",
     ),
     Command(

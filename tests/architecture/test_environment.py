@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 ROOMS = ("schemas", "bus", "gateway", "services")
 READERS = ("settings.py", "__main__.py")
 MAY_ALSO = {
-    "services/detector/ultralytics_model.py": "tells Ultralytics, through its environment, to stay off the network",
+    "services/detector/runtime/offline.py": "tells Ultralytics, through its environment, to stay off the network",
     "services/simulator/training/engine.py": "tells Ultralytics, through its environment, to stay off the network",
     "services/toolbox/demo/children.py": "gives its processes an environment of their own",
 }

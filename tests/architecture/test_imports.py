@@ -52,5 +52,9 @@ def test_what_measures_needs_no_torch(statement: str) -> None:
     assert not [name for name in NO_TORCH if name in found]
 
 
+def test_a_detector_can_still_say_how_ultralytics_is_to_behave() -> None:
+    assert not {"torch", "ultralytics", "onnxruntime", "openvino"} & imported_by("import services.detector.process")
+
+
 def test_the_check_sees_what_is_imported() -> None:
     assert "cv2" in imported_by("import services.detector.pixels")

@@ -15,10 +15,10 @@ from schemas import codec
 from schemas.detections import Box, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector.masks import to_coco
 from tests.gateway.ros1.waiting import until
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, RosProcess, require_ros
+from tests.schemas.masks import coco_mask
 from tests.services.toolbox.clouds.reading import read_ply
 
 CLOUD = Path(__file__).with_name("rospy_cloud.py").read_text(encoding="utf-8")
@@ -37,7 +37,7 @@ async def rig() -> AsyncIterator[FleetRig]:
 def seen_red(frame: ImageFrame) -> Detections:
     """Find what is red, as a detector would."""
     pixels = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step // 3, 3)
-    mask = to_coco((pixels == (255, 0, 0)).all(axis=2)[None].astype(np.uint8))[0]
+    mask = coco_mask((pixels == (255, 0, 0)).all(axis=2))
     box = Detection(name="box", score=0.9, box=Box(20, 10, 40, 30), mask=mask, label=2)
     return Detections(
         header=frame.header, height=frame.height, width=frame.width, objects=[box], model="red", worker="test"

@@ -14,15 +14,15 @@ from schemas.detections import Box, Detection, Detections
 from schemas.distances import Distances
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector.masks import to_coco
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment
+from tests.schemas.masks import coco_mask
 
 FRONT = CameraKey("r1", "front")
 SCENE = Path(__file__).with_name("rospy_depth_scene.py").read_text(encoding="utf-8")
-MASK = np.zeros((1, 240, 320), np.uint8)
-MASK[0, 78:162, 118:202] = 1  # two pixels more than the box on each side
-BOX = Detection(name="box", score=0.9, box=Box(118, 78, 202, 162), mask=to_coco(MASK)[0])
+MASK = np.zeros((240, 320), np.bool_)
+MASK[78:162, 118:202] = True  # two pixels more than the box on each side
+BOX = Detection(name="box", score=0.9, box=Box(118, 78, 202, 162), mask=coco_mask(MASK))
 
 
 @pytest.fixture

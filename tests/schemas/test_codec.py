@@ -17,6 +17,7 @@ from schemas.raw import RawMessage, Text
 from schemas.service import ServiceRequest, ServiceResponse
 from schemas.status import CameraLoad, GatewayStatus, ReturnStatus, StreamStatus, WorkerStatus
 from schemas.transforms import Transform, Transforms
+from schemas.tuning import Tuning
 from tests.schemas.frames import header, image
 from tests.schemas.pictures import compressed, file_of
 from tests.schemas.results import action, alert, cloud, clouds, distances, known, unknown
@@ -50,6 +51,7 @@ RAW = RawMessage(
     data=memoryview(b"\x05"),
 )
 MESSAGES: list[Message] = [
+    Tuning(confidence=0.5, classes=["box"]),
     ClockReading(robot="r1", boot_id="b", clock_id="c", received_ns=1, sent_ns=2, ros_ns=3),
     ServiceRequest(type="std_srvs/SetBool", md5="09fb03525b03e7ea1fd3992bafd87e16", argument=True, timeout_s=0.5),
     ServiceRequest(data=b"\x05", timeout_s=5),

@@ -232,3 +232,13 @@ def test_a_robots_clock_has_a_key() -> None:
 def test_whose_a_stream_is() -> None:
     assert keys.owner_of(StreamKey(CameraKey("r1", "front"), Stream.DEPTH)) == ("r1", "front")
     assert keys.owner_of(RobotStreamKey("r1", "tf")) == ("r1", "")
+
+
+def test_what_a_worker_is_asked_under() -> None:
+    assert keys.infer("w1") == "services/detector/infer/w1"
+    assert keys.worker_settings("detector", "w1") == "workers/detector/w1/settings"
+    assert keys.every_worker_alive("detector") == "workers/detector/*/*/*/alive"
+    with pytest.raises(SchemaError, match="worker name"):
+        keys.infer("a/b")
+    with pytest.raises(SchemaError, match="worker name"):
+        keys.worker_settings("detector", "a/b")

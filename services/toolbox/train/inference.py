@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 from schemas.detections import Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
-from services.detector.model import ModelError
-from services.detector.pixels import to_bgr
+from schemas.keys import CameraKey
+from services.detector.model import Failed, ModelError, Request
+from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
-from services.detector.ultralytics_model import load
 from services.simulator.training.evaluation.looking import Look
 from services.simulator.training.evaluation.precision import MAX_DETECTIONS
 from services.simulator.world import CLASSES
 
 NAMED: Final = 5
-HEADER: Final = Header(robot="r1", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
+CAMERA: Final = CameraKey("r1", "camera")
+HEADER: Final = Header(robot="r1", camera="camera", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
 
 
 def open_weights(weights: Path, *, confidence: float, device: str | None, folder: Path) -> Look:
@@ -29,17 +30,25 @@ def open_weights(weights: Path, *, confidence: float, device: str | None, folder
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
     settings = DetectorSettings(
-        model=str(weights), confidence=confidence, max_detections=MAX_DETECTIONS, device=device, threads=1
+        model=str(weights),
+        confidence=confidence,
+        max_detections=MAX_DETECTIONS,
+        device=device,
+        threads=1,
+        runtime="torch",
     )
     model = load(settings, folder)
     if not model.segments:
         raise ModelError(f"{weights}: a model that finds no masks")
-    if unknown := sorted(set(model.classes).difference(CLASSES)):
+    if unknown := sorted(set(model.facts.names.values()).difference(CLASSES)):
         names = ", ".join(unknown[:NAMED]) + (", ..." if len(unknown) > NAMED else "")
         raise ModelError(f"{weights}: a model for {names}; the scenes have {', '.join(CLASSES)} alone")
 
     def look(image: NDArray[np.uint8]) -> Sequence[Detection]:
-        return model.infer(to_bgr(framed(image)), masks=True)
+        (outcome,) = model.run([Request(CAMERA, framed(image), masks=True)])
+        if isinstance(outcome, Failed):
+            raise ModelError(f"{weights}: {outcome.reason}: {outcome.error}") from outcome.error
+        return outcome.objects
 
     return look
 

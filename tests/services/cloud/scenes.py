@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection, Detections
-from services.detector.masks import to_coco
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
 from services.geometry.masks import Window
 from tests.schemas.frames import header
+from tests.schemas.masks import coco_mask
 
 HEIGHT, WIDTH, FOCAL = 480, 640, 480.0
 CAMERA = CameraModel(
@@ -80,7 +80,7 @@ def window_of(pixels: NDArray[np.bool_]) -> Window:
 
 
 def detection(pixels: NDArray[np.bool_] | None, name: str = "box", label: int = 2) -> Detection:
-    mask = None if pixels is None else to_coco(pixels.astype(np.uint8)[None])[0]
+    mask = None if pixels is None else coco_mask(pixels)
     return Detection(name=name, score=0.9, box=Box(0, 0, 1, 1), mask=mask, label=label)
 
 

@@ -1,12 +1,21 @@
 """A model whose answers are known: the tests of the worker run on it, the real one passes the same contract."""
 
+import asyncio
 import threading
+from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.detections import Box, Detection, Mask
-from services.detector.masks import to_coco
+from schemas.detections import Box, Detection
+from schemas.tuning import Tuning
+from services.detector.account import FAILED, MALFORMED
+from services.detector.masks import encode_window
+from services.detector.model import Failed, Found, ModelError, Outcome, Request, TuningError
+from services.detector.pixels import PictureError, to_bgr
+
+BOX = "box"
 
 
 class FakeModel:
@@ -14,20 +23,48 @@ class FakeModel:
 
     FATAL = (13, 13, 13)
 
-    def __init__(self) -> None:
+    def __init__(self, *, segments: bool = True, remarks: tuple[str, ...] = (), broken: bool = False) -> None:
         self.name = "fake"
+        self.max_batch = 1
+        self.in_flight = 1
+        self.segments = segments
+        self.remarks = remarks
+        self.broken = broken
+        self.tuning = Tuning(confidence=0.5, iou=0.7, max_detections=300, classes=[])
         self.seen: list[NDArray[np.uint8]] = []
         self.may_answer = threading.Event()
         self.may_answer.set()
         self.called = threading.Semaphore(0)
 
-    def infer(self, image: NDArray[np.uint8], *, masks: bool) -> list[Detection]:
+    def tune(self, tuning: Tuning) -> None:
+        """See `Model.tune`."""
+        unknown = set(tuning.classes or []) - {BOX}
+        if unknown:
+            raise TuningError(f"no class is called {unknown.pop()!r}; the model knows {BOX}")
+        given = {name: value for name, value in msgspec.structs.asdict(tuning).items() if value is not None}
+        self.tuning = msgspec.structs.replace(self.tuning, **given)
+
+    def close(self) -> None:
+        """See `Model.close`."""
+
+    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""
+        if self.broken:
+            raise ModelError("no memory")
+        return await asyncio.to_thread(lambda: [self._look(request) for request in batch])
+
+    def _look(self, request: Request) -> Outcome:
+        try:
+            image = to_bgr(request.frame)
+        except PictureError as error:
+            return Failed(MALFORMED, error)
         self.seen.append(image)
         self.called.release()
         self.may_answer.wait(10)
         if tuple(image[0, 0]) == self.FATAL:
-            raise RuntimeError("this image is fatal")
+            return Failed(FAILED, RuntimeError("this image is fatal"))
         height, width = image.shape[:2]
-        mask: Mask | None = to_coco(np.ones((1, height, width), np.uint8))[0] if masks else None
-        return [Detection(name="box", score=0.75, box=Box(0, 0, width, height), mask=mask)]
+        mask = encode_window(np.ones((width, height), np.bool_), 0, 0, height, width)
+        wanted = request.masks and self.segments
+        found = Detection(name=BOX, score=0.75, box=Box(0, 0, width, height), mask=mask if wanted else None)
+        return Found([found], {"model": 1_000})

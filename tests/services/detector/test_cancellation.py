@@ -1,14 +1,12 @@
 """Cancelled at any await, a worker leaves nothing: no task, declaration or token."""
 
 import asyncio
-from concurrent.futures import ThreadPoolExecutor
 
 from bus import QUEUE, QoS
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, WorkerAlive
-from services.detector.one_by_one import OneByOne
 from services.detector.worker import Worker
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until
@@ -21,29 +19,26 @@ FRONT = CameraKey("r1", "front")
 
 async def test_a_worker_with_a_wanted_camera() -> None:
     network = FakeNetwork()
-    with ThreadPoolExecutor(1) as executor:
-        async with (
-            network.open_bus() as theirs,
-            theirs.announce(FRONT.alive(Stream.COLOR)),
-            theirs.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
-            theirs.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as camera,
-        ):
-            tasks = asyncio.all_tasks()
+    async with (
+        network.open_bus() as theirs,
+        theirs.announce(FRONT.alive(Stream.COLOR)),
+        theirs.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+        theirs.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as camera,
+    ):
+        tasks = asyncio.all_tasks()
 
-            async def life() -> None:
-                before = classes.counts.received
-                async with network.open_bus() as ours, asyncio.TaskGroup() as group:
-                    working = group.create_task(
-                        Worker(ours, OneByOne(FakeModel(), executor), [ME], max_age_s=60, join_s=0).run()
-                    )
-                    while classes.counts.received == before:  # each turn of the loop is a suspension
-                        if camera.wanted:
-                            camera.put(codec.encode(frame(0)))
-                        await asyncio.sleep(0)
-                    working.cancel()
+        async def life() -> None:
+            before = classes.counts.received
+            async with network.open_bus() as ours, asyncio.TaskGroup() as group:
+                working = group.create_task(Worker(ours, FakeModel(), [ME], max_age_s=60, join_s=0).run())
+                while classes.counts.received == before:  # each turn of the loop is a suspension
+                    if camera.wanted:
+                        camera.put(codec.encode(frame(0)))
+                    await asyncio.sleep(0)
+                working.cancel()
 
-            async def nothing_is_left(n: int) -> None:
-                await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
-                await until(lambda: not camera.wanted, f"nothing is subscribed after {n}")
+        async def nothing_is_left(n: int) -> None:
+            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
+            await until(lambda: not camera.wanted, f"nothing is subscribed after {n}")
 
-            assert await cancel_everywhere(life, nothing_is_left) > 10
+        assert await cancel_everywhere(life, nothing_is_left) > 10

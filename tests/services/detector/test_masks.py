@@ -1,18 +1,37 @@
 import numpy as np
 from hypothesis import given
-from hypothesis.extra.numpy import array_shapes, arrays
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from pycocotools import mask as coco
 
-from services.detector.masks import to_coco
+from services.detector.masks import encode_window
 
 
-@given(arrays(np.uint8, array_shapes(min_dims=3, max_dims=3, max_side=9), elements={"min_value": 0, "max_value": 1}))
-def test_masks_survive_coco(stack: NDArray[np.uint8]) -> None:
-    encoded = to_coco(stack)
-    decoded = [coco.decode({"size": list(mask.size), "counts": mask.counts.encode()}) for mask in encoded]
-    assert np.array_equal(np.stack(decoded), stack)
+@st.composite
+def windows(draw: st.DrawFn) -> tuple[NDArray[np.bool_], int, int, int, int]:
+    """Draw a window's columns, its place, and the size of the image around it."""
+    wide, high = draw(st.integers(0, 9)), draw(st.integers(0, 9))
+    top, left, below, right = (draw(st.integers(0, 4)) for _ in range(4))
+    columns = draw(arrays(np.bool_, (wide, high)))
+    return columns, top, left, max(1, top + high + below), max(1, left + wide + right)
 
 
-def test_no_masks() -> None:
-    assert to_coco(np.zeros((0, 4, 6), np.uint8)) == []
+@given(windows())
+def test_a_window_is_encoded_as_pycocotools_encodes_the_whole_image(
+    window: tuple[NDArray[np.bool_], int, int, int, int],
+) -> None:
+    columns, top, left, height, width = window
+    whole = np.zeros((height, width), np.uint8)
+    whole[top : top + columns.shape[1], left : left + columns.shape[0]] = columns.T
+    expected = coco.encode(np.asfortranarray(whole))
+    mask = encode_window(columns, top, left, height, width)
+    assert (mask.size, mask.counts) == ((height, width), expected["counts"].decode("ascii"))
+
+
+def test_long_runs_of_large_images_too() -> None:
+    height, width = 16_384, 3_000
+    columns = np.ones((2, 5), np.bool_)
+    whole = np.zeros((height, width), np.uint8, order="F")
+    whole[16_379:, 2_998:] = 1
+    assert encode_window(columns, 16_379, 2_998, height, width).counts == coco.encode(whole)["counts"].decode("ascii")

@@ -1,6 +1,5 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 
 import msgspec
@@ -18,7 +17,6 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted, WorkerAlive
 from schemas.status import CameraLoad, WorkerStatus
 from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED, UNWANTED
-from services.detector.one_by_one import OneByOne
 from services.detector.worker import Worker
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
@@ -76,12 +74,11 @@ async def loads_after(statuses: Subscription, *, inferred: int) -> dict[str, Cam
 @pytest.fixture
 async def rig() -> AsyncIterator[Rig]:
     network, model = FakeNetwork(), FakeModel()
-    with ThreadPoolExecutor(1) as executor:
-        async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
-            working = group.create_task(Worker(ours, OneByOne(model, executor), [ME], max_age_s=60, join_s=0).run())
-            yield Rig(theirs, model)
-            model.may_answer.set()
-            working.cancel()
+    async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
+        working = group.create_task(Worker(ours, model, [ME], max_age_s=60, join_s=0).run())
+        yield Rig(theirs, model)
+        model.may_answer.set()
+        working.cancel()
 
 
 async def test_nobody_listens_so_nothing_is_asked_of_the_camera_or_the_model(rig: Rig) -> None:

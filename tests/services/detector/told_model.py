@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Sequence
 
+from schemas.tuning import Tuning
 from services.detector.account import FAILED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
 
@@ -13,6 +14,9 @@ class ToldModel:
     """Answers each call when told to, or at once; fails on frames numbered FATAL."""
 
     name = "told"
+    segments = False
+    remarks: tuple[str, ...] = ()
+    tuning = Tuning()
 
     def __init__(self, max_batch: int = 1, in_flight: int = 1, *, at_once: bool = False) -> None:
         self.max_batch = max_batch
@@ -21,6 +25,13 @@ class ToldModel:
         self.answers: list[asyncio.Event] = []
         self.broken = False
         self._at_once = at_once
+
+    def tune(self, tuning: Tuning) -> None:
+        """See `Model.tune`."""
+        self.tuning = tuning
+
+    def close(self) -> None:
+        """See `Model.close`."""
 
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""

@@ -10,8 +10,8 @@ from schemas.camera_info import CameraInfo
 from schemas.detections import Box, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.transforms import Transform, Transforms
-from services.detector.masks import to_coco
 from tests.schemas.frames import header
+from tests.schemas.masks import coco_mask
 from tests.services.geometry.cameras import info
 
 FRAME = "camera_color_optical_frame"
@@ -39,11 +39,10 @@ def mask(rows: slice, columns: slice) -> NDArray[np.bool_]:
 
 
 def found(*masks: NDArray[np.bool_], names: tuple[str, ...] = ()) -> list[Detection]:
-    encoded = to_coco(np.stack(masks).astype(np.uint8))
     names = names or ("box",) * len(masks)
     return [
-        Detection(name=name, score=0.9, box=Box(0, 0, 1, 1), mask=each)
-        for name, each in zip(names, encoded, strict=True)
+        Detection(name=name, score=0.9, box=Box(0, 0, 1, 1), mask=coco_mask(each))
+        for name, each in zip(names, masks, strict=True)
     ]
 
 

@@ -8,13 +8,9 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from schemas.detections import Mask
-from services.detector.masks import to_coco
 from services.geometry.errors import MaskError
 from services.geometry.masks import Window, decode, eroded
-
-
-def encoded(pixels: NDArray[Any]) -> Mask:
-    return to_coco(pixels.astype(np.uint8)[np.newaxis])[0]
+from tests.schemas.masks import coco_mask
 
 
 def whole(window: Window, height: int, width: int) -> NDArray[Any]:
@@ -28,7 +24,7 @@ shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
 
 @given(pixels=shapes.flatmap(lambda shape: arrays(np.bool_, shape)))
 def test_what_pycocotools_encodes_is_decoded_and_its_window_is_tight(pixels: NDArray[Any]) -> None:
-    window = decode(encoded(pixels))
+    window = decode(coco_mask(pixels))
     assert (whole(window, *pixels.shape) == pixels).all()
     assert window.area == pixels.sum()
     columns = np.flatnonzero(pixels.any(axis=0))
@@ -39,13 +35,13 @@ def test_what_pycocotools_encodes_is_decoded_and_its_window_is_tight(pixels: NDA
 def test_a_blob_has_no_rows_to_spare() -> None:
     pixels = np.zeros((20, 30), np.bool_)
     pixels[4:9, 6:10] = True
-    window = decode(encoded(pixels))
+    window = decode(coco_mask(pixels))
     assert (window.top, window.left, window.pixels.shape) == (4, 6, (5, 4))
     assert window.place == (slice(4, 9), slice(6, 10))
 
 
 def test_a_mask_without_pixels_is_an_empty_window() -> None:
-    window = decode(encoded(np.zeros((3, 4))))
+    window = decode(coco_mask(np.zeros((3, 4))))
     assert (window.area, window.pixels.shape) == (0, (0, 0))
     assert eroded(window, 1) is window
 

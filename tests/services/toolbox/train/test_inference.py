@@ -1,18 +1,20 @@
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 from ultralytics.models import YOLO
 
-from services.detector.model import ModelError
+from services.detector.model import Found, ModelError
 from services.detector.pixels import to_bgr
+from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
-from services.detector.ultralytics_model import load
 from services.simulator.training.evaluation.looking import CONFIDENCE, Look
 from services.simulator.world import CLASSES
 from services.toolbox.train.inference import framed, open_weights
+from tests.services.detector.requests import request
 from tests.services.simulator.views import near_view
 
 
@@ -34,7 +36,8 @@ def test_the_weights_see_what_a_detector_sees(tmp_path: Path) -> None:
     bgr = near_view()
     found = opened(SHIPPED_MODEL, tmp_path)(np.ascontiguousarray(bgr[..., ::-1]))
     assert found
-    assert found == load(DetectorSettings(device="cpu", threads=1), tmp_path).infer(bgr, masks=True)
+    model = load(DetectorSettings(device="cpu", threads=1, runtime="torch"), tmp_path)
+    assert model.run([request(bgr, masks=True)]) == [Found(list(found), ANY)]
     assert {each.mask.size for each in found if each.mask is not None} == {(480, 640)}
 
 

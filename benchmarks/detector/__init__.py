@@ -1,0 +1,1 @@
+"""A detector worker against a bare loop over the same model."""

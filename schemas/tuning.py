@@ -1,0 +1,23 @@
+"""Tuning: what a detector's model counts as a detection."""
+
+from typing import Annotated
+
+import msgspec
+
+from schemas.detections import MAX_DETECTIONS
+from schemas.header import Label
+
+Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class Tuning(msgspec.Struct, frozen=True, kw_only=True):
+    """What counts as a detection. Asked of a worker, None leaves a value as it is; a worker answers with all of them.
+
+    confidence: lowest score. iou: overlap of two boxes of one class above which only the better counts.
+    max_detections: most objects per image. classes: the names that are reported; empty for all the model knows.
+    """
+
+    confidence: Fraction | None = None
+    iou: Fraction | None = None
+    max_detections: Annotated[int, msgspec.Meta(ge=1, le=MAX_DETECTIONS)] | None = None
+    classes: Annotated[list[Label], msgspec.Meta(max_length=MAX_DETECTIONS)] | None = None

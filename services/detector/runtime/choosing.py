@@ -1,0 +1,131 @@
+"""Which runtime a model runs under: the one that is asked for, or the fastest that is installed, by measuring."""
+
+import hashlib
+import logging
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.detector.model import ModelError
+from services.detector.runtime.engine import Engine
+from services.detector.runtime.exporting import PACKAGE
+
+log = logging.getLogger(__name__)
+
+Runtime = Literal["torch", "onnx", "openvino", "tensorrt"]
+
+NEEDS: Final[Mapping[Runtime, tuple[str, ...]]] = {
+    "torch": (),
+    "onnx": ("onnx", "onnxruntime"),
+    "openvino": ("onnx", "openvino"),
+    "tensorrt": ("onnx", "tensorrt"),
+}
+FOR_DEVICE: Final[Mapping[str, tuple[Runtime, ...]]] = {
+    "cpu": ("openvino", "onnx", "torch"),
+    "cuda": ("tensorrt", "torch"),
+}
+ROUNDS: Final = 3
+REPEATS: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a model is to run. digest: of its weights; longest: its input's longer side in pixels."""
+
+    digest: str
+    longest: int
+    device: str
+    threads: int
+    cache: Path
+
+
+def check_installed(runtime: Runtime) -> None:
+    """Raise ModelError unless what a runtime needs is installed."""
+    for package in NEEDS[runtime]:
+        if find_spec(package) is None:
+            raise ModelError(f"--runtime {runtime}: {package} is not installed; see fleetsight's extra [{runtime}]")
+
+
+def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
+    """Return the fastest runtime for a device and the model under it. What was measured once is kept.
+
+    blank: a batch to measure with.
+
+    Raises:
+        ModelError: none of them works.
+    """
+    candidates = [each for each in FOR_DEVICE.get(place.device, ("torch",)) if _is_installed(each)]
+    memory = _memory(place, candidates)
+    known = _recall(memory)
+    if known in candidates:
+        candidates = [known]
+    engines = dict(_made(make, candidates))
+    if len(engines) == 1:
+        return next(iter(engines.items()))
+    if not engines:
+        raise ModelError("no runtime works here; the warnings say why")
+    times = measure(engines, blank)
+    best = min(times, key=times.__getitem__)
+    log.info("%s is the fastest here: %s", best, ", ".join(f"{each} {t * 1e3:.0f} ms" for each, t in times.items()))
+    _remember(memory, best)
+    return best, engines[best]
+
+
+def measure(engines: Mapping[Runtime, Engine], blank: NDArray[np.uint8]) -> dict[Runtime, float]:
+    """Return the shortest time in seconds that each takes for a batch, all of them in turn.
+
+    The first of each turn does not count: another library's threads may still be spinning.
+    """
+    best = dict.fromkeys(engines, float("inf"))
+    for _ in range(ROUNDS):
+        for name, engine in engines.items():
+            engine.run(blank)
+            for _ in range(REPEATS):
+                began = time.perf_counter()
+                engine.run(blank)
+                best[name] = min(best[name], time.perf_counter() - began)
+    return best
+
+
+def _is_installed(runtime: Runtime) -> bool:
+    return all(find_spec(package) is not None for package in NEEDS[runtime])
+
+
+def _made(make: Callable[[Runtime], Engine], candidates: list[Runtime]) -> list[tuple[Runtime, Engine]]:
+    made: list[tuple[Runtime, Engine]] = []
+    for each in candidates:
+        try:
+            made.append((each, make(each)))
+        except Exception as error:  # noqa: BLE001 - whatever ails one library, another one may work
+            log.warning("not with --runtime %s: %s", each, error)
+    return made
+
+
+def _memory(place: Place, candidates: list[Runtime]) -> Path:
+    """Return the file that the choice is kept in: another machine, device or version may choose otherwise."""
+    packages = sorted({package for each in candidates for package in NEEDS[each]} | {"torch", PACKAGE})
+    about = [place.digest, place.longest, place.device, place.threads, platform.node(), *map(version, packages)]
+    return place.cache / f"choice-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}"
+
+
+def _recall(memory: Path) -> Runtime | None:
+    try:
+        text = memory.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError):
+        return None
+    return next((each for each in NEEDS if each == text), None)
+
+
+def _remember(memory: Path, runtime: Runtime) -> None:
+    with tempfile.NamedTemporaryFile("w", dir=memory.parent, delete=False) as file:
+        file.write(runtime)
+    Path(file.name).replace(memory)

@@ -1,0 +1,28 @@
+"""What runs a model's arithmetic, whichever library it is."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.detector.runtime.postprocess import Output
+
+
+class OutOfMemoryError(Exception):
+    """A batch that the device has no memory for."""
+
+
+class Engine(Protocol):
+    """A model that is ready to compute. Used from one thread at a time."""
+
+    def run(self, images: NDArray[np.uint8]) -> list[Output]:
+        """Compute a batch, images x height x width x RGB, both sides multiples of the model's stride.
+
+        Raises:
+            OutOfMemoryError: a smaller batch may do.
+        """
+
+
+def outputs(predictions: NDArray[np.float32], prototypes: NDArray[np.float32] | None) -> list[Output]:
+    """Take a batch's arrays apart."""
+    return [Output(each, None if prototypes is None else prototypes[n]) for n, each in enumerate(predictions)]

@@ -1,0 +1,68 @@
+"""Exported models, made once per content of the weights and kept."""
+
+import logging
+import shutil
+import tempfile
+import warnings
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from services.detector.model import ModelError, first_line
+
+if TYPE_CHECKING:
+    from services.detector.runtime.weights import Weights
+
+log = logging.getLogger(__name__)
+
+PACKAGE: Final = "ultralytics-opencv-headless"
+FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
+
+
+def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int) -> Path:
+    """Return the model as a file that other libraries run, exported by Ultralytics if it is not in the cache yet.
+
+    Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
+
+    kind: of FILES. device: an engine is for one, an ONNX file for any.
+
+    Raises:
+        ModelError: the export failed.
+    """
+    folder = (
+        cache / f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
+    )
+    if not (folder / FILES[kind]).is_file():
+        log.info("exporting %s for %s, once", weights.path.name, kind)
+        try:
+            _export(weights, kind, folder, device, longest)
+        except Exception as error:
+            raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
+    return folder / FILES[kind]
+
+
+def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: int) -> None:
+    from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
+
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    making = Path(tempfile.mkdtemp(prefix=f".{folder.name[:16]}-", dir=folder.parent))
+    try:
+        copy = shutil.copy(weights.path, making / "model.pt")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            made = YOLO(copy).export(format=kind, dynamic=True, imgsz=longest, device=device, verbose=False)
+        Path(copy).unlink()
+        if Path(made) != making / FILES[kind]:
+            raise FileNotFoundError(f"it is not where it should be: {made}")
+        put_in_place(making, folder)
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+
+
+def put_in_place(made: Path, folder: Path) -> None:
+    """Make `folder` of what was made, at once, unless somebody else was quicker."""
+    try:
+        made.rename(folder)
+    except OSError:
+        if not folder.is_dir():
+            raise

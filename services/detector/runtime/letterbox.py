@@ -1,0 +1,66 @@
+"""Images of any size into the model's input, and places in that input back into the image. Pure."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+PADDING: Final = 114
+"""The grey around a letterboxed image, as in training."""
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One axis of the image and of the model's input, in pixels.
+
+    image: size of the image; content: size it is scaled to; before: padding in front of it; input: size of all of it.
+    """
+
+    image: int
+    content: int
+    before: int
+    input: int
+
+    def to_image(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return where places in the input are in the image, none of them outside."""
+        inside = (places - np.float32(self.before)) * np.float32(self.image / self.content)
+        return np.asarray(np.clip(inside, 0, self.image), np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Letterbox:
+    """An image in the middle of a model's input: scaled to fit, padded to a multiple of the model's stride."""
+
+    rows: Axis
+    columns: Axis
+
+    @classmethod
+    def fit(cls, height: int, width: int, longest: int, stride: int) -> "Letterbox":
+        """Fit an image into the smallest input of sides up to `longest`, as Ultralytics does with `rect`."""
+        scale = min(longest / height, longest / width)
+        return cls(_axis(height, scale, longest, stride), _axis(width, scale, longest, stride))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the model's input."""
+        return self.rows.input, self.columns.input
+
+    def apply(self, bgr: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+        """Write a BGR image into the input `out`, height x width x 3 in RGB."""
+        rows, columns = self.rows, self.columns
+        if bgr.shape[:2] != (rows.content, columns.content):
+            bgr = np.asarray(cv2.resize(bgr, (columns.content, rows.content), interpolation=cv2.INTER_LINEAR), np.uint8)
+        if (rows.content, columns.content) == self.shape:
+            cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB, dst=out)
+            return
+        out[...] = PADDING
+        top, left = rows.before, columns.before
+        out[top : top + rows.content, left : left + columns.content] = bgr[..., ::-1]
+
+
+def _axis(size: int, scale: float, longest: int, stride: int) -> Axis:
+    content = max(round(size * scale), 1)
+    padding = (longest - content) % stride
+    return Axis(size, content, round(padding / 2 - 0.1), content + padding)

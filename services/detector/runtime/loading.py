@@ -1,0 +1,143 @@
+"""Settings to a model that is ready."""
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.tuning import Tuning
+from services.detector.model import Model, ModelError, TuningError, first_line
+from services.detector.pairing import PairedModel
+from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
+from services.detector.runtime.engine import Engine
+from services.detector.runtime.exporting import exported
+from services.detector.runtime.letterbox import Letterbox
+from services.detector.runtime.offline import keep_offline
+from services.detector.runtime.pipeline import Facts, Pipeline
+from services.detector.settings import DetectorSettings
+from services.detector.tracking import TrackingModel
+
+if TYPE_CHECKING:
+    import torch
+
+    from services.detector.runtime.weights import Weights
+
+BATCH_ON_GPU = 8
+"""Images of different cameras that one call computes together where that costs little more than one."""
+
+
+def load_all(settings: DetectorSettings, folder: Path) -> Model:
+    """Load the model, and the one for boxes if there is one; see `load`."""
+    model = load(settings, folder)
+    if settings.detection_model is None:
+        return model
+    try:
+        boxes = settings.model_copy(update={"model": settings.detection_model})
+        return PairedModel(load(boxes, folder, option="--detection-model"), model)
+    except ModelError:
+        model.close()
+        raise
+
+
+def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -> Pipeline:
+    """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
+
+    folder: where Ultralytics keeps its settings, so that they are nobody's but ours. option: what errors speak of.
+
+    Raises:
+        ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
+    """
+    keep_offline(folder, download=settings.download)
+    from services.detector.runtime.weights import device_of, load_weights  # noqa: PLC0415 - they are heavy
+
+    weights = load_weights(settings.model, option)
+    device = device_of(settings.device)
+    longest = settings.image_size or weights.longest
+    on_gpu = device.type == "cuda"
+    try:
+        runtime, engine, reference = _engines(settings, weights, device, longest)
+        return Pipeline(
+            Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
+            engine,
+            _tuning(settings),
+            reference=None if runtime == "torch" else reference,
+            max_batch=BATCH_ON_GPU if on_gpu else 1,
+            in_flight=3 if on_gpu else 2,
+        )
+    except TuningError as error:
+        raise ModelError(f"--classes with {option} {settings.model}: {error}") from error
+    except ModelError:
+        raise
+    except Exception as error:
+        raise ModelError(f"{option} {settings.model}: not a model that can be used: {first_line(error)}") from error
+
+
+def tracking(model: Model, tracker: Literal["off", "bytetrack", "botsort"]) -> Model:
+    """Return the model with its objects followed from frame to frame; it must have been loaded here."""
+    if tracker == "off":
+        return model
+    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
+
+    return TrackingModel(model, partial(UltralyticsTracker, tracker))
+
+
+def _tuning(settings: DetectorSettings) -> Tuning:
+    return Tuning(
+        confidence=settings.confidence,
+        iou=settings.iou,
+        max_detections=settings.max_detections,
+        classes=settings.classes,
+    )
+
+
+def _engines(
+    settings: DetectorSettings, weights: "Weights", device: "torch.device", longest: int
+) -> tuple[Runtime, Engine, Engine]:
+    """Return the runtime, the model under it, and the model under torch."""
+    import torch  # noqa: PLC0415
+
+    from services.detector.runtime.torch_engine import TorchEngine  # noqa: PLC0415
+
+    threads = settings.threads or len(os.sched_getaffinity(0))
+    cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
+    reference = TorchEngine(weights.yolo.model, device)
+    torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
+    place = Place(weights.digest, longest, device.type, threads, settings.cache)
+    make = partial(_make, weights=weights, device=device, place=place, reference=reference)
+    blank = _blank(longest, weights.stride)
+    if settings.runtime == "auto":
+        runtime, engine = choose(make, place, blank)
+    else:
+        runtime = settings.runtime
+        check_installed(runtime)
+        engine = make(runtime)
+    engine.run(blank)
+    return runtime, engine, reference
+
+
+def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place: Place, reference: Engine) -> Engine:
+    file = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest)
+    match runtime:
+        case "torch":
+            return reference
+        case "onnx":
+            from services.detector.runtime.onnx_engine import OnnxEngine  # noqa: PLC0415
+
+            return OnnxEngine(file("onnx"), place.threads, cuda=device.type == "cuda")
+        case "openvino":
+            from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415
+
+            return OpenVinoEngine(file("onnx"), place.threads)
+        case "tensorrt":
+            from services.detector.runtime.torch_engine import TorchEngine  # noqa: PLC0415
+
+            return TorchEngine(file("engine"), device)
+
+
+def _blank(longest: int, stride: int) -> NDArray[np.uint8]:
+    height, width = Letterbox.fit(480, 640, longest, stride).shape
+    return np.zeros((1, height, width, 3), np.uint8)

@@ -1,0 +1,35 @@
+"""A model under ONNX Runtime."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from services.detector.runtime.engine import outputs
+from services.detector.runtime.postprocess import Output
+
+_CPU: Final = "CPUExecutionProvider"
+_CUDA: Final = "CUDAExecutionProvider"
+ERRORS_ONLY: Final = 3
+
+
+class OnnxEngine:
+    """Runs an ONNX file on the processor, or on the GPU where the installed ONNX Runtime can."""
+
+    def __init__(self, path: Path, threads: int, *, cuda: bool) -> None:
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.log_severity_level = ERRORS_ONLY
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        able = cuda and _CUDA in onnxruntime.get_available_providers()
+        self._session = onnxruntime.InferenceSession(path, options, providers=[_CUDA, _CPU] if able else [_CPU])
+        self._input = self._session.get_inputs()[0].name
+
+    def run(self, images: NDArray[np.uint8]) -> list[Output]:
+        """See `Engine.run`."""
+        batch = images.transpose(0, 3, 1, 2).astype(np.float32, order="C")
+        batch /= 255
+        predictions, *prototypes = self._session.run(None, {self._input: batch})
+        return outputs(predictions, prototypes[0] if prototypes else None)

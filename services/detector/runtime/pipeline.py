@@ -1,0 +1,183 @@
+"""A model at work: images are prepared and objects read off in threads while the engine computes the next batch."""
+
+import asyncio
+import logging
+import time
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.image import ImageFrame
+from schemas.tuning import Tuning
+from services.detector.account import FAILED, MALFORMED
+from services.detector.model import SILENT, Failed, Found, ModelError, Outcome, Request
+from services.detector.pixels import PictureError, to_bgr
+from services.detector.runtime.agreement import difference
+from services.detector.runtime.criteria import Criteria
+from services.detector.runtime.engine import Engine, OutOfMemoryError
+from services.detector.runtime.letterbox import Letterbox
+from services.detector.runtime.postprocess import Output, objects
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a model is. names: of its classes, by label. longest: its input's longer side in pixels."""
+
+    name: str
+    runtime: str
+    names: Mapping[int, str]
+    segments: bool
+    longest: int
+    stride: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Prepared:
+    """An image in the model's input."""
+
+    index: int
+    letterbox: Letterbox
+    pixels: NDArray[np.uint8]
+    took_ns: int
+
+
+class Pipeline:
+    """A model behind the `Model` protocol.
+
+    reference: what the engine's first images are checked against, where that is another one.
+    """
+
+    def __init__(
+        self,
+        facts: Facts,
+        engine: Engine,
+        tuning: Tuning,
+        *,
+        reference: Engine | None = None,
+        max_batch: int = 1,
+        in_flight: int = 2,
+    ) -> None:
+        self.name = facts.name
+        self.max_batch = max_batch
+        self.in_flight = in_flight
+        self.facts = facts
+        self.segments = facts.segments
+        self.remarks: tuple[str, ...] = () if facts.segments else (f"{facts.name} has no masks: {SILENT}",)
+        self._engine = engine
+        self._reference = reference
+        self._stages = ThreadPoolExecutor(in_flight, thread_name_prefix="images")
+        self._computing = ThreadPoolExecutor(1, thread_name_prefix="model")
+        self._last: asyncio.Future[None] | None = None
+        self._criteria = Criteria().tuned(tuning, facts.names)
+
+    @property
+    def tuning(self) -> Tuning:
+        """See `Model.tuning`."""
+        return self._criteria.tuning
+
+    def tune(self, tuning: Tuning) -> None:
+        """See `Model.tune`."""
+        self._criteria = self._criteria.tuned(tuning, self.facts.names)
+
+    def close(self) -> None:
+        """See `Model.close`."""
+        self._stages.shutdown(wait=False, cancel_futures=True)
+        self._computing.shutdown(wait=False, cancel_futures=True)
+
+    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """See `Model.infer`."""
+        before, ended = self._last, asyncio.get_running_loop().create_future()
+        self._last = ended
+        try:
+            found = await asyncio.get_running_loop().run_in_executor(self._stages, self.run, batch)
+            if before is not None and not before.done():
+                await asyncio.wait([before])
+            return found
+        finally:
+            ended.set_result(None)
+
+    def run(self, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """Do what `infer` does, on this thread but for the engine's part; from several threads at once if one likes."""
+        outcomes: dict[int, Outcome] = {}
+        by_shape: defaultdict[tuple[int, int], list[_Prepared]] = defaultdict(list)
+        for index, request in enumerate(batch):
+            prepared = self._prepare(index, request.frame)
+            if isinstance(prepared, Failed):
+                outcomes[index] = prepared
+            else:
+                by_shape[prepared.letterbox.shape].append(prepared)
+        for images in by_shape.values():
+            for prepared, output, model_ns in self._computed(images):
+                masks = batch[prepared.index].masks and self.facts.segments
+                outcomes[prepared.index] = self._read_off(prepared, output, model_ns, masks=masks)
+        return [outcomes[index] for index in range(len(batch))]
+
+    def _prepare(self, index: int, frame: ImageFrame) -> _Prepared | Failed:
+        began_ns = time.perf_counter_ns()
+        try:
+            letterbox = Letterbox.fit(frame.height, frame.width, self.facts.longest, self.facts.stride)
+            pixels = np.empty((*letterbox.shape, 3), np.uint8)
+            letterbox.apply(to_bgr(frame), pixels)
+        except PictureError as error:
+            return Failed(MALFORMED, error)
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with an image, it fails alone
+            return Failed(FAILED, error)
+        return _Prepared(index, letterbox, pixels, time.perf_counter_ns() - began_ns)
+
+    def _computed(self, images: list[_Prepared]) -> list[tuple[_Prepared, Output | Exception, int]]:
+        """Compute images of one shape; where the batch fails, each alone."""
+        batch = images[0].pixels[None] if len(images) == 1 else np.stack([each.pixels for each in images])
+        try:
+            outputs, took_ns = self._computing.submit(self._compute, batch).result()
+        except OutOfMemoryError as error:
+            if len(images) == 1:
+                size = "x".join(map(str, images[0].letterbox.shape[::-1]))
+                raise ModelError(f"{self.name}: no memory for even one image of {size}: {error}") from error
+            self.max_batch = max(1, len(images) // 2)
+            log.warning("no memory for %d images at once; from now on at most %d", len(images), self.max_batch)
+            middle = len(images) // 2
+            return [*self._computed(images[:middle]), *self._computed(images[middle:])]
+        except Exception as error:  # noqa: BLE001 - see above
+            if len(images) == 1:
+                return [(images[0], error, 0)]
+            return [result for each in images for result in self._computed([each])]
+        return [(each, output, took_ns) for each, output in zip(images, outputs, strict=True)]
+
+    def _compute(self, batch: NDArray[np.uint8]) -> tuple[list[Output], int]:
+        """Run the engine. On its own thread."""
+        began_ns = time.perf_counter_ns()
+        outputs = self._engine.run(batch)
+        took_ns = time.perf_counter_ns() - began_ns
+        reference, self._reference = self._reference, None
+        if reference is not None:
+            self._check(batch, outputs[0], reference.run(batch)[0])
+        return outputs, took_ns
+
+    def _check(self, batch: NDArray[np.uint8], ours: Output, theirs: Output) -> None:
+        height, width = batch.shape[1:3]
+        as_it_is = Letterbox.fit(height, width, max(height, width), self.facts.stride)
+        here, there = (
+            objects(each, as_it_is, self._criteria, self.facts.names, masks=False) for each in (ours, theirs)
+        )
+        differing = difference(here, there, self._criteria.confidence)
+        if differing is not None:
+            remark = f"{self.name} under {self.facts.runtime} differs from torch: {differing}"
+            log.warning("%s", remark)
+            self.remarks = (*self.remarks, remark)
+
+    def _read_off(self, prepared: _Prepared, output: Output | Exception, model_ns: int, *, masks: bool) -> Outcome:
+        began_ns = time.perf_counter_ns()
+        try:
+            if isinstance(output, Exception):
+                return Failed(FAILED, output)
+            found = objects(output, prepared.letterbox, self._criteria, self.facts.names, masks=masks)
+        except Exception as error:  # noqa: BLE001 - see above
+            return Failed(FAILED, error)
+        after_ns = time.perf_counter_ns() - began_ns
+        return Found(found, {"prepare": prepared.took_ns, "model": model_ns, "postprocess": after_ns})

@@ -1,0 +1,46 @@
+"""A model under PyTorch, or an engine file under TensorRT: what Ultralytics' AutoBackend runs on tensors."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from ultralytics.nn.autobackend import AutoBackend
+
+from services.detector.runtime.engine import OutOfMemoryError, outputs
+from services.detector.runtime.postprocess import Output
+
+
+class TorchEngine:
+    """Runs a module or an engine file on a device."""
+
+    def __init__(self, model: Any, device: torch.device) -> None:
+        self._device = device
+        self._backend = AutoBackend(model=model, device=device, fuse=True, verbose=False)
+        self._backend.eval()
+
+    def run(self, images: NDArray[np.uint8]) -> list[Output]:
+        """See `Engine.run`."""
+        try:
+            with torch.inference_mode():
+                batch = torch.from_numpy(images).to(self._device).permute(0, 3, 1, 2)
+                found = self._backend(batch.to(memory_format=torch.contiguous_format).float().div_(255))
+                predictions, prototypes = _parts(found)
+                return outputs(_array(predictions), None if prototypes is None else _array(prototypes))
+        except torch.OutOfMemoryError as error:
+            torch.cuda.empty_cache()
+            raise OutOfMemoryError(str(error)) from error
+
+
+def _parts(found: Any) -> tuple[torch.Tensor, torch.Tensor | None]:
+    """Take apart what a model returns: predictions, in a segmentation model with prototypes, and what losses need."""
+    first = found[0] if isinstance(found, list | tuple) else found
+    if isinstance(first, list | tuple):
+        return first[0], first[1]
+    if isinstance(found, list | tuple) and len(found) > 1 and isinstance(found[1], torch.Tensor):
+        return first, found[1]
+    return first, None
+
+
+def _array(tensor: torch.Tensor) -> NDArray[np.float32]:
+    return np.asarray(tensor.float().cpu().numpy(), np.float32)

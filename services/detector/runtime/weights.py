@@ -1,0 +1,79 @@
+"""An Ultralytics checkpoint: what it is a model of, and its module."""
+
+import hashlib
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import torch
+from ultralytics.models import YOLO
+from ultralytics.utils.torch_utils import select_device
+
+from services.detector.model import ModelError, first_line
+
+SEGMENT: Final = "segment"
+TASKS: Final = (SEGMENT, "detect")
+SUFFIX: Final = ".pt"
+SHOUTED: Final = "ERROR \u274c\ufe0f "
+DEFAULT_SIDE: Final = 640
+"""What Ultralytics trains at unless told otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """A loaded checkpoint. digest: of the file's content. longest: the input's longer side in training, in pixels."""
+
+    path: Path
+    digest: str
+    yolo: Any
+    names: Mapping[int, str]
+    segments: bool
+    longest: int
+    stride: int
+
+
+def load_weights(model: str, option: str = "--model") -> Weights:
+    """Read a checkpoint; nothing in it is executed.
+
+    Raises:
+        ModelError: the file is no checkpoint, or of a task that finds no objects.
+    """
+    if not model.endswith(SUFFIX):
+        raise ModelError(f"{option} {model}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what is wrong is said in one line
+            yolo: Any = YOLO(model)
+        path = Path(yolo.ckpt_path)
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        names = {int(label): str(name) for label, name in yolo.model.names.items()}
+        stride = max(32, int(yolo.model.stride.max()))
+        longest = _longest(yolo)
+    except Exception as error:
+        raise ModelError(
+            f"{option} {model}: not a model that can be used: {first_line(error).removeprefix(SHOUTED)}"
+        ) from error
+    if yolo.task not in TASKS:
+        raise ModelError(f"{option} {model}: a model for {yolo.task!r}, not for one of {', '.join(TASKS)}")
+    return Weights(path, digest, yolo, names, yolo.task == SEGMENT, longest, stride)
+
+
+def _longest(yolo: Any) -> int:
+    """Return the longer side of the input that the model was trained at."""
+    side = (yolo.ckpt or {}).get("train_args", {}).get("imgsz", DEFAULT_SIDE)
+    return int(max(side) if isinstance(side, list | tuple) else side)
+
+
+def device_of(name: str | None) -> torch.device:
+    """Return the device of a name that Ultralytics knows, or the best there is.
+
+    Raises:
+        ModelError: it is not there.
+    """
+    try:
+        found: torch.device = select_device(name or ("" if torch.cuda.is_available() else "cpu"), verbose=False)
+    except Exception as error:
+        raise ModelError(f"--device {name}: {first_line(error)}") from error
+    return found

@@ -1,0 +1,54 @@
+"""Still images, of whatever format a person has, as frames. Pure."""
+
+import io
+import warnings
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageOps, UnidentifiedImageError
+
+from schemas.header import Header
+from schemas.image import MAX_SIDE, ImageFrame
+
+ROBOT: Final = "still"
+FORMATS: Final = ("JPEG", "PNG", "WEBP", "BMP", "GIF", "TIFF", "PPM")
+MAX_PIXELS: Final = 64_000_000
+"""What is decoded at most: three bytes each."""
+
+
+class StillError(ValueError):
+    """Not an image, or one that is too large; the message says which."""
+
+
+def frame_of(data: bytes) -> ImageFrame:
+    """Decode an image file, turned as it says that it should be seen.
+
+    Raises:
+        StillError: it is none, is cut off, or has more than MAX_PIXELS.
+    """
+    try:
+        with warnings.catch_warnings(), Image.open(io.BytesIO(data), formats=FORMATS) as image:
+            warnings.simplefilter("ignore")
+            width, height = image.size
+            if max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
+                raise StillError(f"an image of {width}x{height} pixels is too large")
+            pixels = np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
+    except (UnidentifiedImageError, ImportError) as error:  # Ultralytics makes Pillow look for a HEIF decoder
+        raise StillError(f"not an image of any format known here ({', '.join(FORMATS)})") from error
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        if isinstance(error, StillError):
+            raise
+        raise StillError(f"an image that cannot be decoded: {error}") from error
+    return _frame(np.ascontiguousarray(pixels))
+
+
+def _frame(rgb: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]") -> ImageFrame:
+    height, width = rgb.shape[:2]
+    return ImageFrame(
+        header=Header(robot=ROBOT, boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0),
+        height=height,
+        width=width,
+        encoding="rgb8",
+        step=width * 3,
+        data=rgb.reshape(-1).data,
+    )

@@ -1,0 +1,127 @@
+"""One image, and what is in it."""
+
+import asyncio
+import random
+import sys
+import tempfile
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from bus import Bus, NotServedError, RefusedError, RequestError, open_bus
+from schemas import codec, keys
+from schemas.detections import Detection, Detections
+from schemas.errors import SchemaError
+from services.detector.overlay import overlay
+from services.detector.requests import SERVICE, detect
+from services.detector.runtime.loading import load
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings
+from services.detector.stills import frame_of
+from services.toolbox.detect.settings import DetectSettings
+
+FAILED: Final = 1
+ANSWERED_BY: Final = "local"
+GATHER_S: Final = 0.2
+"""How long after the first worker is seen others are waited for."""
+
+BUSY: Final = "busy:"
+
+
+async def run(settings: DetectSettings) -> int:
+    """Look at the image; print what is in it, or on stderr why that cannot be told. Returns the exit code."""
+    image = await asyncio.to_thread(settings.image.read_bytes)
+    try:
+        found = await (_locally(settings, image) if settings.local else _by_a_worker(settings, image))
+        output = settings.output or settings.image.with_name(f"{settings.image.stem}.detected.jpg")
+        await asyncio.to_thread(_draw, found, image, output)
+    except (RequestError, SchemaError, OSError) as error:
+        sys.stderr.write(f"fleetsight detect: {' '.join(str(error).split())}\n")
+        return FAILED
+    sys.stdout.write(as_json(found) if settings.json_ else table(found, output))
+    return 0
+
+
+async def _locally(settings: DetectSettings, image: bytes) -> Detections:
+    model_settings = DetectorSettings(model=settings.model or str(SHIPPED_MODEL), runtime="torch")
+    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+        model = await asyncio.to_thread(load, model_settings, Path(folder))
+        try:
+            return await detect(model, ANSWERED_BY, image)
+        finally:
+            model.close()
+
+
+async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
+    """Ask the workers in an order drawn by lot, so that nobody's requests all go to the same one, until one has time.
+
+    Zenoh (1.10) would always ask the same of several that serve one key, so each worker serves one of its own.
+
+    Raises:
+        RequestError: none answers, or the image is refused.
+    """
+    async with open_bus(settings) as bus:
+        workers = await _workers(bus, settings.timeout_s)
+        reason: RequestError = NotServedError(f"no detector worker was seen within {settings.timeout_s:g} s")
+        for worker in random.sample(workers, len(workers)):
+            try:
+                reply = await bus.request(keys.infer(worker), image, timeout_s=settings.timeout_s)
+            except RefusedError as error:
+                if BUSY not in str(error):
+                    raise
+                reason = error
+            except NotServedError as error:
+                reason = error
+            else:
+                return codec.decode(Detections, reply.payload, reply.encoding)
+        raise reason
+
+
+async def _workers(bus: Bus, patience_s: float) -> list[str]:
+    """Return who is there: wait for the first one, and a moment for others."""
+    seen: set[str] = set()
+    try:
+        async with asyncio.timeout(patience_s) as limit:
+            async for worker in _appearing(bus):
+                if not seen:
+                    limit.reschedule(asyncio.get_running_loop().time() + GATHER_S)
+                seen.add(worker)
+    except TimeoutError:
+        pass
+    return sorted(seen)
+
+
+async def _appearing(bus: Bus) -> AsyncIterator[str]:
+    async with bus.watch(keys.every_worker_alive(SERVICE)) as watch:
+        async for presence in watch:
+            if presence.alive:
+                yield keys.parse_worker(presence.key)[1]
+
+
+def _draw(found: Detections, image: bytes, output: Path) -> None:
+    output.write_bytes(overlay(found, frame_of(image), masks=True).data)
+
+
+def as_json(found: Detections) -> str:
+    """Return Detections as a line of JSON."""
+    return msgspec.json.encode(found).decode() + "\n"
+
+
+def table(found: Detections, output: Path) -> str:
+    """Return a line per object, best score first, and where the overlay is."""
+    rows = [("object", "score", "left", "top", "right", "bottom"), *map(_row, found.objects)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [
+        "  ".join(
+            [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        )
+        for row in rows
+    ]
+    about = f"{len(found.objects)} objects by {found.model} of {found.worker}; drawn in {output}"
+    return "\n".join([*(lines if found.objects else []), about, ""])
+
+
+def _row(found: Detection) -> tuple[str, ...]:
+    box = found.box
+    return (found.name, f"{found.score:.2f}", *(str(round(edge)) for edge in (box.x1, box.y1, box.x2, box.y2)))

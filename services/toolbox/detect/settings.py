@@ -1,0 +1,37 @@
+"""Settings of a look at an image."""
+
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from bus.settings import BusSettings
+
+
+class DetectSettings(BusSettings):
+    """Say what is in an image: `fleetsight detect photo.jpg`.
+
+    Asks one of the fleet's detector workers, any that is not busy; with --local a model of this process. Prints a line
+    per object, best score first, and writes the image with the objects drawn over it. Exit code 1 and one line say why
+    there is no answer.
+    """
+
+    image: Annotated[Path, Field(description="image file; the first argument if no option is")]
+    output: Annotated[
+        Path | None,
+        Field(description="JPEG file to draw the objects in; photo.detected.jpg for photo.jpg unless given"),
+    ] = None
+    json_: Annotated[bool, Field(alias="json", description="print one JSON object instead of a table")] = False
+    local: Annotated[bool, Field(description="run the model here, without a fleet")] = False
+    model: Annotated[
+        str | None, Field(description="Ultralytics weights for --local; the shipped ones unless given")
+    ] = None
+    timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for a worker and its answer")] = 10.0
+
+    @model_validator(mode="after")
+    def _reads_and_writes(self) -> Self:
+        if not self.image.is_file():
+            raise ValueError(f"--image {self.image}: no such file")
+        if self.model is not None and not self.local:
+            raise ValueError("--model is for --local: workers have their own")
+        return self

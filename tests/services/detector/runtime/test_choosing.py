@@ -1,0 +1,80 @@
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.detector.model import ModelError
+from services.detector.runtime.choosing import Place, Runtime, choose
+from services.detector.runtime.engine import Engine
+from services.detector.runtime.postprocess import Output
+
+BLANK = np.zeros((1, 32, 32, 3), np.uint8)
+QUICK: Runtime = "onnx"
+
+
+class Slow:
+    """Takes its time."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+
+    def run(self, images: NDArray[np.uint8]) -> list[Output]:
+        """See `Engine.run`."""
+        time.sleep(self._seconds)
+        return [Output(np.zeros((6, 0), np.float32), None) for _ in images]
+
+
+def place(cache: Path, digest: str = "d1") -> Place:
+    cache.mkdir(exist_ok=True)
+    return Place(digest, 320, "cpu", 2, cache)
+
+
+def maker(asked: list[Runtime], *broken: Runtime) -> Callable[[Runtime], Engine]:
+    def make(runtime: Runtime) -> Engine:
+        asked.append(runtime)
+        if runtime in broken:
+            raise RuntimeError("it does not run here")
+        return Slow(0.0 if runtime == QUICK else 0.02)
+
+    return make
+
+
+def test_the_fastest_is_chosen_and_remembered_for_these_weights(tmp_path: Path) -> None:
+    first: list[Runtime] = []
+    assert choose(maker(first), place(tmp_path), BLANK)[0] == QUICK
+    assert set(first) == {"openvino", "onnx", "torch"}
+    again: list[Runtime] = []
+    assert choose(maker(again), place(tmp_path), BLANK)[0] == QUICK
+    assert again == [QUICK]
+    other: list[Runtime] = []
+    choose(maker(other), place(tmp_path, "d2"), BLANK)
+    assert set(other) == set(first)
+
+
+def test_what_does_not_run_is_said_and_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        chosen, _ = choose(maker([], "onnx", "openvino"), place(tmp_path), BLANK)
+    assert chosen == "torch"
+    assert [record.getMessage() for record in caplog.records] == [
+        "not with --runtime openvino: it does not run here",
+        "not with --runtime onnx: it does not run here",
+    ]
+
+
+def test_what_was_remembered_and_no_longer_runs_is_an_error_that_says_so(tmp_path: Path) -> None:
+    choose(maker([]), place(tmp_path), BLANK)
+    with pytest.raises(ModelError, match="no runtime works here"):
+        choose(maker([], "onnx"), place(tmp_path), BLANK)
+
+
+def test_a_damaged_memory_is_no_memory(tmp_path: Path) -> None:
+    choose(maker([]), place(tmp_path), BLANK)
+    for memory in tmp_path.glob("choice-*"):
+        memory.write_bytes(b"\xff\xfe")
+    asked: list[Runtime] = []
+    choose(maker(asked), place(tmp_path), BLANK)
+    assert len(asked) == 3

@@ -1,0 +1,103 @@
+"""Weights that are not what they should be are refused in one line; what is exported is made once."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from schemas.keys import CameraKey
+from services.detector.model import Found, ModelError, Request
+from services.detector.runtime.loading import load
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings
+from tests.services.detector.requests import frame_of
+
+
+def settings(folder: Path, **fields: object) -> DetectorSettings:
+    return DetectorSettings.model_validate({"runtime": "torch", "cache": folder / "cache", **fields})
+
+
+def refusal(folder: Path, **fields: object) -> str:
+    with pytest.raises(ModelError) as refused:
+        load(settings(folder, **fields), folder / "ultralytics")
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+class Malicious:
+    """Runs code when it is unpickled."""
+
+    def __init__(self, trace: Path) -> None:
+        self._trace = trace
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return Path.touch, (self._trace,)
+
+
+@pytest.mark.parametrize("content", [b"", b"no weights", SHIPPED_MODEL.read_bytes()[:-1000]])
+def test_a_file_that_is_no_model(content: bytes, tmp_path: Path, model_folder: Path) -> None:
+    (tmp_path / "bad.pt").write_bytes(content)
+    assert refusal(model_folder, model=str(tmp_path / "bad.pt")).startswith(
+        f"--model {tmp_path / 'bad.pt'}: not a model"
+    )
+
+
+def test_nothing_in_a_file_is_executed(tmp_path: Path, model_folder: Path) -> None:
+    trace = tmp_path / "trace"
+    (tmp_path / "evil.pt").write_bytes(pickle.dumps(Malicious(trace)))
+    refusal(model_folder, model=str(tmp_path / "evil.pt"))
+    assert not trace.exists()
+
+
+def test_another_format_is_named(tmp_path: Path, model_folder: Path) -> None:
+    (tmp_path / "model.onnx").write_bytes(b"")
+    assert r"Ultralytics weights end in .pt" in refusal(model_folder, model=str(tmp_path / "model.onnx"))
+
+
+def test_unknown_classes_and_devices(model_folder: Path) -> None:
+    assert refusal(model_folder, classes=["unicorn"]) == (
+        f"--classes with --model {SHIPPED_MODEL}: no class is called 'unicorn'; the model knows box, pallet, forklift"
+    )
+    assert refusal(model_folder, device="cuda:77").startswith("--device cuda:77: ")
+
+
+def test_a_model_of_another_task(tmp_path: Path, model_folder: Path) -> None:
+    load(settings(model_folder), model_folder / "ultralytics").close()  # Ultralytics is offline by then
+    from ultralytics.models import YOLO  # noqa: PLC0415
+
+    YOLO("yolo11n-pose.yaml").save(tmp_path / "pose.pt")
+    assert "a model for 'pose', not for one of segment, detect" in refusal(
+        model_folder, model=str(tmp_path / "pose.pt")
+    )
+
+
+async def test_a_detection_model_finds_boxes_and_says_what_will_be_silent(tmp_path: Path, model_folder: Path) -> None:
+    load(settings(model_folder), model_folder / "ultralytics").close()
+    from ultralytics.models import YOLO  # noqa: PLC0415
+
+    YOLO("yolo11n.yaml").save(tmp_path / "boxes.pt")
+    model = load(settings(model_folder, model=str(tmp_path / "boxes.pt")), model_folder / "ultralytics")
+    assert not model.segments
+    assert "boxes.pt has no masks" in model.remarks[0]
+    image = frame_of(np.zeros((48, 64, 3), np.uint8))
+    (outcome,) = await model.infer([Request(CameraKey("r1", "front"), image, masks=True)])
+    model.close()
+    assert isinstance(outcome, Found)
+    assert all(each.mask is None for each in outcome.objects)
+
+
+def test_the_input_is_as_large_as_in_training_unless_told_otherwise(model_folder: Path) -> None:
+    own = load(settings(model_folder), model_folder / "ultralytics")
+    other = load(settings(model_folder, image_size=96), model_folder / "ultralytics")
+    assert own.facts.longest in {320, 640}
+    assert other.facts.longest == 96
+    own.close()
+    other.close()
+
+
+def test_an_export_is_made_once_and_openvino_and_onnx_share_it(model_folder: Path) -> None:
+    for runtime in ("onnx", "openvino", "onnx"):
+        load(settings(model_folder, runtime=runtime), model_folder / "ultralytics").close()
+    cached = [each.name for each in (model_folder / "cache").iterdir() if each.is_dir()]
+    assert len([name for name in cached if name.endswith("-onnx")]) == 1
+    assert not [name for name in cached if name.startswith(".")]

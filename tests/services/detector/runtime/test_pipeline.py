@@ -1,0 +1,105 @@
+import asyncio
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schemas.detections import Detection
+from schemas.tuning import Tuning
+from services.detector.account import FAILED
+from services.detector.model import Failed, Found, ModelError, Outcome, Request
+from services.detector.runtime.pipeline import Pipeline
+from tests.services.detector.requests import request
+from tests.services.detector.runtime.engines import FACTS, BrightEngine
+
+DETECTION = replace(FACTS, segments=False)
+
+
+def grey(value: int, height: int = 48, width: int = 64) -> Request:
+    return request(np.full((height, width, 3), value, np.uint8))
+
+
+def score(outcome: Outcome) -> float:
+    assert isinstance(outcome, Found)
+    return outcome.objects[0].score
+
+
+def pipeline(engine: BrightEngine, *, max_batch: int = 8, reference: BrightEngine | None = None) -> Pipeline:
+    return Pipeline(DETECTION, engine, Tuning(), max_batch=max_batch, reference=reference)
+
+
+async def test_images_of_one_shape_are_computed_together_and_answered_in_order() -> None:
+    engine = BrightEngine()
+    outcomes = await pipeline(engine).infer([grey(255), grey(204, 32), grey(153)])
+    assert engine.batches == [2, 1]
+    assert [round(score(each), 2) for each in outcomes] == [1.0, 0.8, 0.6]
+
+
+async def test_an_image_that_fails_in_a_batch_fails_alone() -> None:
+    outcomes = await pipeline(BrightEngine()).infer([grey(255), grey(13), grey(204)])
+    assert isinstance(outcomes[1], Failed)
+    assert (outcomes[1].reason, str(outcomes[1].error)) == (FAILED, "unlucky")
+    assert [round(score(each), 2) for each in outcomes[::2]] == [1.0, 0.8]
+
+
+async def test_out_of_memory_makes_batches_smaller_from_then_on() -> None:
+    engine = BrightEngine(memory=2)
+    model = pipeline(engine)
+    outcomes = await model.infer([grey(255), grey(204), grey(153), grey(255)])
+    assert engine.batches == [4, 2, 2]
+    assert [round(score(each), 2) for each in outcomes] == [1.0, 0.8, 0.6, 1.0]
+    assert model.max_batch == 2
+
+
+async def test_no_memory_for_a_single_image_is_the_end() -> None:
+    with pytest.raises(ModelError, match=r"fake\.pt: no memory for even one image of 64x64"):
+        await pipeline(BrightEngine(memory=0)).infer([grey(255, 64), grey(204, 64)])
+
+
+async def test_the_first_image_is_checked_against_the_reference(caplog: pytest.LogCaptureFixture) -> None:
+    reference = BrightEngine(score=0.9)
+    model = pipeline(BrightEngine(), reference=reference)
+    with caplog.at_level(logging.WARNING):
+        await model.infer([grey(153)])
+        await model.infer([grey(153)])
+    assert reference.batches == [1]
+    assert len(caplog.records) == 1
+    assert "differs from torch" in caplog.text
+    assert "differs from torch" in model.remarks[-1]
+
+
+async def test_rounding_is_no_difference(caplog: pytest.LogCaptureFixture) -> None:
+    await pipeline(BrightEngine(), reference=BrightEngine(score=0.62)).infer([grey(153)])
+    assert not caplog.records
+
+
+async def test_a_model_without_masks_says_what_will_be_silent() -> None:
+    model = Pipeline(DETECTION, BrightEngine(), Tuning())
+    assert not model.segments
+    assert "overlay/segmentation, distances and objects are silent" in model.remarks[0]
+    (outcome,) = await model.infer([replace(grey(255), masks=True)])
+    assert isinstance(outcome, Found)
+    assert [each.mask for each in outcome.objects] == [None]
+
+
+async def test_tuning_counts_from_the_next_image_on() -> None:
+    model = pipeline(BrightEngine())
+    model.tune(Tuning(confidence=0.7))
+    assert [len(_objects(each)) for each in await model.infer([grey(153), grey(204)])] == [0, 1]
+    model.tune(Tuning(classes=["pallet"]))
+    assert [len(_objects(each)) for each in await model.infer([grey(204)])] == [0]
+
+
+def _objects(outcome: Outcome) -> list[Detection]:
+    assert isinstance(outcome, Found)
+    return outcome.objects
+
+
+async def test_cancelled_callers_do_not_hold_up_those_after_them() -> None:
+    model = pipeline(BrightEngine())
+    cancelled = asyncio.create_task(model.infer([grey(255)]))
+    await asyncio.sleep(0)
+    cancelled.cancel()
+    (outcome,) = await model.infer([grey(204)])
+    assert round(score(outcome), 2) == 0.8

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pycocotools import mask as coco
+
+from schemas.detections import Detection
+from services.detector.runtime.criteria import Criteria
+from services.detector.runtime.letterbox import Letterbox
+from services.detector.runtime.postprocess import Output, OutputError, objects
+from tests.services.detector.runtime.engines import FACTS, STRIDE, output
+
+CRITERIA = Criteria(confidence=0.3, iou=0.5)
+SQUARE = Letterbox.fit(64, 64, 64, STRIDE)
+
+
+def found(of: Output, letterbox: Letterbox = SQUARE, criteria: Criteria = CRITERIA) -> list[Detection]:
+    return objects(of, letterbox, criteria, FACTS.names, masks=True)
+
+
+def corners(of: Detection) -> tuple[float, ...]:
+    return of.box.x1, of.box.y1, of.box.x2, of.box.y2
+
+
+def pixels(of: Detection) -> NDArray[np.uint8]:
+    assert of.mask is not None
+    return np.asarray(coco.decode({"size": list(of.mask.size), "counts": of.mask.counts.encode()}), np.uint8)
+
+
+def test_boxes_of_the_best_class_best_first() -> None:
+    seen = found(output([(10, 10, 8, 4), (40, 40, 10, 10)], [(0.4, 0.2), (0.1, 0.9)]))
+    assert [(each.name, each.label, round(each.score, 3), corners(each)) for each in seen] == [
+        ("pallet", 1, 0.9, (35, 35, 45, 45)),
+        ("box", 0, 0.4, (6, 8, 14, 12)),
+    ]
+
+
+def test_the_confidence_itself_is_not_enough() -> None:
+    assert not found(output([(10, 10, 8, 4)], [(0.5, 0)]), criteria=Criteria(confidence=0.5))
+
+
+def test_an_overlap_of_iou_counts_twice_a_larger_one_once_and_classes_do_not_mix() -> None:
+    half = [(16, 16, 16, 16), (16, 12, 16, 8)]
+    assert len(found(output(half, [(0.9, 0), (0.8, 0)]))) == 2
+    assert len(found(output(half, [(0.9, 0), (0.8, 0)]), criteria=Criteria(confidence=0.3, iou=0.49))) == 1
+    assert len(found(output(half, [(0.9, 0), (0, 0.8)]), criteria=Criteria(confidence=0.3, iou=0))) == 2
+
+
+def test_no_more_than_asked_for() -> None:
+    many = output([(4 + 8 * n, 4, 4, 4) for n in range(8)], [(0.3 + 0.05 * n, 0) for n in range(8)])
+    seen = found(many, criteria=Criteria(confidence=0.2, max_detections=3))
+    assert [round(each.score, 2) for each in seen] == [0.65, 0.6, 0.55]
+
+
+def test_places_are_those_in_the_image_and_none_is_outside() -> None:
+    letterbox = Letterbox.fit(480, 640, 320, STRIDE)
+    (seen,) = found(output([(300, 20, 80, 40)], [(0.9, 0)]), letterbox)
+    assert corners(seen) == (520, 0, 640, 64)
+
+
+def test_a_mask_is_interpolated_where_its_box_is_and_nowhere_else() -> None:
+    prototypes = np.full((1, 16, 16), -1, np.float32)
+    prototypes[0, :, 4:8] = 1
+    (seen,) = found(output([(24, 24, 20, 20)], [(0.9, 0)], prototypes, [[1.0]]))
+    expected = np.zeros((64, 64), np.uint8)
+    expected[14:34, 16:32] = 1
+    assert np.array_equal(pixels(seen), expected)
+    (beside,) = found(output([(50, 50, 8, 8)], [(0.9, 0)], prototypes, [[1.0]]))
+    assert not pixels(beside).any()
+    assert beside.mask is not None
+    assert beside.mask.size == (64, 64)
+
+
+def test_a_box_without_a_pixel_has_an_empty_mask() -> None:
+    (seen,) = found(output([(24.4, 24, 0.2, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1.0]]))
+    assert not pixels(seen).any()
+
+
+def test_the_padding_of_a_letterbox_has_no_say() -> None:
+    letterbox = Letterbox.fit(48, 64, 64, STRIDE)
+    assert letterbox.shape == (64, 64)
+    prototypes = np.full((1, 16, 16), -1, np.float32)
+    prototypes[0, 2:14] = 1
+    (seen,) = found(output([(32, 32, 64, 64)], [(0.9, 0)], prototypes, [[1.0]]), letterbox)
+    assert pixels(seen).all()
+
+
+def test_a_model_that_suppresses_doubles_itself() -> None:
+    rows = np.array([[6, 8, 14, 12, 0.4, 0, 1], [35, 35, 45, 45, 0.9, 1, 1], [0, 0, 1, 1, 0.1, 0, 1]], np.float32)
+    seen = found(Output(rows, np.ones((1, 16, 16), np.float32)))
+    assert [(each.name, corners(each)) for each in seen] == [("pallet", (35, 35, 45, 45)), ("box", (6, 8, 14, 12))]
+    assert pixels(seen[0]).sum() == 100
+
+
+@pytest.mark.parametrize("predictions", [np.zeros((9, 5), np.float32), np.array([[1, 1, 2, 2, 0.9, 7]], np.float32)])
+def test_another_models_output_is_refused(predictions: NDArray[np.float32]) -> None:
+    with pytest.raises(OutputError):
+        found(Output(predictions, None))

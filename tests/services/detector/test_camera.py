@@ -1,0 +1,72 @@
+"""What a camera's results become while somebody wants them."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+
+from bus import QUEUE, Bus
+from bus.fake import FakeNetwork
+from schemas.detections import Detections
+from schemas.image import ImageFrame
+from schemas.keys import Stream
+from services.detector.account import Account
+from services.detector.camera import Camera, serving
+from tests.services.detector.requests import FRONT, frame_of
+from tests.services.detector.test_overlay import INSIDE, found, grey
+from tests.services.detector.test_worker import receive, until
+
+DETECTION, SEGMENTATION = Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION
+NEEDS_MASKS = {Stream.CLASSES: False, DETECTION: False, Stream.DETECTIONS: True, SEGMENTATION: True}
+
+
+@asynccontextmanager
+async def camera(*, segments: bool = True) -> AsyncIterator[tuple[Bus, Camera]]:
+    network = FakeNetwork()
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        serving(ours, FRONT, Account(FRONT), segments=segments) as made,
+    ):
+        yield theirs, made
+
+
+def looked_at(seq: int) -> tuple[Detections, ImageFrame]:
+    frame = frame_of(grey(), seq=seq)
+    return found(INSIDE, frame=frame), frame
+
+
+@pytest.mark.parametrize("stream", [DETECTION, SEGMENTATION])
+async def test_an_overlay_is_drawn_while_somebody_looks(stream: Stream) -> None:
+    async with camera() as (bus, made):
+        assert not made.demand.wanted
+        async with bus.subscribe(FRONT.stream(stream), QUEUE(9)) as overlays:
+            await until(lambda: made.demand.wanted)
+            made.publish(*looked_at(3))
+            drawn = await receive(overlays, ImageFrame)
+        assert (drawn.header.seq, drawn.format) == (3, "jpeg")
+        await until(lambda: not made.demand.wanted)
+
+
+async def test_of_frames_that_wait_to_be_drawn_the_newest_is() -> None:
+    async with camera() as (bus, made), bus.subscribe(FRONT.stream(DETECTION), QUEUE(9)) as overlays:
+        await until(lambda: made.demand.wanted)
+        for seq in range(4):
+            made.publish(*looked_at(seq))
+        assert (await receive(overlays, ImageFrame)).header.seq == 3
+
+
+async def test_masks_are_wanted_by_detections_and_the_segmentation_overlay() -> None:
+    async with camera() as (bus, made):
+        for stream, masks in NEEDS_MASKS.items():
+            async with bus.subscribe(FRONT.stream(stream), QUEUE(9)):
+                await until(lambda: made.demand.wanted)
+                assert made.wants_masks is masks, stream
+            await until(lambda: not made.demand.wanted)
+
+
+async def test_without_masks_there_is_no_segmentation_to_want() -> None:
+    async with camera(segments=False) as (bus, made), bus.subscribe(FRONT.stream(SEGMENTATION), QUEUE(9)):
+        await asyncio.sleep(0.05)
+        assert not made.demand.wanted

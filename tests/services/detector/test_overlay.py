@@ -1,0 +1,77 @@
+import msgspec
+import numpy as np
+import simplejpeg
+
+from schemas.detections import Box, Detection, Detections
+from schemas.image import ImageFrame
+from services.detector.masks import encode_window
+from services.detector.overlay import caption, color_of, draw, overlay
+from tests.services.detector.requests import frame_of
+
+HEIGHT, WIDTH = 120, 160
+
+
+def detection(box: Box, *, label: int = 0, track: int | None = None) -> Detection:
+    wide, high = int(box.x2 - box.x1), int(box.y2 - box.y1)
+    mask = encode_window(np.ones((wide, high), np.bool_), int(box.y1), int(box.x1), HEIGHT, WIDTH)
+    return Detection(name="box", score=0.876, box=box, mask=mask, label=label, track=track)
+
+
+INSIDE = detection(Box(40, 50, 100, 90))
+
+
+def found(*objects: Detection, frame: ImageFrame) -> Detections:
+    return Detections(header=frame.header, height=HEIGHT, width=WIDTH, objects=list(objects), model="fake", worker="w1")
+
+
+def grey() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+    return np.full((HEIGHT, WIDTH, 3), 128, np.uint8)
+
+
+def test_a_box_is_drawn_in_its_classes_colour_and_nothing_far_from_it_changes() -> None:
+    before = grey()
+    drawn = draw(before, [INSIDE], masks=False)
+    assert tuple(drawn[70, 40]) == tuple(drawn[90, 70]) == color_of(0)
+    assert np.all(drawn[60:80, 50:90] == 128)
+    assert np.all(drawn[100:, :] == 128)
+    assert np.all(before == 128)
+
+
+def test_a_mask_tints_what_it_covers() -> None:
+    drawn = draw(grey(), [INSIDE], masks=True)
+    tinted = 0.55 * 128 + 0.45 * np.array(color_of(0))
+    assert np.allclose(drawn[70, 70], tinted, atol=1)
+    assert np.all(drawn[70, 110] == 128)
+
+
+def test_captions_stay_in_the_picture() -> None:
+    corners = [Box(0, 0, 10, 10), Box(150, 0, 160, 10), Box(150, 110, 160, 120), Box(0, 0, 160, 120)]
+    for box in corners:
+        drawn = draw(grey(), [detection(box)], masks=False)
+        assert np.count_nonzero(drawn.min(axis=2) > 180) > 10, box
+
+
+def test_a_caption_says_name_score_and_the_number_of_a_track() -> None:
+    assert caption(INSIDE) == "box 0.88"
+    assert caption(msgspec.structs.replace(INSIDE, track=(77 << 20) | 5)) == "box 0.88 #5"
+
+
+def test_classes_have_colours_of_their_own() -> None:
+    assert len({color_of(label) for label in range(80)}) == 80
+
+
+def test_an_overlay_is_a_jpeg_with_the_frames_header_and_colours() -> None:
+    frame = frame_of(np.full((HEIGHT, WIDTH, 3), (200, 30, 10), np.uint8), "rgb8", seq=7)
+    drawn = overlay(found(INSIDE, frame=frame), frame, masks=True)
+    assert (drawn.header, drawn.format, drawn.encoding) == (frame.header, "jpeg", "rgb8")
+    assert (drawn.height, drawn.width, drawn.step) == (HEIGHT, WIDTH, WIDTH * 3)
+    assert np.allclose(simplejpeg.decode_jpeg(drawn.data)[110, 150], (200, 30, 10), atol=6)
+
+
+def test_the_smallest_and_the_grey_can_be_drawn_over() -> None:
+    dot = ImageFrame(
+        header=frame_of(grey()).header, height=1, width=1, encoding="mono8", step=1, data=memoryview(b"\x80")
+    )
+    everything = Detection(name="box", score=1, box=Box(0, 0, 1, 1))
+    seen = Detections(header=dot.header, height=1, width=1, objects=[everything], model="fake", worker="w1")
+    assert simplejpeg.decode_jpeg(overlay(seen, dot, masks=True).data).shape == (1, 1, 3)

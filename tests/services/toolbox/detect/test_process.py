@@ -1,0 +1,87 @@
+"""The command against workers with models of the test's own, on the real bus."""
+
+import json
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from bus import BusSettings, open_bus
+from schemas.keys import WorkerAlive
+from services.detector.requests import answering
+from services.toolbox.demo.ports import free_ports
+from services.toolbox.detect.process import run
+from services.toolbox.detect.settings import DetectSettings
+from tests.services.detector.fakes import FakeModel
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    path = tmp_path / "photo.png"
+    assert cv2.imwrite(str(path), np.full((40, 60, 3), 99, np.uint8))
+    return path
+
+
+@asynccontextmanager
+async def workers(models: Sequence[FakeModel]) -> AsyncIterator[str]:
+    """Run workers without cameras; give the endpoint they are found at."""
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
+    async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus, AsyncExitStack() as stack:
+        for number, model in enumerate(models):
+            await stack.enter_async_context(answering(bus, model, f"w{number}"))
+            await stack.enter_async_context(bus.announce(str(WorkerAlive("detector", f"w{number}"))))
+        yield endpoint
+
+
+def settings(image: Path, endpoint: str, **fields: object) -> DetectSettings:
+    return DetectSettings.model_validate({"image": image, "connect": [endpoint], "timeout_s": 5, **fields})
+
+
+async def test_it_prints_what_a_worker_sees_and_draws_it(image: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async with workers([FakeModel()]) as endpoint:
+        assert await run(settings(image, endpoint)) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0].split() == ["object", "score", "left", "top", "right", "bottom"]
+    assert printed[1].split() == ["box", "0.75", "0", "0", "60", "40"]
+    drawn = cv2.imread(str(image.with_name("photo.detected.jpg")))
+    assert drawn is not None
+    assert drawn.shape == (40, 60, 3)
+
+
+async def test_json_and_a_file_of_ones_own(image: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async with workers([FakeModel()]) as endpoint:
+        assert await run(settings(image, endpoint, json=True, output=tmp_path / "drawn.jpg")) == 0
+    assert json.loads(capsys.readouterr().out)["objects"][0]["name"] == "box"
+    assert (tmp_path / "drawn.jpg").is_file()
+
+
+async def test_several_workers_share_the_work(image: Path) -> None:
+    models = [FakeModel() for _ in range(2)]
+    async with workers(models) as endpoint:
+        for _ in range(20):
+            await run(settings(image, endpoint))
+            if all(model.seen for model in models):
+                break
+    assert all(model.seen for model in models)
+
+
+async def test_why_there_is_no_answer(image: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "text.jpg").write_text("no image")
+    async with workers([FakeModel()]) as endpoint:
+        assert await run(settings(tmp_path / "text.jpg", endpoint)) == 1
+    async with workers([]) as endpoint:
+        assert await run(settings(image, endpoint, timeout_s=0.3)) == 1
+    refused, nobody = capsys.readouterr().err.splitlines()
+    assert "not an image" in refused
+    assert "no detector worker was seen within 0.3 s" in nobody
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"), [({"image": "absent.jpg"}, "no such file"), ({"model": "x.pt"}, "--local")]
+)
+def test_what_cannot_be_is_named(image: Path, fields: dict[str, str], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        DetectSettings.model_validate({"image": image, **fields})
