@@ -27,7 +27,8 @@ def trainer_class() -> type:
             return batch
 
         def build_optimizer(self, *args: Any, **options: Any) -> Any:
-            optimizer = super().build_optimizer(*args, **options)
+            untyped: Any = super()
+            optimizer = untyped.build_optimizer(*args, **options)
             for group in optimizer.param_groups:  # Ultralytics asks for the fused step on GPUs only
                 group.update(fused=True, foreach=False)
             return optimizer

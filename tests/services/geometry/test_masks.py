@@ -41,7 +41,7 @@ def test_a_blob_has_no_rows_to_spare() -> None:
 
 
 def test_a_mask_without_pixels_is_an_empty_window() -> None:
-    window = decode(coco_mask(np.zeros((3, 4))))
+    window = decode(coco_mask(np.zeros((3, 4), np.bool_)))
     assert (window.area, window.pixels.shape) == (0, (0, 0))
     assert eroded(window, 1) is window
 
