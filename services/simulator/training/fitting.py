@@ -124,6 +124,13 @@ def _watch(model: Any, stage: Stage, settings: TrainingSettings, progress: Progr
         shutil.copyfile(trainer.last, partial)
         partial.replace(checkpoint)
 
+    def fall(trainer: Any) -> None:
+        batches = len(trainer.train_loader)
+        for group in trainer.optimizer.param_groups:
+            group["lr"] = group["initial_lr"] * stage.rate(trainer.start_epoch + done / batches)
+
     model.add_callback("on_train_start", prepare)
+    if stage.hold is not None:
+        model.add_callback("on_train_batch_start", fall)
     model.add_callback("on_model_save", keep)
     model.add_callback("on_train_batch_end", count)
