@@ -73,7 +73,9 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
         ]
         for port, robot in enumerate(_robots(settings), master_port)
     }
-    return {"simulator": simulator, **gateways, "detector": ["detector", "--connect", endpoint, *model]}
+    # Under torch at once: whatever is quicker is exported first, which takes longer than most demos.
+    detector = ["detector", "--connect", endpoint, "--runtime", "torch", *model]
+    return {"simulator": simulator, **gateways, "detector": detector}
 
 
 def _robots(settings: DemoSettings) -> list[str]:
