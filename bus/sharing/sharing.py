@@ -117,14 +117,11 @@ class Sharing:
             log.warning("cameras are left out: %d are looked after already", self._most)
 
     def _end(self, camera: CameraKey) -> None:
-        task = self._ending[camera] = self._tasks.pop(camera)
-
-        def forget(ended: Task[None]) -> None:
-            if self._ending.get(camera) is ended:
-                del self._ending[camera]
-
-        task.add_done_callback(forget)
+        task = self._tasks.pop(camera)
         task.cancel()
+        if camera not in self._ending:  # else it waits for that one, and has begun nothing
+            self._ending[camera] = task
+            task.add_done_callback(lambda _: self._ending.pop(camera))
 
     async def _look_after(self, camera: CameraKey, before: Task[None] | None) -> None:
         """Serve a camera, once what served it before has ended."""
