@@ -96,6 +96,35 @@ def _objects(outcome: Outcome) -> list[Detection]:
     return outcome.objects
 
 
+async def test_a_cancelled_caller_lets_nobody_overtake() -> None:
+    engine, ended = BrightEngine(), list[int]()
+    engine.may_run.clear()
+    model = pipeline(engine)
+
+    async def look(number: int, batch: list[Request]) -> None:
+        await model.infer(batch)
+        ended.append(number)
+
+    async with asyncio.TaskGroup() as group:
+        group.create_task(look(0, [grey(255)]))
+        await asyncio.sleep(0)
+        cancelled = group.create_task(look(1, []))
+        await asyncio.sleep(0)
+        group.create_task(look(2, []))
+        await asyncio.sleep(0.05)
+        cancelled.cancel()
+        await asyncio.sleep(0.05)
+        engine.may_run.set()
+    assert ended == [0, 2]
+
+
+async def test_an_image_is_answered_whatever_becomes_of_its_check(caplog: pytest.LogCaptureFixture) -> None:
+    model = pipeline(BrightEngine(), reference=BrightEngine(memory=0))
+    (outcome,) = await model.infer([grey(204)])
+    assert round(score(outcome), 2) == 0.8
+    assert "cannot be checked against torch: the device is full" in caplog.text
+
+
 async def test_cancelled_callers_do_not_hold_up_those_after_them() -> None:
     model = pipeline(BrightEngine())
     cancelled = asyncio.create_task(model.infer([grey(255)]))
