@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.header import MAX_LABEL
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
 from services.detector.account import FAILED, MALFORMED
@@ -63,7 +64,7 @@ class Pipeline:
         max_batch: int = 1,
         in_flight: int = 2,
     ) -> None:
-        self.name = facts.name
+        self.name = facts.name[:MAX_LABEL]
         self.max_batch = max_batch
         self.in_flight = in_flight
         self.facts = facts

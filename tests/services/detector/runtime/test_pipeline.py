@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from schemas.detections import Detection
+from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
 from services.detector.account import FAILED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
@@ -81,6 +82,10 @@ async def test_a_model_without_masks_says_what_will_be_silent() -> None:
     (outcome,) = await model.infer([replace(grey(255), masks=True)])
     assert isinstance(outcome, Found)
     assert [each.mask for each in outcome.objects] == [None]
+
+
+def test_a_name_is_no_longer_than_messages_carry() -> None:
+    assert len(Pipeline(replace(FACTS, name="x" * 300), BrightEngine(), Tuning()).name) == MAX_LABEL
 
 
 async def test_tuning_counts_from_the_next_image_on() -> None:
