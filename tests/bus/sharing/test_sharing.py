@@ -77,6 +77,15 @@ async def test_a_camera_that_blinks_twice_while_its_work_ends_is_served_once() -
     assert most == 1
 
 
+async def test_another_worker_of_the_same_name_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    network = FakeNetwork()
+    async with network.open_bus() as ours, network.open_bus() as theirs, Worker(theirs, A, join_s=0).running():
+        await asyncio.sleep(0.02)
+        assert "another worker" not in caplog.text
+        async with Worker(ours, A, join_s=0.05).running():
+            await until(lambda: "another worker is called a" in caplog.text)
+
+
 async def test_a_worker_for_two_robots_takes_no_other() -> None:
     network = FakeNetwork()
     tokens = SharingSettings(robots=["r2", "r3"]).tokens("detector", "a")
