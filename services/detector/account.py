@@ -77,7 +77,8 @@ def open_account(
 
     The first that are not in use make room for it where there would be more than `most`.
     """
-    account = accounts[camera] = accounts.pop(camera, None) or Account(camera)
+    account = accounts.pop(camera) if camera in accounts else Account(camera)
+    accounts[camera] = account
     unused = [each for each in accounts if each not in in_use and each != camera]
     for each in unused[: max(0, len(accounts) - most)]:
         del accounts[each]
