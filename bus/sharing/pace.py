@@ -36,7 +36,10 @@ UNUSED: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Totals:
-    """What became of a worker's frames since it started: looked at, or too many for it. busy_s: time spent on them."""
+    """What became of a worker's frames since it started: looked at, or too many for it. busy_s: time spent on them.
+
+    What cameras that left had lost may be forgotten.
+    """
 
     done: int = 0
     lost: int = 0
@@ -61,7 +64,7 @@ class Pace:
             self._begin(totals, now_s)
             return False
         spent_s = now_s - self._since_s
-        done, lost = totals.done - self._before.done, totals.lost - self._before.lost
+        done, lost = totals.done - self._before.done, max(0, totals.lost - self._before.lost)
         turns_s = TURNS * cameras / self.limit_hz if self.limit_hz else 0.0
         if spent_s < LONGEST_S and (spent_s < max(WINDOW_S, turns_s) or done < FEWEST):
             return False

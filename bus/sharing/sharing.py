@@ -54,6 +54,7 @@ class Sharing:
         self._most = most
         self._join_s = join_s
         self._shares = Shares(self._worker)
+        self._joined = False
         self._news = asyncio.Event()
         self._tasks: dict[CameraKey, Task[None]] = {}
         self._ending: dict[CameraKey, Task[None]] = {}
@@ -77,6 +78,7 @@ class Sharing:
 
     async def _take_part(self, group: TaskGroup) -> None:
         async with AsyncExitStack() as stack:
+            self._joined = True
             for token in self._tokens:
                 await stack.enter_async_context(self._bus.announce(str(token)))
                 self._shares.worker(token, alive=True)
@@ -117,14 +119,11 @@ class Sharing:
             log.warning("cameras are left out: %d are looked after already", self._most)
 
     def _end(self, camera: CameraKey) -> None:
-        task = self._ending[camera] = self._tasks.pop(camera)
-
-        def forget(ended: Task[None]) -> None:
-            if self._ending.get(camera) is ended:
-                del self._ending[camera]
-
-        task.add_done_callback(forget)
+        task = self._tasks.pop(camera)
         task.cancel()
+        if camera not in self._ending:  # else it waits for that one, and has begun nothing
+            self._ending[camera] = task
+            task.add_done_callback(lambda _: self._ending.pop(camera))
 
     async def _look_after(self, camera: CameraKey, before: Task[None] | None) -> None:
         """Serve a camera, once what served it before has ended."""
@@ -153,7 +152,13 @@ class Sharing:
 
     def _note_worker(self, presence: Presence) -> bool:
         token = keys.parse_worker_alive(presence.key)
-        return token.worker != self._worker and self._shares.worker(token, alive=presence.alive)
+        if token.worker != self._worker:
+            return self._shares.worker(token, alive=presence.alive)
+        if presence.alive and not (self._joined and token in self._tokens):
+            log.warning(
+                "another worker is called %s: each takes the other for itself, and does all its work", token.worker
+            )
+        return False
 
     def _note_taken(self, presence: Presence) -> bool:
         return self._shares.taken(keys.parse_serves(presence.key), alive=presence.alive)

@@ -43,7 +43,10 @@ class Allowance:
 
 
 class Budgets:
-    """What consumers said. A word counts while its consumer wants the stream; at most MAX_BUDGETS are remembered."""
+    """What consumers said. A word counts while its consumer wants the stream; the newest MAX_BUDGETS are remembered.
+
+    A word can come when its consumer's token has gone already, and is then forgotten only to make room.
+    """
 
     def __init__(self) -> None:
         self._allowances: dict[tuple[StreamKey, str], Allowance] = {}
@@ -59,8 +62,11 @@ class Budgets:
         if budget.stream not in set(Stream):
             raise SchemaError(f"no stream of a camera: {budget.stream[:80]!r}")
         of = StreamKey(camera, Stream(budget.stream)), budget.consumer
-        if of in self._allowances or len(self._allowances) < MAX_BUDGETS:
-            self._allowances.setdefault(of, Allowance()).say(budget, now_ns)
+        allowance = self._allowances.pop(of, None) or Allowance()
+        self._allowances[of] = allowance
+        allowance.say(budget, now_ns)
+        if len(self._allowances) > MAX_BUDGETS:
+            del self._allowances[next(iter(self._allowances))]
 
     def forget(self, wanted: Wanted) -> None:
         """Forget what a consumer said who no longer wants a stream."""

@@ -60,7 +60,7 @@ class Model(Protocol):
 
     @property
     def name(self) -> str:
-        """What results say they come from."""
+        """What results say they come from; at most MAX_LABEL characters."""
 
     @property
     def max_batch(self) -> int:

@@ -8,6 +8,7 @@ from typing import Final
 import msgspec
 
 from schemas.detections import Detection
+from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
 from services.detector.model import SILENT, Failed, Found, Model, Outcome, Request
 from services.detector.runtime.agreement import overlap
@@ -26,7 +27,7 @@ class PairedModel:
     def __init__(self, boxes: Model, masks: Model) -> None:
         self._boxes = boxes
         self._masks = masks
-        self.name = f"{boxes.name}+{masks.name}"
+        self.name = f"{boxes.name}+{masks.name}"[:MAX_LABEL]
         self.in_flight = min(boxes.in_flight, masks.in_flight)
         self.segments = masks.segments
 

@@ -34,17 +34,23 @@ async def run(settings: DetectorSettings) -> None:
         for remark in model.remarks:
             log.warning("%s", remark)
         try:
-            await _work(settings, model)
-        except* ModelError as failed:
-            raise _first(failed) from failed
+            await work(settings, model)
         finally:
             model.close()
 
 
-async def _work(settings: DetectorSettings, model: Model) -> None:
-    async with open_bus(settings) as bus, answering(bus, model, settings.worker):
-        tokens = settings.tokens(SERVICE, settings.worker)
-        await Worker(bus, tracking(model, settings.tracker), tokens, max_age_s=settings.max_age_s).run()
+async def work(settings: DetectorSettings, model: Model) -> None:
+    """Be there with a model that works, until cancelled.
+
+    Raises:
+        ModelError: it does no longer.
+    """
+    tokens = settings.tokens(SERVICE, settings.worker)
+    try:
+        async with open_bus(settings) as bus, answering(bus, model, settings.worker):
+            await Worker(bus, tracking(model, settings.tracker), tokens, max_age_s=settings.max_age_s).run()
+    except* ModelError as failed:
+        raise _first(failed) from failed
 
 
 def _first(failed: BaseExceptionGroup[ModelError]) -> ModelError:

@@ -27,19 +27,27 @@ def frame_of(data: bytes) -> ImageFrame:
         StillError: it is none, is cut off, or has more than MAX_PIXELS.
     """
     try:
-        with warnings.catch_warnings(), Image.open(io.BytesIO(data), formats=FORMATS) as image:
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            width, height = image.size
-            if max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
-                raise StillError(f"an image of {width}x{height} pixels is too large")
-            pixels = np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
+            return _frame(_pixels(data))
+    except StillError:
+        raise
     except (UnidentifiedImageError, ImportError) as error:  # Ultralytics makes Pillow look for a HEIF decoder
         raise StillError(f"not an image of any format known here ({', '.join(FORMATS)})") from error
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        if isinstance(error, StillError):
-            raise
+    except Exception as error:  # Pillow's readers raise whatever a damaged file leads them to
         raise StillError(f"an image that cannot be decoded: {error}") from error
-    return _frame(np.ascontiguousarray(pixels))
+
+
+def _pixels(data: bytes) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
+    """Return height x width x RGB."""
+    with Image.open(io.BytesIO(data), formats=FORMATS) as image:
+        width, height = image.size
+        if max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
+            raise StillError(f"an image of {width}x{height} pixels is too large")
+        turned = ImageOps.exif_transpose(image)
+        if turned.mode.startswith("I"):  # 16 bits of grey: Pillow would make white of all above 255
+            turned = Image.fromarray((np.asarray(turned) // 257).clip(0, 255).astype(np.uint8))
+        return np.ascontiguousarray(turned.convert("RGB"))
 
 
 def _frame(rgb: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]") -> ImageFrame:

@@ -11,9 +11,10 @@ from bus.sharing import Pace, Sharing
 from bus.sharing.asking import Asked
 from bus.sharing.sharing import JOIN_S
 from schemas import codec, keys
+from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream, WorkerAlive
 from schemas.status import MAX_STREAMS, WorkerStatus
-from services.detector.account import Account
+from services.detector.account import Account, open_account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
@@ -76,7 +77,7 @@ class Worker:
             await self._sharing.run()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        account = self._accounts.setdefault(key, Account(key))
+        account = open_account(self._accounts, key, self._asked, MAX_STREAMS)
         asked = self._asked[key] = Asked()
         self._took_over[key] = took_over
         try:
@@ -145,7 +146,7 @@ class Worker:
             worker=self._name,
             model=self._model.name,
             sent_ns=time.time_ns(),
-            remarks=list(self._model.remarks),
+            remarks=[remark[:MAX_LABEL] for remark in self._model.remarks],
             cameras=[
                 account.load(
                     serving=key in self._cameras, budget_hz=self._asked[key].hz if key in self._asked else None

@@ -190,6 +190,14 @@ def test_named_streams_are_one_each(stream: str) -> None:
     assert key.alive == f"fleet/r1/{key.stream}/alive"
 
 
+@pytest.mark.parametrize("kind", sorted(keys.NAMED_STREAMS))
+def test_no_named_stream_has_the_key_of_a_cameras_budgets(kind: str) -> None:
+    assert matches(f"fleet/r1/{kind}/budget", keys.every_budget("r1"))
+    with pytest.raises(SchemaError, match="'budget' is reserved"):
+        RobotStreamKey("r1", f"{kind}/budget")
+    assert RobotStreamKey("r1", f"{kind}/arm/budget").name == f"{kind}/arm/budget"
+
+
 @pytest.mark.parametrize("stream", sorted(keys.ROBOT_RESULTS))
 def test_what_a_robot_is_sent_has_no_camera(stream: str) -> None:
     key = RobotStreamKey("r1", stream)

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.header import MAX_LABEL
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
 from services.detector.account import FAILED, MALFORMED
-from services.detector.model import SILENT, Failed, Found, ModelError, Outcome, Request
+from services.detector.model import SILENT, Failed, Found, ModelError, Outcome, Request, first_line
 from services.detector.pixels import PictureError, to_bgr
 from services.detector.runtime.agreement import difference
 from services.detector.runtime.criteria import Criteria
@@ -63,7 +64,7 @@ class Pipeline:
         max_batch: int = 1,
         in_flight: int = 2,
     ) -> None:
-        self.name = facts.name
+        self.name = facts.name[:MAX_LABEL]
         self.max_batch = max_batch
         self.in_flight = in_flight
         self.facts = facts
@@ -100,7 +101,10 @@ class Pipeline:
                 await asyncio.wait([before])
             return found
         finally:
-            ended.set_result(None)
+            if before is None or before.done():
+                ended.set_result(None)
+            else:  # cancelled: who comes next waits for who came before
+                before.add_done_callback(lambda _: ended.set_result(None))
 
     def run(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """Do what `infer` does, on this thread but for the engine's part; from several threads at once if one likes."""
@@ -156,20 +160,28 @@ class Pipeline:
         took_ns = time.perf_counter_ns() - began_ns
         reference, self._reference = self._reference, None
         if reference is not None:
-            self._check(batch, outputs[0], reference.run(batch)[0])
+            self._check(batch, outputs[0], reference)
         return outputs, took_ns
 
-    def _check(self, batch: NDArray[np.uint8], ours: Output, theirs: Output) -> None:
+    def _check(self, batch: NDArray[np.uint8], ours: Output, reference: Engine) -> None:
+        """Remark that the engine finds something else than the reference, or that nobody knows."""
+        try:
+            differing = self._difference(batch, ours, reference.run(batch)[0])
+            found = None if differing is None else f"differs from torch: {differing}"
+        except Exception as error:  # noqa: BLE001 - the image has its answer whatever becomes of this
+            found = f"cannot be checked against torch: {first_line(error)}"
+        if found is not None:
+            remark = f"{self.name} under {self.facts.runtime} {found}"
+            log.warning("%s", remark)
+            self.remarks = (*self.remarks, remark)
+
+    def _difference(self, batch: NDArray[np.uint8], ours: Output, theirs: Output) -> str | None:
         height, width = batch.shape[1:3]
         as_it_is = Letterbox.fit(height, width, max(height, width), self.facts.stride)
         here, there = (
             objects(each, as_it_is, self._criteria, self.facts.names, masks=False) for each in (ours, theirs)
         )
-        differing = difference(here, there, self._criteria.confidence)
-        if differing is not None:
-            remark = f"{self.name} under {self.facts.runtime} differs from torch: {differing}"
-            log.warning("%s", remark)
-            self.remarks = (*self.remarks, remark)
+        return difference(here, there, self._criteria.confidence)
 
     def _read_off(self, prepared: _Prepared, output: Output | Exception, model_ns: int, *, masks: bool) -> Outcome:
         began_ns = time.perf_counter_ns()

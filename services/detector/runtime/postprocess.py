@@ -58,7 +58,7 @@ def objects(
     """Return the objects of an image, best score first, with masks if asked for and known.
 
     Raises:
-        OutputError: the output is not that of a model with these classes.
+        OutputError: the output is not that of a model with these classes, or not a number.
     """
     found = _candidates(output, len(names), criteria)
     kept = found[_suppressed(found, criteria)] if _is_dense(output, len(names)) else found[: criteria.max_detections]
@@ -87,6 +87,8 @@ def _is_dense(output: Output, classes: int) -> bool:
 def _candidates(output: Output, classes: int, criteria: Criteria) -> _Candidates:
     """Return what is sure enough and of a class that is reported, best first."""
     found = _dense(output, classes, criteria) if _is_dense(output, classes) else _ended(output, classes, criteria)
+    if np.isnan(found.corners).any():
+        raise OutputError("a box whose place is not a number")
     if criteria.labels is not None:
         found = found[np.isin(found.labels, criteria.labels)]
     return found[np.argsort(-found.scores, kind="stable")[:MAX_CANDIDATES]]

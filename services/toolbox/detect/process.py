@@ -5,6 +5,7 @@ import random
 import sys
 import tempfile
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -31,8 +32,8 @@ BUSY: Final = "busy:"
 
 async def run(settings: DetectSettings) -> int:
     """Look at the image; print what is in it, or on stderr why that cannot be told. Returns the exit code."""
-    image = await asyncio.to_thread(settings.image.read_bytes)
     try:
+        image = await asyncio.to_thread(settings.image.read_bytes)
         found = await (_locally(settings, image) if settings.local else _by_a_worker(settings, image))
         output = settings.output or settings.image.with_name(f"{settings.image.stem}.detected.jpg")
         await asyncio.to_thread(_draw, found, image, output)
@@ -95,8 +96,9 @@ async def _workers(bus: Bus, patience_s: float) -> list[str]:
 async def _appearing(bus: Bus) -> AsyncIterator[str]:
     async with bus.watch(keys.every_worker_alive(SERVICE)) as watch:
         async for presence in watch:
-            if presence.alive:
-                yield keys.parse_worker(presence.key)[1]
+            with suppress(SchemaError):
+                if presence.alive:
+                    yield keys.parse_worker_alive(presence.key).worker
 
 
 def _draw(found: Detections, image: bytes, output: Path) -> None:

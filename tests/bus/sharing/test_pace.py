@@ -75,3 +75,10 @@ def test_a_worker_without_frames_learns_nothing() -> None:
     made = flooded()
     assert not made.look(Totals(done=20, lost=20, busy_s=1), 0, 20)
     assert made.limit_hz == 20 * HEADROOM
+
+
+def test_counts_that_are_forgotten_are_no_gain() -> None:
+    pace = Pace()
+    pace.look(Totals(0, 100, 0), 4, 0)
+    assert not pace.look(Totals(50, 50, 0.9), 4, 1)
+    assert pace.limit_hz is None

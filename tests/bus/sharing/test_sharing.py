@@ -51,6 +51,41 @@ async def test_a_camera_that_blinks_is_served_by_one_task_at_a_time() -> None:
             await until(lambda: a.serves == set(CAMERAS))
 
 
+async def test_a_camera_that_blinks_twice_while_its_work_ends_is_served_once() -> None:
+    network, front = FakeNetwork(), CAMERAS[0]
+    under_way = most = begun = 0
+
+    async def serve(_: CameraKey, __: Callable[[], None]) -> None:
+        nonlocal under_way, most, begun
+        under_way, begun = under_way + 1, begun + 1
+        most = max(most, under_way)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await asyncio.sleep(0.6)
+            under_way -= 1
+
+    async with network.open_bus() as ours, network.open_bus() as theirs, asyncio.TaskGroup() as group:
+        task = group.create_task(Sharing(ours, [A], Stream.COLOR, serve, join_s=0).run())
+        for _ in range(2):
+            async with theirs.announce(front.alive(Stream.COLOR)):
+                await asyncio.sleep(0.1)
+            await asyncio.sleep(0.1)
+        async with theirs.announce(front.alive(Stream.COLOR)):
+            await until(lambda: begun == 2)
+        task.cancel()
+    assert most == 1
+
+
+async def test_another_worker_of_the_same_name_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    network = FakeNetwork()
+    async with network.open_bus() as ours, network.open_bus() as theirs, Worker(theirs, A, join_s=0).running():
+        await asyncio.sleep(0.02)
+        assert "another worker" not in caplog.text
+        async with Worker(ours, A, join_s=0.05).running():
+            await until(lambda: "another worker is called a" in caplog.text)
+
+
 async def test_a_worker_for_two_robots_takes_no_other() -> None:
     network = FakeNetwork()
     tokens = SharingSettings(robots=["r2", "r3"]).tokens("detector", "a")

@@ -88,7 +88,9 @@ def test_a_word_on_something_else_is_refused(wrong: RateBudget) -> None:
         Budgets().say(FRONT, wrong, START)
 
 
-def test_what_is_remembered_is_bounded() -> None:
-    made = told(*(budget(1, consumer=f"c{number}") for number in range(MAX_BUDGETS + 1)))
-    kept, left_out = (Wanted(COLOR, "clock", f"c{number}") for number in (MAX_BUDGETS - 1, MAX_BUDGETS))
-    assert (len(sent(made, kept)), len(sent(made, left_out))) == (10, 100)
+def test_what_is_remembered_is_bounded_and_the_newest_word_is() -> None:
+    made = told(*(budget(1, consumer=f"c{number}") for number in range(MAX_BUDGETS)))
+    made.say(FRONT, budget(1, consumer="c0"), START)
+    made.say(FRONT, budget(1, consumer="new"), START)
+    kept, forgotten, newest = (Wanted(COLOR, "clock", name) for name in ("c0", "c1", "new"))
+    assert [len(sent(made, each)) for each in (kept, forgotten, newest)] == [10, 100, 10]

@@ -3,7 +3,7 @@ import msgspec
 from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
-from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, STALE, Account
+from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, STALE, Account, open_account
 from tests.schemas.frames import header
 
 
@@ -73,3 +73,15 @@ def test_too_many_are_those_that_were_replaced_or_too_old() -> None:
 def test_the_account_says_whether_the_camera_is_served_and_what_was_asked_for() -> None:
     load = account().load(serving=True, budget_hz=2.5)
     assert (load.serving, load.budget_hz) == (True, 2.5)
+
+
+def test_the_accounts_of_cameras_that_left_longest_ago_make_room() -> None:
+    accounts: dict[CameraKey, Account] = {}
+    first, second, third, fourth = (CameraKey("r1", f"c{number}") for number in range(4))
+    kept = open_account(accounts, first, [], most=2)
+    open_account(accounts, second, [first], most=2)
+    assert open_account(accounts, first, [], most=2) is kept
+    open_account(accounts, third, [first], most=2)
+    assert list(accounts) == [first, third]
+    open_account(accounts, fourth, [first, third], most=2)
+    assert list(accounts) == [first, third, fourth]

@@ -34,6 +34,13 @@ def test_grey_palettes_and_transparency_become_colours() -> None:
         assert to_bgr(frame_of(file(kind, PICTURE.convert(mode)))).shape == (6, 16, 3)
 
 
+@pytest.mark.parametrize("kind", ["PNG", "TIFF", "PPM"])
+def test_sixteen_bits_become_eight(kind: str) -> None:
+    grey = np.linspace(0, 65535, 6 * 16).astype(np.uint16).reshape(6, 16)
+    pixels = to_bgr(frame_of(file(kind, Image.fromarray(grey))))
+    assert np.abs(pixels[..., 0] - grey / 257).max() <= 1
+
+
 def test_a_photograph_is_turned_as_it_says() -> None:
     turned = Image.Exif()
     turned[0x0112] = 6
@@ -44,6 +51,16 @@ def test_a_photograph_is_turned_as_it_says() -> None:
 def test_what_cannot_be_decoded_is_refused(data: bytes) -> None:
     with pytest.raises(StillError):
         frame_of(data)
+
+
+@pytest.mark.parametrize(("place", "value"), [(29, 0), (31, 1)])
+def test_damaged_remarks_on_a_photograph_are_refused(place: int, value: int) -> None:
+    about = Image.Exif()
+    about[0x0112], about[0x011A] = 6, 72.0
+    damaged = bytearray(file("JPEG", exif=about))
+    damaged[damaged.index(b"Exif") + place] = value
+    with pytest.raises(StillError, match="cannot be decoded"):
+        frame_of(bytes(damaged))
 
 
 def test_what_is_too_large_is_refused_before_it_is_decoded() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from schemas.detections import Detection
+from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
 from services.detector.account import FAILED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
@@ -83,6 +84,10 @@ async def test_a_model_without_masks_says_what_will_be_silent() -> None:
     assert [each.mask for each in outcome.objects] == [None]
 
 
+def test_a_name_is_no_longer_than_messages_carry() -> None:
+    assert len(Pipeline(replace(FACTS, name="x" * 300), BrightEngine(), Tuning()).name) == MAX_LABEL
+
+
 async def test_tuning_counts_from_the_next_image_on() -> None:
     model = pipeline(BrightEngine())
     model.tune(Tuning(confidence=0.7))
@@ -94,6 +99,35 @@ async def test_tuning_counts_from_the_next_image_on() -> None:
 def _objects(outcome: Outcome) -> list[Detection]:
     assert isinstance(outcome, Found)
     return outcome.objects
+
+
+async def test_a_cancelled_caller_lets_nobody_overtake() -> None:
+    engine, ended = BrightEngine(), list[int]()
+    engine.may_run.clear()
+    model = pipeline(engine)
+
+    async def look(number: int, batch: list[Request]) -> None:
+        await model.infer(batch)
+        ended.append(number)
+
+    async with asyncio.TaskGroup() as group:
+        group.create_task(look(0, [grey(255)]))
+        await asyncio.sleep(0)
+        cancelled = group.create_task(look(1, []))
+        await asyncio.sleep(0)
+        group.create_task(look(2, []))
+        await asyncio.sleep(0.05)
+        cancelled.cancel()
+        await asyncio.sleep(0.05)
+        engine.may_run.set()
+    assert ended == [0, 2]
+
+
+async def test_an_image_is_answered_whatever_becomes_of_its_check(caplog: pytest.LogCaptureFixture) -> None:
+    model = pipeline(BrightEngine(), reference=BrightEngine(memory=0))
+    (outcome,) = await model.infer([grey(204)])
+    assert round(score(outcome), 2) == 0.8
+    assert "cannot be checked against torch: the device is full" in caplog.text
 
 
 async def test_cancelled_callers_do_not_hold_up_those_after_them() -> None:

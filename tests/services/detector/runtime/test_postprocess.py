@@ -34,6 +34,14 @@ def test_boxes_of_the_best_class_best_first() -> None:
     ]
 
 
+@pytest.mark.parametrize("place", range(4))
+def test_a_box_that_is_nowhere_is_no_output_of_such_a_model(place: int) -> None:
+    box = [10.0, 10.0, 8.0, 4.0]
+    box[place] = np.nan
+    with pytest.raises(OutputError, match="not a number"):
+        found(output([(box[0], box[1], box[2], box[3])], [(0.9, 0)]))
+
+
 def test_the_confidence_itself_is_not_enough() -> None:
     assert not found(output([(10, 10, 8, 4)], [(0.5, 0)]), criteria=Criteria(confidence=0.5))
 

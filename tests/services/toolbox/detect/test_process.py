@@ -1,5 +1,6 @@
 """The command against workers with models of the test's own, on the real bus."""
 
+import asyncio
 import json
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -77,6 +78,23 @@ async def test_why_there_is_no_answer(image: Path, tmp_path: Path, capsys: pytes
     refused, nobody = capsys.readouterr().err.splitlines()
     assert "not an image" in refused
     assert "no detector worker was seen within 0.3 s" in nobody
+
+
+async def test_what_is_no_worker_is_not_asked(image: Path) -> None:
+    async with (
+        workers([FakeModel()]) as endpoint,
+        open_bus(BusSettings(connect=[endpoint])) as bus,
+        bus.announce("workers/detector/_/1/-/alive"),
+        bus.announce("workers/detector/w9/heavy/-/alive"),
+    ):
+        assert await run(settings(image, endpoint)) == 0
+
+
+async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    known = settings(image, "tcp/127.0.0.1:1", local=True)
+    await asyncio.to_thread(image.unlink)
+    assert await run(known) == 1
+    assert "No such file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

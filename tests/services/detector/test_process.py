@@ -1,0 +1,60 @@
+"""When a worker is there, and how its end is told, on the real bus."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from bus import QUEUE, Bus, BusSettings, QoS, open_bus
+from schemas import codec
+from schemas.image import ImageFrame
+from schemas.keys import Stream
+from services.detector.model import ModelError
+from services.detector.process import run, work
+from services.detector.settings import DetectorSettings
+from services.toolbox.demo.ports import free_ports
+from tests.services.detector.fakes import FakeModel
+from tests.services.detector.test_worker import FRONT, frame, until
+
+
+@asynccontextmanager
+async def fleet() -> AsyncIterator[tuple[Bus, str]]:
+    """Give a bus, and the endpoint that it is found at."""
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
+    async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus:
+        yield bus, endpoint
+
+
+def settings(endpoint: str, **fields: object) -> DetectorSettings:
+    return DetectorSettings.model_validate({"connect": [endpoint], "tracker": "off", **fields})
+
+
+async def error_of(settings: DetectorSettings, model: FakeModel) -> ModelError:
+    with pytest.raises(ModelError) as caught:
+        await work(settings, model)
+    return caught.value
+
+
+async def test_a_worker_whose_model_cannot_be_loaded_is_never_there(tmp_path: Path) -> None:
+    (tmp_path / "bad.pt").write_bytes(b"no weights")
+    async with fleet() as (bus, endpoint), bus.watch("workers/**") as watch:
+        with pytest.raises(ModelError, match="not a model that can be used"):
+            await run(settings(endpoint, model=str(tmp_path / "bad.pt")))
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(anext(watch), 0.2)
+
+
+async def test_a_model_that_is_of_no_more_use_ends_the_process_with_its_own_error() -> None:
+    async with (
+        fleet() as (bus, endpoint),
+        bus.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as camera,
+        bus.announce(FRONT.alive(Stream.COLOR)),
+        bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)),
+        asyncio.TaskGroup() as group,
+    ):
+        working = group.create_task(error_of(settings(endpoint), FakeModel(broken=True)))
+        await until(lambda: camera.wanted)
+        camera.put(codec.encode(frame(0)))
+        assert str(await working) == "no memory"
