@@ -21,6 +21,9 @@ PATIENCE_S: Final = 0.005
 SPARE_S: Final = 0.03
 """How much longer than one call a frame may wait for its turn."""
 
+LEAST_AGE_S: Final = 0.08
+"""How old a frame may be at least, however quick the model is: links have their ups and downs."""
+
 WEIGHT_OF_NEWEST: Final = 0.1
 
 log = logging.getLogger(__name__)
@@ -40,7 +43,7 @@ class Looking:
     """Takes frames from the board while there is room in the model, and publishes what comes out, in that order.
 
     cameras: those looked after now. max_age_s: how old a frame may be when its turn comes, None for as long as one call
-        takes and SPARE_S.
+        takes and SPARE_S, at least LEAST_AGE_S.
     """
 
     def __init__(
@@ -107,7 +110,8 @@ class Looking:
 
     @property
     def _limit_ns(self) -> int:
-        return round((self._call_s + SPARE_S if self._max_age_s is None else self._max_age_s) * 1e9)
+        default_s = max(self._call_s + SPARE_S, LEAST_AGE_S)
+        return round((default_s if self._max_age_s is None else self._max_age_s) * 1e9)
 
     def _look(self, key: CameraKey, waiting: Waiting, now_ns: int) -> Look | None:
         camera = self._cameras.get(key)

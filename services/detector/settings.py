@@ -54,7 +54,7 @@ class DetectorSettings(SharingSettings, BusSettings):
             gt=0,
             le=60,
             description="frames older than that are left out when their turn comes; unless given, those"
-            " older than one call of the model takes, and 30 ms",
+            " older than one call of the model takes, and 30 ms, at least 80 ms",
         ),
     ] = None
     worker: str = Field(

@@ -172,3 +172,8 @@ async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
     with pytest.raises(ExceptionGroup) as caught:
         await break_it()
     assert caught.group_contains(ModelError)
+
+
+def test_frames_of_a_jittery_link_are_not_too_old_for_a_quick_model() -> None:
+    assert Rig(ToldModel(), max_age_s=None).looking._limit_ns == 80_000_000
+    assert Rig(ToldModel(), max_age_s=0.01).looking._limit_ns == 10_000_000
