@@ -27,6 +27,12 @@ class Account:
         self.measured = 0
         self.dropped: Counter[str] = Counter()
 
+    def add(self, what: str, dropped: Counter[str]) -> None:
+        """Note what became of things of a kind, by reason, and forget it there."""
+        for reason, count in dropped.items():
+            self.dropped[f"{what}: {reason}"] += count
+        dropped.clear()
+
     def load(self, *, serving: bool) -> CameraLoad:
         """Return the counts as a message."""
         return CameraLoad(

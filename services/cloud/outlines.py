@@ -9,6 +9,9 @@ import numpy as np
 from services.cloud.points import Floats, Indices, Points, usable
 from services.geometry.masks import Window, eroded
 
+NEAR_M: Final = 0.05
+"""Points nearer to the camera than this are of its own housing, or no readings."""
+
 EDGE: Final = 1
 """Pixels at the edge of a mask that are not trusted: two surfaces are mixed there, or it is the wrong one."""
 
@@ -62,7 +65,7 @@ class RegisteredView:
         columns += (window.left + left) // self.factor
         at = rows * self.points.shape[1] + columns
         xyz = self.points.take(at).xyz()
-        seen = usable(xyz) & (xyz[2] > 0)
+        seen = usable(xyz) & (xyz[2] > NEAR_M)
         if not seen.all():
             at, xyz = at[seen], xyz.compress(seen, axis=1)
         return Candidates(at, xyz, xyz[2], xyz[:2])

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.outlines import Candidates
+from services.cloud.outlines import NEAR_M, Candidates
 from services.cloud.points import FAR_M, Floats, Indices, Points, usable
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
@@ -16,9 +16,6 @@ from services.geometry.masks import Window
 
 Numbers = NDArray[np.float64]
 Selection = NDArray[np.bool_]
-
-NEAR_M: Final = 0.05
-"""Points nearer to the camera than this are of its own housing."""
 
 POINTS_A_CELL: Final = 4
 SMALLEST_CELL: Final = 2

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
 from schemas.header import Header
+from schemas.space import MAX_COORDINATE_M
 from services.cloud.errors import CloudError
 from services.cloud.measuring import Target
 from services.cloud.outlines import RegisteredView, View, factor_of
@@ -16,7 +17,7 @@ from services.cloud.points import Points, usable
 from services.cloud.projection import ProjectedView
 from services.cloud.sampling import some
 from services.geometry.camera import CameraModel
-from services.geometry.errors import TransformError
+from services.geometry.errors import GeometryError, TransformError
 from services.geometry.rotation import inverse_of
 from services.geometry.transforms import TransformTree
 
@@ -25,6 +26,9 @@ Numbers = NDArray[Any]
 NO_INFO: Final = "no camera info of the colour image arrived, so no points can be projected into it"
 FIXED_FRAMES: Final = ("map", "odom")
 """Frames that stand still, the preferred one first: through them points of one instant are seen at another."""
+
+FARTHEST_M: Final = MAX_COORDINATE_M / 2
+"""How far away a target frame may be: what is near the points is then within what messages carry."""
 
 CHECKED: Final = 64
 _STRAY_PIXELS: Final = 2.0
@@ -95,9 +99,12 @@ def target_of(frame_id: str, points: Header, tree: TransformTree) -> Target:
     if not frame_id:
         return Target()
     try:
-        return Target(frame_id, tree.lookup(frame_id, points.frame_id, points.stamp_ns))
-    except TransformError as error:
+        from_points = tree.lookup(frame_id, points.frame_id, points.stamp_ns)
+        if np.abs(from_points[:3, 3]).max() > FARTHEST_M:
+            raise CloudError(f"{frame_id[:80]} is more than {FARTHEST_M:g} m away by the transforms")
+    except GeometryError as error:
         return Target(frame_id, unknown=str(error))
+    return Target(frame_id, from_points)
 
 
 def _camera(instant: Instant) -> CameraModel:

@@ -10,6 +10,7 @@ from schemas.header import Header
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
+from services.cloud.views import FIXED_FRAMES
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner, Partner
 from services.geometry.transforms import TransformTree
@@ -18,6 +19,8 @@ PATIENCE_S: Final = 0.3
 """How long detections wait for what belongs to them: longer than a lidar takes to turn, shorter than news is old."""
 
 NO_STAMP: Final = "the image has no stamp"
+POINTS: Final = "points"
+TRANSFORMS: Final = "transforms"
 MAX_WAITING: Final = 16
 
 
@@ -40,7 +43,7 @@ class Waiting:
     def __init__(self, account: Account, *, target: str, tolerance_ns: int | None = None) -> None:
         self._account = account
         self._target = target
-        self._clouds: Joiner[PointCloud] = Joiner("points", tolerance_ns=tolerance_ns)
+        self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns)
         self._waiting: deque[tuple[Detections, float]] = deque()
         self._newest: tuple[str, int] | None = None
         self.tree = TransformTree()
@@ -68,10 +71,12 @@ class Waiting:
             self._account.dropped[UNSTAMPED] += 1
             return
         self._clouds.keep(cloud.header.stamp_ns, cloud, cloud.data.nbytes)
+        self._account.add(POINTS, self._clouds.dropped)
 
     def transforms(self, sent: Transforms, *, static: bool) -> None:
         """Take transforms of the robot."""
         self.tree.take(sent, static=static)
+        self._account.add(TRANSFORMS, self.tree.rejected)
 
     def take(self, now_s: float) -> Matched | None:
         """Return the newest detections that what belongs to them is there for, or that have waited long enough.
@@ -92,6 +97,8 @@ class Waiting:
         waited = len(self._waiting)
         self._waiting.clear()
         self._clouds.flush()
+        self._clouds.dropped.clear()
+        self.tree.flush()
         self._newest = None
         return waited
 
@@ -116,11 +123,17 @@ class Waiting:
 
     def _is_placed(self, picture: Header, points: Header) -> bool:
         """Return whether no transform is still to come."""
-        for frame_id in {self._target, picture.frame_id} - {"", points.frame_id}:
-            try:
-                self.tree.lookup(frame_id, points.frame_id, points.stamp_ns)
-            except TooNewError:
-                return False
-            except TransformError:
-                continue
-        return True
+        if any(self._is_open(to, points) for to in {self._target, picture.frame_id} - {"", points.frame_id}):
+            return False
+        if picture.stamp_ns == points.stamp_ns:
+            return True
+        still = [self._is_open(fixed, picture) for fixed in FIXED_FRAMES]
+        return None in still or True not in still
+
+    def _is_open(self, target: str, source: Header) -> bool | None:
+        """Return whether a transform may still become known; None where it is known."""
+        try:
+            self.tree.lookup(target, source.frame_id, source.stamp_ns)
+        except TransformError as error:
+            return isinstance(error, TooNewError)
+        return None

@@ -11,6 +11,7 @@ from typing import Final
 from bus import Bus, QoS
 from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
+from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from schemas import codec, keys
 from schemas.errors import SchemaError
@@ -27,10 +28,6 @@ log = logging.getLogger(__name__)
 SERVICE: Final = "cloud"
 METHOD: Final = "geometry"
 """What status messages say instead of a model's name."""
-
-STATUS_PERIOD_S: Final = 1.0
-UNWANTED_S: Final = 0.2
-"""A camera whose results nobody has wanted for so long since it was taken over is taken over."""
 
 
 class Worker:
@@ -58,7 +55,7 @@ class Worker:
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
         async with asyncio.TaskGroup() as group:
-            group.create_task(self._report())
+            group.create_task(report(self._bus, SERVICE, self._name, self._status))
             for stream in (Stream.COLOR, Stream.POINTS):
                 group.create_task(self._watch(stream))
             await self._sharing.run()
@@ -90,7 +87,7 @@ class Worker:
                     publisher.put(codec.encode(clouds))
                     took_over()
 
-                group.create_task(self._notice_unwanted(demand, took_over))
+                group.create_task(say_unwanted(demand, took_over))
                 camera = self._camera(key, account)
                 await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
         finally:
@@ -108,11 +105,6 @@ class Worker:
             tolerance_ns=self._settings.tolerance_ns,
         )
 
-    async def _notice_unwanted(self, demand: SharedDemand, took_over: Callable[[], None]) -> None:
-        await asyncio.sleep(UNWANTED_S)
-        await demand.until(wanted=False)
-        took_over()
-
     async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Awaitable[None]]) -> None:
         """Work with the camera's points, whosever they are now, for ever."""
         while True:
@@ -123,16 +115,6 @@ class Worker:
                     await self._changed.wait()
                 if working is not None:
                     working.cancel()
-
-    async def _report(self) -> None:
-        key = keys.worker_status(SERVICE, self._name)
-        async with self._bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WorkerStatus)) as publisher:
-            try:
-                while True:
-                    publisher.put(codec.encode(self._status()))
-                    await asyncio.sleep(STATUS_PERIOD_S)
-            finally:
-                publisher.put(codec.encode(self._status()))
 
     def _status(self) -> WorkerStatus:
         accounts = list(self._accounts.items())[-MAX_STREAMS:]

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Final
 
-from bus import Bus, QoS
+from bus import Bus
 from bus.sharing import Pace, Sharing
 from bus.sharing.asking import Asked
+from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
-from schemas import codec, keys
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream, WorkerAlive
 from schemas.status import MAX_STREAMS, WorkerStatus
@@ -22,11 +22,7 @@ from services.detector.looking import Looking
 from services.detector.model import Model
 
 SERVICE: Final = "detector"
-STATUS_PERIOD_S: Final = 1.0
 PACE_PERIOD_S: Final = 0.25
-
-UNWANTED_S: Final = 0.2
-"""A camera whose results nobody has wanted for so long since it was taken over is taken over."""
 
 FINISH_S: Final = 0.5
 """How long a camera that is let go waits for what the model still has of it."""
@@ -71,7 +67,7 @@ class Worker:
             ModelError: the model is of no more use.
         """
         async with asyncio.TaskGroup() as group:
-            group.create_task(self._report())
+            group.create_task(report(self._bus, SERVICE, self._name, self._status))
             group.create_task(self._keep_pace())
             group.create_task(self._looking.run())
             await self._sharing.run()
@@ -86,7 +82,7 @@ class Worker:
                 asyncio.TaskGroup() as group,
             ):
                 self._cameras[key] = camera
-                group.create_task(self._notice_unwanted(camera, took_over))
+                group.create_task(say_unwanted(camera.demand, took_over))
                 try:
                     await feed(self._bus, camera, self._board, self._name, asked)
                 finally:
@@ -94,11 +90,6 @@ class Worker:
         finally:
             del self._asked[key], self._took_over[key]
             self._cameras.pop(key, None)
-
-    async def _notice_unwanted(self, camera: Camera, took_over: Callable[[], None]) -> None:
-        await asyncio.sleep(UNWANTED_S)
-        await camera.demand.until(wanted=False)
-        took_over()
 
     async def _finish(self, key: CameraKey) -> None:
         with suppress(TimeoutError):
@@ -128,16 +119,6 @@ class Worker:
                 self._asked[key].ask(None)
             else:
                 self._asked[key].ask(limit / len(cameras), turn / limit)
-
-    async def _report(self) -> None:
-        key = keys.worker_status(SERVICE, self._name)
-        async with self._bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WorkerStatus)) as publisher:
-            try:
-                while True:
-                    publisher.put(codec.encode(self._status()))
-                    await asyncio.sleep(STATUS_PERIOD_S)
-            finally:
-                publisher.put(codec.encode(self._status()))
 
     def _status(self) -> WorkerStatus:
         accounts = list(self._accounts.items())[-MAX_STREAMS:]

@@ -52,7 +52,8 @@ class Taking:
     async def _take(
         self, bus: Bus, what: str, key: str, keep: Latest | Queue, accept: Callable[[Sample], None]
     ) -> None:
-        async with bus.subscribe(key, keep, history=what != DEPTH_IMAGE) as samples:
+        lasting = accept not in (self._depth, self._tf)
+        async with bus.subscribe(key, keep, history=lasting) as samples:
             async for sample in samples:
                 if keep != LATEST:
                     self._account.add(what, Counter({TOO_MANY: sample.replaced} if sample.replaced else {}))

@@ -9,8 +9,9 @@ from typing import Final
 from bus import Bus, QoS
 from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
+from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
-from schemas import codec, keys
+from schemas import codec
 from schemas.distances import Distances
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_STREAMS, WorkerStatus
@@ -22,10 +23,6 @@ from services.distance.views import Views
 from services.geometry.joining import Joiner
 
 SERVICE: Final = "distance"
-STATUS_PERIOD_S: Final = 1.0
-
-UNWANTED_S: Final = 0.2
-"""A camera whose distances nobody has wanted for so long since it was taken over is taken over."""
 
 
 class Worker:
@@ -43,7 +40,7 @@ class Worker:
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
         async with asyncio.TaskGroup() as group:
-            group.create_task(self._report())
+            group.create_task(report(self._bus, SERVICE, self._settings.worker, self._status))
             await self._sharing.run()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
@@ -60,7 +57,7 @@ class Worker:
                 ) as publisher,
                 asyncio.TaskGroup() as group,
             ):
-                group.create_task(_notice_unwanted(demand, took_over))
+                group.create_task(say_unwanted(demand, took_over))
                 await while_wanted(demand, lambda: work(self._bus, self._camera(account), publisher, took_over))
         finally:
             self._serving.discard(key)
@@ -75,16 +72,6 @@ class Worker:
             executor=self._executor,
         )
 
-    async def _report(self) -> None:
-        key = keys.worker_status(SERVICE, self._settings.worker)
-        async with self._bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WorkerStatus)) as publisher:
-            try:
-                while True:
-                    publisher.put(codec.encode(self._status()))
-                    await asyncio.sleep(STATUS_PERIOD_S)
-            finally:
-                publisher.put(codec.encode(self._status()))
-
     def _status(self) -> WorkerStatus:
         accounts = list(self._accounts.items())[-MAX_STREAMS:]
         return WorkerStatus(
@@ -94,9 +81,3 @@ class Worker:
             sent_ns=time.time_ns(),
             cameras=[account.load(serving=key in self._serving) for key, account in accounts],
         )
-
-
-async def _notice_unwanted(demand: SharedDemand, took_over: Callable[[], None]) -> None:
-    await asyncio.sleep(UNWANTED_S)
-    await demand.until(wanted=False)
-    took_over()

@@ -20,6 +20,10 @@ Points = Numbers | Sequence[Any]
 MAX_PIXELS: Final = 2**24
 """Of a picture whose every pixel gets a direction."""
 
+SHORTEST: Final = 1e-3
+LONGEST: Final = 1e9
+"""Pixels that a focal length may have; what is beyond is no lens, but noughts and garbage."""
+
 
 @dataclass(frozen=True, eq=False)
 class CameraModel:
@@ -46,7 +50,9 @@ class CameraModel:
             CalibrationError: it is not calibrated, or in a way that is unknown.
         """
         k = np.asarray(info.k, np.float64).reshape(3, 3)
-        if not (np.isfinite(k).all() and k[0, 0] > 0 and k[1, 1] > 0 and (k[2] == (0, 0, 1)).all()):
+        focal = k[[0, 1], [0, 1]]
+        in_range = ((focal >= SHORTEST) & (focal <= LONGEST)).all()
+        if not (np.isfinite(k).all() and in_range and (k[2] == (0, 0, 1)).all()):
             raise CalibrationError("the camera is not calibrated: its intrinsic matrix has no focal length")
         across, down = max(info.binning_x, 1), max(info.binning_y, 1)
         return cls(

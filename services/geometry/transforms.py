@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.space import MAX_COORDINATE_M
 from schemas.transforms import Transform, Transforms
 from services.geometry.errors import (
     LoopError,
@@ -26,11 +27,15 @@ JUMP_NS: Final = 1_000_000_000
 """Stamps of one frame that go back by more than this are of a clock that jumped: what was kept of it is forgotten."""
 
 MAX_SAMPLES: Final = 5_000
+MOST_SAMPLES: Final = 200_000
+"""Of one frame, and of all of them, which have equal shares of it."""
+
 MAX_FRAMES: Final = 4_096
 _UNIT: Final = 0.01
 
 BAD_ROTATION: Final = "a rotation that is not of length 1"
 NOT_FINITE: Final = "not finite"
+TOO_FAR: Final = "farther away than any place"
 OF_ITSELF: Final = "a frame seen from itself"
 NAMELESS: Final = "a frame without a name"
 TOO_MANY: Final = "too many frames"
@@ -148,7 +153,7 @@ class TransformTree:
 
     def _trim(self, edge: _Edge) -> None:
         old = bisect_left(edge.stamps, edge.stamps[-1] - self._keep_ns)
-        old = max(old, len(edge.stamps) - MAX_SAMPLES)
+        old = max(old, len(edge.stamps) - min(MAX_SAMPLES, MOST_SAMPLES // len(self._edges)))
         if old:
             del edge.stamps[:old], edge.poses[:old]
 
@@ -166,6 +171,8 @@ def _fault(parent: str, child: str, transform: Transform) -> str | None:
         return OF_ITSELF
     if not all(map(math.isfinite, (*transform.translation, *transform.rotation))):
         return NOT_FINITE
+    if max(map(abs, transform.translation)) > MAX_COORDINATE_M:
+        return TOO_FAR
     return BAD_ROTATION if abs(math.hypot(*transform.rotation) - 1) > _UNIT else None
 
 

@@ -68,7 +68,8 @@ async def _masters(settings: SimulatorSettings, stack: AsyncExitStack) -> Sequen
     if settings.ros_master is not None:
         return [settings.ros_master] * settings.robots
     uris = []
-    for port in range(settings.master_port, settings.master_port + settings.robots):
+    for number in range(settings.robots):
+        port = settings.master_port and settings.master_port + number
         try:
             master = await stack.enter_async_context(RosMaster(host=settings.ros_host, port=port))
         except OSError as error:

@@ -87,9 +87,9 @@ class Recording:
             self._connections[robot.name, topic] = path, connection
 
     def _open(self, path: Path) -> Writer:
-        if path.exists():
-            raise BagError(f"--bag {path}: is there already")
         with self._explained():
+            if path.exists():
+                raise BagError(f"--bag {path}: is there already")
             writer = Writer(path.with_name(path.name + UNFINISHED))
             writer.open()
         self._writers[path] = writer

@@ -30,7 +30,7 @@ class SimulatorSettings(BaseModel):
     """
 
     robots: Annotated[int, Field(ge=1, le=100, description="how many robots; they are called r1, r2, ...")] = 1
-    hz: Annotated[float, Field(gt=0, le=60, description="instants per second and robot")] = 2.0
+    hz: Annotated[float, Field(ge=0.001, le=60, description="instants per second and robot")] = 2.0
     streams: Annotated[list[Stream], Field(min_length=1, description="what the robots publish beside transforms")] = (
         list(Stream)
     )
@@ -59,7 +59,8 @@ class SimulatorSettings(BaseModel):
         int, Field(ge=1, description="keep at most so much of what was rendered; the rest is rendered again")
     ] = 512
     seconds: Annotated[
-        float | None, Field(gt=0, description="stop by itself; a bag has one round of the drive unless given")
+        float | None,
+        Field(gt=0, le=31_536_000, description="stop by itself; a bag has one round of the drive unless given"),
     ] = None
     bag: Annotated[
         Path | None,
@@ -73,7 +74,9 @@ class SimulatorSettings(BaseModel):
     master_port: Annotated[
         int,
         Field(
-            ge=0, le=65_435, description="the first robot's own master listens here, the next ones' on the next ports"
+            ge=0,
+            le=65_435,
+            description="the first robot's own master listens here, the next ones' on the next ports; 0 for any",
         ),
     ] = 11_311
     ros_host: Annotated[

@@ -1,5 +1,6 @@
 """Several readers of one topic, between an embedded ROS master and a publisher."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
@@ -84,3 +85,23 @@ async def test_who_comes_later_is_told_what_was_latched_and_both_that_it_has_gon
             await readers.enter_async_context(rig.other.reading())
             assert rig.other.heard == [WORD]
         await until(lambda: len(rig.one.gone) == len(rig.other.gone) == 1, "both are told")
+
+
+async def test_readers_that_come_and_go_at_the_same_instant_never_meet_a_subscription_that_ends(rig: Rig) -> None:
+    async with rig.sensor.advertise("/word", STRING) as publication:
+        for _ in range(3):
+            async with AsyncExitStack() as first, AsyncExitStack() as second:
+                one, other = await asyncio.gather(
+                    first.enter_async_context(rig.one.reading()), second.enter_async_context(rig.other.reading())
+                )
+                assert one is other
+                await subscribed(publication, 1)
+                await first.aclose()
+                leaving = asyncio.create_task(second.aclose())
+                await asyncio.sleep(0)
+                async with rig.other.reading() as again:
+                    assert again is not other
+                    leaving.cancel()
+                    await asyncio.wait([leaving])
+                    await subscribed(publication, 1)
+        await subscribed(publication, 0)

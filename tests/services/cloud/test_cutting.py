@@ -27,6 +27,15 @@ def test_objects_are_cut_out_with_what_is_known_of_their_instant() -> None:
     assert made.clouds.unknown_target == "nothing is known of frame 'base_link'"
 
 
+def test_one_point_of_garbage_costs_no_object() -> None:
+    points, owners = camera_view(BOXES)
+    points = points.copy()
+    points[*np.argwhere(owners == 1)[500]] = (0.1, 0.1, 1e-42)
+    found = detections(detection(owners == 1))
+    made = cut(Job.of(found, xyz_cloud(points, header=found.header), waiting(), ""), Limits(), "w")
+    assert [each.index for each in made.clouds.objects] == [0]
+
+
 def test_a_cloud_that_cannot_be_read_is_the_reason_for_every_object() -> None:
     found = detections(detection(None), detection(None))
     flat = cloud_of({"x": np.zeros((1, 3)), "y": np.zeros((1, 3))}, Layout([("x", "f4"), ("y", "f4")]))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.cloud.outlines import Candidates, RegisteredView, factor_of, trusted
+from services.cloud.outlines import NEAR_M, Candidates, RegisteredView, factor_of, trusted
 from services.cloud.points import Points
 from services.geometry.masks import Window
 from tests.services.cloud.clouds import xyz_cloud
@@ -48,6 +48,13 @@ def test_what_has_no_reading_or_is_behind_the_camera_is_no_candidate() -> None:
     points = Points.of(xyz_cloud(np.array([[[1, 1, 2], [nan, nan, nan]], [[0, 0, 0], [0, 0, -1]]])))
     found = within(points, Window(0, 0, np.ones((2, 2), np.bool_)))
     assert found.at.tolist() == [0]
+
+
+def test_what_a_sensor_leaves_in_its_memory_is_too_near_to_be_a_candidate() -> None:
+    beyond = np.nextafter(np.float32(NEAR_M), np.float32(1))
+    points = Points.of(xyz_cloud(np.array([[[1, 1, 1e-42], [1, 1, 1e-9]], [[1, 1, NEAR_M], [1, 1, beyond]]])))
+    found = within(points, Window(0, 0, np.ones((2, 2), np.bool_)))
+    assert found.at.tolist() == [3]
 
 
 def test_an_empty_mask_has_no_points() -> None:

@@ -143,3 +143,10 @@ def test_where_the_target_is_or_why_not() -> None:
     assert target_of("", at(5, "lens"), TransformTree()).unknown == ""
     future = tree(("base_link", "lens", 1_000, 0.2), ("base_link", "lens", 2_000, 0.2))
     assert "before the stamp" in target_of("base_link", at(9_000, "lens"), future).unknown
+
+
+def test_a_target_farther_away_than_messages_carry_is_unknown() -> None:
+    far = tree(("utm", "map", 0, 8e8), ("map", "lens", 0, 8e8))
+    target = target_of("utm", at(0, "lens"), far)
+    assert target.from_points is None
+    assert target.unknown == "utm is more than 5e+08 m away by the transforms"

@@ -1,4 +1,5 @@
 import msgspec
+import pytest
 
 from schemas.detections import Detections
 from schemas.header import Header
@@ -7,6 +8,10 @@ from schemas.points import PointCloud
 from schemas.transforms import Transform, Transforms
 from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
 from services.cloud.waiting import MAX_WAITING, NO_STAMP, PATIENCE_S, Waiting
+from services.geometry.errors import TooOldError
+from services.geometry.joining import DOUBLE as DOUBLE_STAMP
+from services.geometry.joining import UNUSED
+from services.geometry.transforms import OF_ITSELF
 from tests.schemas.frames import header
 from tests.services.cloud.scenes import detections
 
@@ -153,6 +158,32 @@ def test_a_transform_that_does_not_come_is_not_waited_for_for_ever() -> None:
     assert rig.took(PATIENCE_S) == (1, 1000)
 
 
+@pytest.mark.parametrize("fixed", ["map", "odom"])
+def test_where_the_camera_was_at_its_own_instant_is_waited_for(fixed: str) -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    for at in (900, 1000):
+        rig.waiting.transforms(moved(fixed, "base_link", at), static=False)
+    rig.points(1000)
+    rig.found(1, 1015)
+    assert rig.took(0.1) is None
+    rig.waiting.transforms(moved(fixed, "base_link", 1100), static=False)
+    assert rig.took(0.1) == (1, 1000)
+
+
+def test_one_frame_that_stands_still_is_enough() -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    rig.waiting.transforms(moved("map", "odom", 900), static=False)
+    for at in (900, 1100):
+        rig.waiting.transforms(moved("odom", "base_link", at), static=False)
+    rig.points(1000)
+    rig.found(1, 1015)
+    assert rig.took(0.1) == (1, 1000)
+
+
 def test_what_nothing_was_ever_said_of_is_not_waited_for() -> None:
     rig = Rig(target="nowhere")
     rig.points(1000)
@@ -177,6 +208,24 @@ def test_at_the_end_nothing_is_left() -> None:
     assert (rig.waiting.end(), rig.waiting.end()) == (1, 0)
     rig.found(2, 1000)
     assert rig.took() is None
+
+
+def test_where_a_robot_is_is_not_guessed_from_where_it_was_when_somebody_last_asked() -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("odom", "base_link", 1000), static=False)
+    rig.waiting.end()
+    rig.waiting.transforms(moved("odom", "base_link", 6000), static=False)
+    rig.waiting.tree.lookup("base_link", "lens", 5000 * MS)
+    with pytest.raises(TooOldError):
+        rig.waiting.tree.lookup("odom", "lens", 5000 * MS)
+
+
+def test_points_that_nobody_asked_for_and_transforms_that_mean_nothing_are_counted() -> None:
+    rig = Rig()
+    rig.points(1000, 1100, 1100, 4000)
+    rig.waiting.transforms(moved("odom", "odom", 1000), static=False)
+    assert rig.account.dropped == {f"points: {DOUBLE_STAMP}": 1, f"points: {UNUSED}": 2, f"transforms: {OF_ITSELF}": 1}
 
 
 def test_what_has_no_stamp_is_of_no_instant() -> None:

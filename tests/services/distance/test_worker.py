@@ -87,6 +87,18 @@ async def test_a_listener_gets_distances_and_places(rig: Rig) -> None:
     assert of_map == pytest.approx((camera[0] + 2.0, *camera[1:]))
 
 
+async def test_where_a_robot_is_is_not_guessed_from_where_it_was_when_somebody_last_asked(rig: Rig) -> None:
+    rig.robot.send(TF, transforms(("map", "base_link", 1.0), stamp_ns=stamp_of(-100)))
+    async with rig.wanted() as distances:
+        rig.robot.send(TF, transforms(("map", "base_link", 2.0), stamp_ns=stamp_of(6)))
+        rig.frame(5)
+        seen = await receive(distances, Distances)
+    measured = seen.objects[0].measured
+    assert measured is not None
+    assert [bool(place.at) for place in measured.places] == [True, True, False]
+    assert measured.places[2].unknown == "the transform from base_link to map is known from 0.033 s after the stamp"
+
+
 async def test_the_gateway_is_told_where_its_depth_goes(rig: Rig) -> None:
     token = str(Wanted(StreamKey(FRONT, Stream.DEPTH), clock_id(), "w1"))
     async with rig.bus.watch(token) as watch, rig.wanted():

@@ -75,6 +75,8 @@ def test_a_region_and_binning_are_what_the_picture_is_cut_and_shrunk_to() -> Non
         ([50, 0, 1, 0, -50, 1, 0, 0, 1], "not calibrated"),
         ([50, 0, 1, 0, float("nan"), 1, 0, 0, 1], "not calibrated"),
         ([50, 0, 1, 0, 50, 1, 0, 0, 2], "not calibrated"),
+        ([50, 0, 1, 0, 1e-300, 1, 0, 0, 1], "not calibrated"),
+        ([1e300, 0, 1, 0, 50, 1, 0, 0, 1], "not calibrated"),
     ],
 )
 def test_a_camera_that_is_not_calibrated(k: list[float], reason: str) -> None:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from schemas.space import MAX_COORDINATE_M
 from schemas.transforms import Transform, Transforms
 from services.geometry.errors import LoopError, TooNewError, TooOldError, UnconnectedError, UnknownFrameError
 from services.geometry.rotation import matrix_of, moved
@@ -14,8 +15,10 @@ from services.geometry.transforms import (
     KEEP_NS,
     MAX_FRAMES,
     MAX_SAMPLES,
+    MOST_SAMPLES,
     NOT_FINITE,
     OF_ITSELF,
+    TOO_FAR,
     TOO_MANY,
     TransformTree,
 )
@@ -220,3 +223,22 @@ def test_there_and_back_is_where_it_was(
     point = np.array([[place, 1.0, 2.0]])
     assert moved(back, moved(there, point)) == pytest.approx(point, abs=1e-9)
     assert there[:3, :3] @ there[:3, :3].T == pytest.approx(np.identity(3), abs=1e-9)
+
+
+def test_many_frames_share_the_room_that_there_is() -> None:
+    made = TransformTree()
+    count = 2 * MOST_SAMPLES // MAX_SAMPLES
+    for number in range(count):
+        made.add(said("map", f"frame{number}", at=0), static=False)
+    for at in range(1, MAX_SAMPLES):
+        made.add(said("map", "frame0", at=at * 1000), static=False)
+    kept = MAX_SAMPLES // 2
+    made.lookup("map", "frame0", (MAX_SAMPLES - kept) * 1000)
+    with pytest.raises(TooOldError):
+        made.lookup("map", "frame0", (MAX_SAMPLES - kept) * 1000 - 1)
+
+
+def test_a_place_beyond_what_messages_carry_is_no_place() -> None:
+    made = tree(said("map", "base", MAX_COORDINATE_M), said("map", "other", 2 * MAX_COORDINATE_M))
+    assert made.rejected == {TOO_FAR: 1}
+    assert made.lookup("map", "base", 0)[0, 3] == MAX_COORDINATE_M

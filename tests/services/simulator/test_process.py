@@ -1,4 +1,6 @@
 import json
+import logging
+import re
 import socket
 from pathlib import Path
 
@@ -29,6 +31,14 @@ async def test_a_master_that_cannot_listen_is_named() -> None:
         port = taken.getsockname()[1]
         with pytest.raises(MasterError, match=f"--master-port: no ROS master can listen on 127.0.0.1:{port}"):
             await run(SMALL.model_copy(update={"master_port": port}))
+
+
+async def test_any_port_is_a_port_of_its_own_for_each_master(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, logger="services.simulator"):
+        await run(SMALL.model_copy(update={"robots": 3, "seconds": 0.1, "master_port": 0}))
+    ports = [int(port) for port in re.findall(r"publishes .* at http://127\.0\.0\.1:(\d+)", caplog.text)]
+    assert len(set(ports)) == 3
+    assert min(ports) > 1023
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,11 @@ def test_what_is_there_is_not_overwritten(tmp_path: Path, there: str) -> None:
     assert len(list(tmp_path.iterdir())) == 1
 
 
+def test_a_name_that_no_file_can_have_is_said(tmp_path: Path) -> None:
+    with pytest.raises(BagError, match=r"--bag .*too long"):
+        Recording(tmp_path / ("a" * 300 + ".bag")).open([robot()])
+
+
 def test_no_bag_is_left_when_one_of_several_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "r2.bag").touch()
     recording = Recording(tmp_path / "{robot}.bag")
