@@ -13,6 +13,7 @@ from schemas.distances import Distances
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
+from schemas.inventory import InventoryAnswer, InventoryRequest
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.raw import RawMessage, Text
@@ -38,6 +39,8 @@ Message = (
     | ClockReading
     | ServiceRequest
     | ServiceResponse
+    | InventoryRequest
+    | InventoryAnswer
 )
 M = TypeVar("M", bound=Message)
 
@@ -61,6 +64,8 @@ MAX_BYTES: Final[dict[type, int]] = {
     ClockReading: 64 * KIB,
     ServiceRequest: 9 * KIB * KIB,
     ServiceResponse: 9 * KIB * KIB,
+    InventoryRequest: 64 * KIB,
+    InventoryAnswer: 16 * KIB * KIB,
 }
 """Largest payload accepted per message, checked before a byte of it is read."""
 

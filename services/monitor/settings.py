@@ -5,9 +5,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings, Endpoint
+from services.monitor.inventory.settings import InventorySettings
 
 
-class MonitorSettings(BusSettings):
+class MonitorSettings(InventorySettings, BusSettings):
     """Show what every robot of the fleet sees. The Zenoh router that the fleet connects to is part of it by default."""
 
     mode: Annotated[

@@ -5,8 +5,9 @@ from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
-from services.monitor import fleet as module
-from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, FleetFullError, Row
+from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.inventory import inventory as module
+from services.monitor.inventory.inventory import InventoryFullError
 from tests.schemas.frames import header
 
 FRONT = CameraKey("r1", "front")
@@ -44,7 +45,7 @@ def test_a_camera_is_listed_before_its_first_class_list() -> None:
 def test_a_class_list_fills_the_row_and_ages_from_the_gateways_receive_time() -> None:
     fleet = online_fleet()
     message = seen(box=2)
-    assert fleet.see(message, 10.0, message.header.received_ns + 250_000_000)
+    assert fleet.see(message, 10.0, message.header.received_ns + 250_000_000) is not None
     row = only(fleet, 11.0)
     assert row.classes == (ClassCount("box", 2, 0.9),)
     assert row.age == Age(1.25, exact=True)
@@ -111,10 +112,10 @@ def test_a_lost_robot_or_camera_stays_on_screen_offline(lost: str) -> None:
 
 def test_doubles_and_older_frames_are_dropped_but_a_restarted_gateway_begins_anew() -> None:
     fleet = online_fleet()
-    assert fleet.see(seen(5), 0.0, 0)
-    assert not fleet.see(seen(5), 1.0, 0)
-    assert not fleet.see(seen(4), 1.0, 0)
-    assert fleet.see(seen(0, boot_id="next"), 2.0, 0)
+    assert fleet.see(seen(5), 0.0, 0) is not None
+    assert fleet.see(seen(5), 1.0, 0) is None
+    assert fleet.see(seen(4), 1.0, 0) is None
+    assert fleet.see(seen(0, boot_id="next"), 2.0, 0) is not None
     assert fleet.lists_per_robot() == {"r1": 2}
 
 
@@ -137,14 +138,14 @@ def test_robots_without_lists_are_counted_too_and_rows_are_ordered() -> None:
 def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_MEMBERS", 1)
     fleet = online_fleet()
-    assert fleet.see(seen(0), 0.0, 0)
-    with pytest.raises(FleetFullError, match="r2"):
+    assert fleet.see(seen(0), 0.0, 0) is not None
+    with pytest.raises(InventoryFullError, match="r2"):
         fleet.see(seen(0, robot="r2"), 0.0, 0)
-    with pytest.raises(FleetFullError):
+    with pytest.raises(InventoryFullError):
         fleet.robot_presence("r2", alive=True)
-    with pytest.raises(FleetFullError):
+    with pytest.raises(InventoryFullError):
         fleet.camera_presence(CameraKey("r1", "rear"), alive=True)
-    with pytest.raises(FleetFullError):
+    with pytest.raises(InventoryFullError):
         fleet.gateway_status(status(robot="r2"))
-    assert fleet.see(seen(1), 1.0, 0)
+    assert fleet.see(seen(1), 1.0, 0) is not None
     fleet.robot_presence("r2", alive=False)
