@@ -19,6 +19,7 @@ from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.answering import answer_inventory
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
+from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
@@ -37,9 +38,17 @@ Told = Callable[[Sequence[Change]], None]
 async def run(settings: MonitorSettings) -> None:
     """Show the fleet until cancelled."""
     fleet = Fleet(clock_id(), settings.limits())
+    history = HistoryKeeper(settings, fleet.inventory)
+
+    def problems() -> list[str]:
+        problem = history.status.problem
+        return [f"history is not being kept: {problem}"] if problem else []
+
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        group.create_task(watch_fleet(bus, fleet))
-        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings)))
+        await history.restore()
+        group.create_task(history.run())
+        group.create_task(watch_fleet(bus, fleet, history.take))
+        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings), problems=problems))
 
 
 def _nobody(_: Sequence[Change]) -> None:

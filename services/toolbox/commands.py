@@ -93,6 +93,15 @@ COMMANDS: Final = (
         extra="monitor",
     ),
     Command(
+        "history",
+        "write what a monitor has kept into a file: CSV or Parquet",
+        "services.monitor.export.settings:ExportSettings",
+        "services.monitor.export.process:run",
+        refusals=("services.monitor.history.errors:HistoryError",),
+        extra="monitor",
+        positional=("task",),
+    ),
+    Command(
         "call",
         "call a ROS service of a robot whose gateway lists it",
         "services.toolbox.call.settings:CallSettings",

@@ -64,13 +64,17 @@ class CameraView:
         if self.speaker is not None:
             nearest = nearest_of(distances.objects)
             for name, tracked in self.speaker.classes.items():
-                tracked.nearest_m, tracked.nearest_ns = nearest.get(name), at_ns
+                tracked.measure(nearest.get(name), at_ns)
         return True
 
     def lose(self, at_ns: int) -> list[Change]:
         """Give up knowing what is in view: nobody has said so for too long."""
         self.lost = True
-        return [Change(ChangeKind.LOST, sighting, at_ns) for sighting in self.sightings() if sighting.count]
+        return [
+            Change(ChangeKind.LOST, sighting, at_ns, closest_m=sighting.closest_m)
+            for sighting in self.sightings()
+            if sighting.count
+        ]
 
     def restore(self, sighting: Sighting) -> None:
         """Take a sighting as it was when it was stored."""
@@ -78,8 +82,9 @@ class CameraView:
         self.speaker = self.speaker or view
         if view is self.speaker:
             tracked = view.classes[sighting.name] = Tracked(sighting.count)
-            tracked.most, tracked.score, tracked.worker = sighting.most, sighting.score, sighting.worker
+            tracked.score, tracked.worker, tracked.closest_m = sighting.score, sighting.worker, sighting.closest_m
             tracked.first_ns, tracked.last_ns = sighting.first_ns, sighting.last_ns
+            tracked.count.since_ns = sighting.since_ns
             view.last_ns = max(view.last_ns, sighting.last_ns)
 
     def sightings(self, nearest_since_ns: int = 0) -> Iterator[Sighting]:
@@ -130,7 +135,7 @@ class CameraView:
             if mine is None or mine.count.count == 0:
                 new.classes[name] = theirs
             elif theirs.count.count:
-                mine.first_ns, mine.most = theirs.first_ns, max(mine.most, theirs.most)
+                mine.first_ns = theirs.first_ns
         if old is not None:
             self.views.pop(old.model, None)
         return moved
@@ -139,10 +144,11 @@ class CameraView:
         tracked = view.classes[name]
         sighting = tracked.sighting(self.key, name, view.model)
         if sighting.count == 0:
-            return Change(ChangeKind.VANISHED, sighting, at_ns)
+            return Change(ChangeKind.VANISHED, sighting, at_ns, closest_m=tracked.before_m)
         appeared = tracked.first_ns == tracked.count.since_ns
         kind = ChangeKind.APPEARED if appeared else ChangeKind.COUNTED
-        return Change(kind, sighting, at_ns, first_look=appeared and tracked.first_ns <= view.began_ns)
+        first_look = appeared and tracked.first_ns <= view.began_ns
+        return Change(kind, sighting, at_ns, first_look=first_look, closest_m=tracked.before_m)
 
 
 def nearest_of(objects: Iterable[ObjectDistance]) -> dict[str, float]:

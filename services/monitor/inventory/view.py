@@ -14,19 +14,29 @@ MAX_CLASSES: Final = 64
 
 
 class Tracked:
-    """One class in a view: its settled count, and its sighting while there is one, or the last."""
+    """One class in a view: its settled count, and its sighting while there is one, or the last.
 
-    __slots__ = ("count", "first_ns", "last_ns", "most", "nearest_m", "nearest_ns", "score", "worker")
+    closest_m: the nearest that any came since the count last moved; before_m: the same until then.
+    """
+
+    __slots__ = ("before_m", "closest_m", "count", "first_ns", "last_ns", "nearest_m", "nearest_ns", "score", "worker")
 
     def __init__(self, count: int = 0) -> None:
         self.count = SettledCount(count)
         self.score = 0.0
-        self.most = count
         self.first_ns = 0
         self.last_ns = 0
         self.worker = ""
         self.nearest_m: float | None = None
         self.nearest_ns = 0
+        self.closest_m: float | None = None
+        self.before_m: float | None = None
+
+    def measure(self, nearest_m: float | None, at_ns: int) -> None:
+        """Note how near the nearest is."""
+        self.nearest_m, self.nearest_ns = nearest_m, at_ns
+        if nearest_m is not None:
+            self.closest_m = nearest_m if self.closest_m is None else min(self.closest_m, nearest_m)
 
     def sighting(self, key: CameraKey, name: str, model: str, nearest_since_ns: int = 0) -> Sighting:
         """Return it as it stands; a distance older than `nearest_since_ns` is not known any more."""
@@ -34,13 +44,14 @@ class Tracked:
             key=key,
             name=name,
             count=self.count.count,
-            most=self.most,
             score=self.score,
             first_ns=self.first_ns,
+            since_ns=self.count.since_ns,
             last_ns=self.last_ns,
             model=model,
             worker=self.worker,
             nearest_m=self.nearest_m if self.count.count and self.nearest_ns >= nearest_since_ns else None,
+            closest_m=self.closest_m,
         )
 
 
@@ -102,8 +113,8 @@ class View:
 
     def _moved(self, tracked: Tracked, before: int) -> None:
         if before == 0:
-            tracked.first_ns, tracked.most = tracked.count.since_ns, 0
-        tracked.most = max(tracked.most, tracked.count.count)
+            tracked.first_ns = tracked.count.since_ns
+        tracked.before_m, tracked.closest_m = tracked.closest_m, None
 
     def _add(self, name: str) -> Tracked | None:
         if len(self.classes) >= MAX_CLASSES:
