@@ -102,6 +102,15 @@ COMMANDS: Final = (
         positional=("task",),
     ),
     Command(
+        "rules",
+        "try a rule file against what a monitor has kept",
+        "services.monitor.rules.settings:RulesSettings",
+        "services.monitor.rules.process:run",
+        refusals=("services.monitor.history.errors:HistoryError", "services.monitor.rules.loading:RuleFileError"),
+        extra="monitor",
+        positional=("task", "file"),
+    ),
+    Command(
         "call",
         "call a ROS service of a robot whose gateway lists it",
         "services.toolbox.call.settings:CallSettings",

@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, closing
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,7 +53,7 @@ async def publishing(rig: FleetRig) -> AsyncIterator[None]:
         await asyncio.wait([running])
 
 
-def rows(file: Path, query: str) -> list[tuple[int, ...]]:
+def rows(file: Path, query: str) -> list[tuple[Any, ...]]:
     if not file.exists():
         return []
     with closing(sqlite3.connect(file)) as database:
@@ -66,7 +67,7 @@ PALLETS = "SELECT since_ns, until_ns FROM intervals WHERE name = 'pallet' ORDER 
 BOXES = "SELECT since_ns, until_ns FROM intervals WHERE name = 'box' ORDER BY since_ns"
 
 
-async def pallets(file: Path, more_than: int) -> list[tuple[int, ...]]:
+async def pallets(file: Path, more_than: int) -> list[tuple[Any, ...]]:
     """Wait until so many pallets were kept."""
     async with asyncio.timeout(PATIENCE_S):
         while True:

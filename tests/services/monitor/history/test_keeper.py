@@ -115,7 +115,7 @@ async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(pos
         monitor.see(1, box=1)
         await until(monitor.written)
         await asyncio.to_thread(postgresql.stop)
-        await until(lambda: monitor.history.status.problem)
+        await until(lambda: bool(monitor.history.status.problem))
         assert monitor.history.status.leads, "alerts go on"
         monitor.see(2, box=2)
         monitor.see(3)
