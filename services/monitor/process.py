@@ -14,8 +14,10 @@ from schemas import codec, keys
 from schemas.detections import ClassList
 from schemas.distances import Distances
 from schemas.errors import SchemaError
-from schemas.keys import Stream
+from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
+from services.monitor.alerting.alerting import Alerting
+from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.answering import answer_inventory
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
@@ -36,30 +38,48 @@ Told = Callable[[Sequence[Change]], None]
 
 
 async def run(settings: MonitorSettings) -> None:
-    """Show the fleet until cancelled."""
+    """Show the fleet, keep its history and raise alerts until cancelled.
+
+    Raises:
+        RuleFileError: the rule file cannot be used.
+        BusError: the bus refuses its settings.
+    """
     fleet = Fleet(clock_id(), settings.limits())
-    history = HistoryKeeper(settings, fleet.inventory)
+    rules = RuleFile(settings.rules)
+    await rules.load()
+    alerting = Alerting(rules, fleet.inventory)
+    history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+
+    def told(changes: Sequence[Change]) -> None:
+        history.take(changes)
+        alerting.take(changes)
 
     def problems() -> list[str]:
-        problem = history.status.problem
-        return [f"history is not being kept: {problem}"] if problem else []
+        not_kept = history.status.problem
+        return [f"history is not being kept: {not_kept}"] * bool(not_kept) + [rules.problem] * bool(rules.problem)
 
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
         await history.restore()
         group.create_task(history.run())
-        group.create_task(watch_fleet(bus, fleet, history.take))
+        group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads))
+        group.create_task(watch_fleet(bus, fleet, told, alerting.measured))
         group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings), problems=problems))
 
 
-def _nobody(_: Sequence[Change]) -> None:
+def _nobody(_: object) -> None:
     pass
 
 
-async def watch_fleet(bus: Bus, fleet: Fleet, told: Told = _nobody) -> None:
-    """Keep `fleet` up to date with what is on the bus, and answer for its inventory, for ever."""
+async def watch_fleet(
+    bus: Bus, fleet: Fleet, told: Told = _nobody, measured: Callable[[CameraKey], None] = _nobody
+) -> None:
+    """Keep `fleet` up to date with what is on the bus, and answer for its inventory, for ever.
+
+    measured: is told of each camera whose distances came.
+    """
     streams: dict[str, Callable[[Sample], None]] = {
         keys.every_stream(Stream.CLASSES): lambda sample: told(_class_list(fleet, sample)),
-        keys.every_stream(Stream.DISTANCES): lambda sample: _distances(fleet, sample),
+        keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
         keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
     }
@@ -116,10 +136,12 @@ def _class_list(fleet: Fleet, sample: Sample) -> Sequence[Change]:
     return fleet.see(seen, time.monotonic(), sample.received_ns) or ()
 
 
-def _distances(fleet: Fleet, sample: Sample) -> None:
+def _distances(fleet: Fleet, sample: Sample) -> CameraKey:
     distances = codec.decode(Distances, sample.payload, sample.encoding)
-    codec.check_identity(distances.header, keys.parse_stream(sample.key).camera)
+    key = keys.parse_stream(sample.key).camera
+    codec.check_identity(distances.header, key)
     fleet.measure(distances, sample.received_ns)
+    return key
 
 
 def _gateway_status(fleet: Fleet, sample: Sample) -> None:

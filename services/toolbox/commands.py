@@ -90,6 +90,7 @@ COMMANDS: Final = (
         "centrally: show what every robot sees, live",
         "services.monitor.settings:MonitorSettings",
         "services.monitor.process:run",
+        refusals=("bus:BusError", "services.monitor.rules.loading:RuleFileError"),
         extra="monitor",
     ),
     Command(

@@ -76,6 +76,7 @@ class HistoryKeeper:
         self._writes = False
         self._leads = settings.history == NONE
         self._asked = False
+        self._loaded = False
         self._due_s = 0.0
 
     @property
@@ -142,8 +143,9 @@ class HistoryKeeper:
             going_on = [interval for interval in kept.intervals if interval.open]
             heartbeat_ns = await store.heartbeat_ns()
             self._ledger.merge(going_on, heartbeat_ns, now_ns, self._inventory.limits.lost_ns)
-            self._writes = self._leads = True
-            self._on_lead(kept.alerts)
+            if not (self._leads and self._loaded):
+                self._on_lead(kept.alerts)
+            self._writes = self._leads = self._loaded = True
         else:
             self._leads = False
             self._ledger.forget_pending()

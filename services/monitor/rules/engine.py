@@ -9,6 +9,7 @@ from zoneinfo import ZoneInfo
 import msgspec
 
 from schemas.alerts import MAX_TEXT, Alert, AlertState
+from schemas.keys import CameraKey
 from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Finding, Look, findings, found_in
@@ -86,12 +87,14 @@ class RuleEngine:
         self._cameras.clear()
 
     def restore(self, alerts: Iterable[Alert], now_ns: int) -> None:
-        """Go on with the alerts of a monitor that ran before; those of rules that are gone resolve."""
+        """Go on with the alerts of a monitor that ran before; those of rules that are gone, or double, resolve."""
         for alert in alerts:
             place = (alert.robot, alert.camera, alert.name)
+            if alert.id in self._alerts:
+                continue
             self._alerts[alert.id] = (alert, place)
             subject = self._subject(alert.rule, place) if alert.rule in self._subjects else None
-            if subject is None:
+            if subject is None or subject.alert is not None:
                 self._change(alert, AlertState.RESOLVED, now_ns)
             else:
                 subject.holds, subject.since_ns, subject.text = True, alert.raised_ns, alert.text
@@ -106,6 +109,10 @@ class RuleEngine:
                 found = found_in(change, rule)
                 if found is not None:
                     self._find(rule, (key.robot, key.camera, found.name), found, now_ns)
+
+    def concerns(self, key: CameraKey) -> bool:
+        """Whether any rule is about a camera."""
+        return bool(self._rules_of(key.robot, key.camera))
 
     def look(self, look: Look, now_ns: int) -> None:
         """Take what is known of one camera now."""

@@ -113,7 +113,7 @@ def test_it_must_hold_without_a_gap() -> None:
 
 def test_robots_and_cameras_can_be_chosen() -> None:
     ruling = Ruling({**OVER, "robots": ["r*"], "cameras": ["rear"]})
-    many = {"counts": {"box": 3}}
+    many: Any = {"counts": {"box": 3}}
     assert ruling.look(1, **many) == []
     assert ruling.look(1, key=CameraKey("s1", "rear"), **many) == []
     assert ruling.look(1, key=REAR, **many) == ["1 raised"]
