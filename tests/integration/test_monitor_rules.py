@@ -1,10 +1,12 @@
 """From what a camera sees to what its robot does: rules of a real monitor, a real gateway and real rospy nodes."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from bus import QoS
@@ -32,6 +34,11 @@ async def rig() -> AsyncIterator[FleetRig]:
         yield made
 
 
+def now(said: ClassList) -> ClassList:
+    header = msgspec.structs.replace(said.header, received_ns=time.time_ns())
+    return msgspec.structs.replace(said, header=header)
+
+
 @asynccontextmanager
 async def seeing_a_box(rig: FleetRig) -> AsyncIterator[None]:
     """Publish class lists of the front camera."""
@@ -45,7 +52,7 @@ async def seeing_a_box(rig: FleetRig) -> AsyncIterator[None]:
             seq = 0
             while True:
                 seq += 1
-                publisher.put(codec.encode(seen(seq, {"box": 1})))
+                publisher.put(codec.encode(now(seen(seq, {"box": 1}))))
                 await asyncio.sleep(0.1)
 
     running = asyncio.create_task(publish())

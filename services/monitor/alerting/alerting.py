@@ -26,7 +26,7 @@ SWEEP_S: Final = 1.0
 AT_ONCE: Final = 200
 """Cameras looked at before other things get their turn."""
 
-SETTLE_S: Final = 5.0
+SETTLE_S: Final = 3.0
 """How long after the start it is not known yet who is there."""
 
 

@@ -6,7 +6,6 @@ import hmac
 import logging
 import random
 import ssl
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -15,12 +14,10 @@ import httpx
 import msgspec
 
 from schemas.alerts import Alert
+from services.monitor.alerting.lanes import Lanes
 from services.monitor.rules.model import Webhook
 
 log = logging.getLogger(__name__)
-
-MAX_WAITING: Final = 1_000
-"""How many alerts wait for one webhook; the oldest are given up for newer ones."""
 
 TRIES: Final = 6
 FIRST_WAIT_S: Final = 1.0
@@ -53,53 +50,32 @@ def signed(alert: Alert, secret: str) -> Post:
 
 
 class Webhooks:
-    """Posts to any number of webhooks, to each in order. given_up: alerts that none of the tries delivered."""
+    """Posts to any number of webhooks, to each in order. refused: alerts that none of the tries delivered."""
 
     def __init__(self, first_wait_s: float = FIRST_WAIT_S) -> None:
-        self.given_up = 0
+        self.refused = 0
         self._first_wait_s = first_wait_s
-        self._waiting: dict[Webhook, deque[Alert]] = {}
-        self._news = asyncio.Event()
+        self._client: httpx.AsyncClient | None = None
+        self._begun = asyncio.Event()
+        self._lanes = Lanes(self._deliver)
 
     def post(self, webhook: Webhook, alert: Alert) -> None:
         """Have an alert posted."""
-        waiting = self._waiting.setdefault(webhook, deque())
-        if len(waiting) >= MAX_WAITING:
-            waiting.popleft()
-            self.given_up += 1
-        waiting.append(alert)
-        self._news.set()
+        self._lanes.put(webhook, alert)
+        self._begun.set()
 
     async def run(self) -> None:
         """Post what there is to post, for ever."""
-        busy: dict[Webhook, asyncio.Task[None]] = {}
-        await self._news.wait()
+        await self._begun.wait()
         trusted = await asyncio.to_thread(ssl.create_default_context)  # reads hundreds of certificates
-        async with (
-            httpx.AsyncClient(timeout=TIMEOUT_S, trust_env=False, verify=trusted) as client,
-            asyncio.TaskGroup() as group,
-        ):
-            while True:
-                await self._news.wait()
-                self._news.clear()
-                for webhook, waiting in list(self._waiting.items()):
-                    if waiting and (webhook not in busy or busy[webhook].done()):
-                        busy[webhook] = group.create_task(self._empty(client, webhook, waiting))
-                    elif not waiting:
-                        busy.pop(webhook, None)
-                        del self._waiting[webhook]
+        async with httpx.AsyncClient(timeout=TIMEOUT_S, trust_env=False, verify=trusted) as self._client:
+            await self._lanes.run()
 
-    async def _empty(self, client: httpx.AsyncClient, webhook: Webhook, waiting: deque[Alert]) -> None:
-        try:
-            while waiting:
-                await self._deliver(client, webhook, waiting.popleft())
-        finally:
-            self._news.set()
-
-    async def _deliver(self, client: httpx.AsyncClient, webhook: Webhook, alert: Alert) -> None:
+    async def _deliver(self, webhook: Webhook, alert: Alert) -> None:
+        assert self._client is not None, "messages are delivered while it runs"  # noqa: S101 - for the type
         post = signed(alert, webhook.secret)
         for number in range(TRIES):
-            reason, again = await _try(client, str(webhook.url), post)
+            reason, again = await _try(self._client, str(webhook.url), post)
             if not reason:
                 return
             log.warning("webhook %s: alert %s not taken: %s", webhook.url.host, alert.id, reason)
@@ -107,7 +83,7 @@ class Webhooks:
                 break
             if number + 1 < TRIES:
                 await asyncio.sleep(self._first_wait_s * 2**number * random.uniform(0.75, 1.25))  # noqa: S311 - jitter
-        self.given_up += 1
+        self.refused += 1
 
 
 async def _try(client: httpx.AsyncClient, url: str, post: Post) -> tuple[str, bool]:

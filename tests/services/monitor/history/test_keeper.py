@@ -1,4 +1,5 @@
 import asyncio
+import resource
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -125,6 +126,24 @@ async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(pos
     one, two = await kept(url)
     assert (one.count, one.open, two.count, two.open) == (1, False, 2, False)
     assert one.until_ns == two.since_ns
+
+
+async def test_with_the_disk_full_monitoring_goes_on_and_history_comes_back(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/history.db"
+    async with monitoring(url) as monitor:
+        monitor.see(1, box=1)
+        await until(monitor.written)
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+        try:
+            for seq in range(2, 2_000):
+                monitor.see(seq, box=seq)
+            await until(lambda: "disk" in monitor.history.status.problem)
+            monitor.see(2_000, box=1)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        await until(monitor.written)
+    assert [each.count for each in await kept(url)] == [*range(1, 2_000), 1]
 
 
 async def test_a_database_that_is_not_there_yet_keeps_no_monitor_from_beginning(tmp_path: Path) -> None:
