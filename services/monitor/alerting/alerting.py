@@ -13,7 +13,7 @@ from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Webhooks
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.inventory import Inventory
+from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
 from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import Effect, RuleEngine, UnknownAlertError
@@ -39,6 +39,8 @@ class Alerting:
         self._settled_s = time.monotonic() + settle_s
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
+        self._spoke: set[CameraKey] | None = None
+        self._unsteady: set[CameraKey] = set()
         self._alerts = alerts_to_robots()
         self._actions = actions_to_robots()
         self._webhooks = Webhooks()
@@ -48,16 +50,20 @@ class Alerting:
         if self._engine is None:
             self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex)
         self._engine.restore(alerts, time.time_ns())
+        self._spoke = None
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
         if self._engine is not None:
+            changes = list(changes)
+            self._unsteady.update(change.sighting.key for change in changes)
             self._engine.changed(changes, time.time_ns())
 
     def measured(self, key: CameraKey) -> None:
         """Look at a camera whose distances came."""
         camera = self._inventory.camera(key)
         if self._engine is not None and camera is not None:
+            self._unsteady.add(key)
             self._look(self._engine, camera, time.time_ns())
 
     def alerts(self) -> list[Alert]:
@@ -99,6 +105,7 @@ class Alerting:
                 continue
             if engine.book is not self._rules.book:
                 engine.replace(self._rules.book, time.time_ns())
+                self._spoke = None
             if time.monotonic() >= max(self._settled_s, swept_s + SWEEP_S):
                 swept_s = time.monotonic()
                 await self._sweep(engine)
@@ -107,10 +114,21 @@ class Alerting:
                 self._tell(effect, engine)
 
     async def _sweep(self, engine: RuleEngine) -> None:
-        self._robots |= self._inventory.robots()
+        """Look at every camera that changed, began to speak or fell silent; at all of them after the rules changed."""
+        if len(self._robots) < MAX_MEMBERS:
+            self._robots |= self._inventory.robots()
+        spoke, self._spoke = self._spoke, set()
         for number, camera in enumerate(list(self._inventory.cameras()), 1):
-            self._robots.add(camera.key.robot)
-            self._look(engine, camera, time.time_ns())
+            key, now_ns = camera.key, time.time_ns()
+            if len(self._robots) < MAX_MEMBERS:
+                self._robots.add(key.robot)
+            speaks = self._inventory.speaks(camera, now_ns)
+            if self._spoke is not None and speaks:
+                self._spoke.add(key)
+            if len(camera.views) > 1:
+                self._unsteady.add(key)
+            if spoke is None or speaks != (key in spoke) or key in self._unsteady:
+                self._look(engine, camera, now_ns)
             if number % AT_ONCE == 0:
                 await asyncio.sleep(0)
         for robot in self._robots:
@@ -118,7 +136,10 @@ class Alerting:
 
     def _look(self, engine: RuleEngine, camera: CameraView, now_ns: int) -> None:
         if engine.concerns(camera.key):
-            engine.look(look_at(self._inventory, camera, now_ns), now_ns)
+            look = look_at(self._inventory, camera, now_ns)
+            engine.look(look, now_ns)
+            if not look.nearest:  # else a distance may grow old without any news
+                self._unsteady.discard(camera.key)
 
     def _tell(self, effect: Effect, engine: RuleEngine) -> None:
         alert, rule = effect.alert, effect.rule
@@ -142,7 +163,7 @@ def look_at(inventory: Inventory, camera: CameraView, now_ns: int) -> Look:
     sightings = list(camera.sightings(since_ns))
     return Look(
         key=camera.key,
-        speaks=inventory.online(camera.key) and camera.speaks(since_ns),
+        speaks=inventory.speaks(camera, now_ns),
         counts={each.name: each.count for each in sightings},
         nearest={each.name: each.nearest_m for each in sightings if each.nearest_m is not None},
         disagreements=camera.disagreements(since_ns),

@@ -108,6 +108,10 @@ class Inventory:
         """Whether a camera and its robot's gateway are there."""
         return key in self._present and key.robot in self._alive
 
+    def speaks(self, camera: CameraView, now_ns: int) -> bool:
+        """Whether what a camera shows is of now."""
+        return self.online(camera.key) and camera.speaks(now_ns - self.limits.stale_ns)
+
     def open(self) -> Iterator[Sighting]:
         """Yield the sightings that go on as far as anybody knows."""
         for camera in self._cameras.values():
@@ -120,7 +124,7 @@ class Inventory:
         for key in sorted(self._cameras):
             if robot in ("", key.robot) and camera in ("", key.camera):
                 view = self._cameras[key]
-                available = self.online(key) and view.speaks(since_ns)
+                available = self.speaks(view, now_ns)
                 of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
                 yield from (Entry(sighting, available) for sighting in of if name in ("", sighting.name))
 

@@ -23,5 +23,5 @@ def test_the_first_arguments_may_go_without_their_names(arguments: list[str], op
 
 def test_other_commands_have_options_only() -> None:
     for command in COMMANDS:
-        if command is not CALL:
+        if not command.positional:
             assert command.options_of(["r1", "--robot", "r2"]) == ["r1", "--robot", "r2"]
