@@ -51,8 +51,9 @@ async def run(settings: MonitorSettings) -> None:
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
 
     def told(changes: Sequence[Change]) -> None:
-        history.take(changes)
-        alerting.take(changes)
+        if changes:
+            history.take(changes)
+            alerting.take(changes)
 
     def problems() -> list[str]:
         not_kept = history.status.problem

@@ -39,7 +39,8 @@ class Alerting:
         self._settled_s = time.monotonic() + settle_s
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
-        self._spoke: set[CameraKey] | None = None
+        self._spoke: set[CameraKey] = set()
+        self._look_at_all = True
         self._unsteady: set[CameraKey] = set()
         self._alerts = alerts_to_robots()
         self._actions = actions_to_robots()
@@ -50,7 +51,7 @@ class Alerting:
         if self._engine is None:
             self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex)
         self._engine.restore(alerts, time.time_ns())
-        self._spoke = None
+        self._look_at_all = True
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
@@ -105,7 +106,7 @@ class Alerting:
                 continue
             if engine.book is not self._rules.book:
                 engine.replace(self._rules.book, time.time_ns())
-                self._spoke = None
+                self._look_at_all = True
             if time.monotonic() >= max(self._settled_s, swept_s + SWEEP_S):
                 swept_s = time.monotonic()
                 await self._sweep(engine)
@@ -117,20 +118,22 @@ class Alerting:
         """Look at every camera that changed, began to speak or fell silent; at all of them after the rules changed."""
         if len(self._robots) < MAX_MEMBERS:
             self._robots |= self._inventory.robots()
-        spoke, self._spoke = self._spoke, set()
+        everything, self._look_at_all = self._look_at_all, False
+        spoke, speaking = self._spoke, set[CameraKey]()
         for number, camera in enumerate(list(self._inventory.cameras()), 1):
             key, now_ns = camera.key, time.time_ns()
             if len(self._robots) < MAX_MEMBERS:
                 self._robots.add(key.robot)
             speaks = self._inventory.speaks(camera, now_ns)
-            if self._spoke is not None and speaks:
-                self._spoke.add(key)
+            if speaks:
+                speaking.add(key)
             if len(camera.views) > 1:
                 self._unsteady.add(key)
-            if spoke is None or speaks != (key in spoke) or key in self._unsteady:
+            if everything or speaks != (key in spoke) or key in self._unsteady:
                 self._look(engine, camera, now_ns)
             if number % AT_ONCE == 0:
                 await asyncio.sleep(0)
+        self._spoke = speaking
         for robot in self._robots:
             engine.robot(robot, alive=self._inventory.is_alive(robot), now_ns=time.time_ns())
 

@@ -7,7 +7,8 @@ from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
 from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
-from services.monitor.inventory.inventory import InventoryFullError
+from services.monitor.inventory.inventory import InventoryFullError, Limits
+from services.monitor.inventory.settling import Debounce
 from tests.schemas.frames import header
 
 FRONT = CameraKey("r1", "front")
@@ -74,6 +75,24 @@ def test_a_clock_that_was_measured_gives_the_age() -> None:
     fleet.see(message, 10.0, ours_ns + 250_000_000)
     assert only(fleet, 11.0).age == Age(1.25, exact=True)
     assert list(fleet.ages_s) == [0.25]
+
+
+def test_sightings_have_our_time_though_the_robots_clock_is_an_hour_ahead() -> None:
+    fleet = Fleet(CLOCK, Limits(Debounce(1, 0, 1, 0)))
+    fleet.robot_presence("r1", alive=True)
+    fleet.gateway_status(status("another machine"))
+    fleet.clocks.due(fleet.elsewhere(), 0)
+    ours_ns = 1_700_000_000_000_000_000
+    theirs_ns = ours_ns + 3_600_000_000_000
+    reading = ClockReading(
+        robot="r1", boot_id="b", clock_id="another machine", received_ns=theirs_ns, sent_ns=theirs_ns
+    )
+    fleet.clocks.take("r1", reading, asked_ns=ours_ns - 1000, answered_ns=ours_ns + 1000)
+    message = seen()
+    about = msgspec.structs.replace(message.header, received_ns=theirs_ns)
+    changes = fleet.see(msgspec.structs.replace(message, header=about), 10.0, ours_ns + 250_000_000)
+    assert changes
+    assert changes[0].sighting.first_ns == ours_ns
 
 
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:

@@ -90,6 +90,7 @@ async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     ("key", "message"),
     [
         ("fleet/r2/front/classes", SEEN),
+        ("fleet/<b>r1/front/classes", SEEN),
         ("fleet/r1/rear/classes", SEEN),
         ("fleet/r2/status", GATEWAY),
         ("workers/detector/w2/status", WORKER),
