@@ -149,8 +149,9 @@ class Alerting:
         self._alerts.send(alert)
         if rule is None:
             return
-        for name in rule.webhooks:
-            self._webhooks.post(engine.book.webhooks[name], alert)
+        webhooks = engine.book.webhooks
+        for name in [name for name in rule.webhooks if name in webhooks]:  # the rule may be of the book before
+            self._webhooks.post(webhooks[name], alert)
         if effect.raised and rule.action is not None:
             self._actions.send(action_of(rule.action, alert, uuid4().hex))
 

@@ -50,7 +50,7 @@ async def translating(timeout_s: float = TIMEOUT_S) -> AsyncIterator[None]:
             yield
     except TimeoutError as error:
         raise HistoryError(f"the database did not answer within {timeout_s:g} s") from error
-    except (SQLAlchemyError, OSError) as error:
+    except Exception as error:  # drivers raise errors of their own beside SQLAlchemy's, and rows may be anybody's
         cause = getattr(error, "orig", None) or error
         raise HistoryError(" ".join(str(cause).split())[:300] or type(cause).__name__) from error
 

@@ -78,8 +78,9 @@ class Store:
             unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
             await self._connection.commit()
+            found = [alert_of_row(row) for row in rows]
         newest = {interval.place: interval for interval in [*ended, *going_on]}
-        return Kept(list(newest.values()), [alert_of_row(row) for row in rows])
+        return Kept(list(newest.values()), found)
 
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
@@ -95,8 +96,9 @@ class Store:
             query = intervals.select().where(*where).order_by(intervals.c.since_ns.desc()).limit(MAX_LOADED)
             rows = (await self._connection.execute(query)).all()
             await self._connection.commit()
-        for row in reversed(rows):
-            yield interval_of_row(row, at_ns)
+            found = [interval_of_row(row, at_ns) for row in reversed(rows)]
+        for interval in found:
+            yield interval
 
     async def write(self, some: Iterable[Interval], changed: Iterable[Alert], at_ns: int) -> None:
         """Write intervals and alerts, all of them or none, and that everything open goes on at `at_ns`."""

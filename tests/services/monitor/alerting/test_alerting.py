@@ -16,6 +16,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.inventory import Inventory, Limits
 from services.monitor.inventory.settling import Debounce
 from services.monitor.rules.engine import UnknownAlertError
+from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
@@ -31,8 +32,9 @@ rules:
 class Rig:
     """A monitor's alerts on a bus, and what robots get of them."""
 
-    def __init__(self, alerting: Alerting, inventory: Inventory, theirs: Bus) -> None:
+    def __init__(self, alerting: Alerting, rules: RuleFile, inventory: Inventory, theirs: Bus) -> None:
         self.alerting = alerting
+        self.rules = rules
         self.inventory = inventory
         self.theirs = theirs
         self.kept: list[Alert] = []
@@ -57,7 +59,7 @@ async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
     alerting = Alerting(rules, inventory, settle_s=0)
     network = FakeNetwork()
     async with network.open_bus() as ours, network.open_bus() as theirs:
-        made = Rig(alerting, inventory, theirs)
+        made = Rig(alerting, rules, inventory, theirs)
         inventory.robot_presence("r1", alive=True)
         inventory.camera_presence(FRONT, alive=True)
         alerting.lead(())
@@ -115,6 +117,19 @@ async def test_distances_and_silence_are_alerted(rig: Rig) -> None:
     await until(lambda: ("lost", AlertState.RAISED) in rig.states())
     rig.inventory.robot_presence("r1", alive=True)
     await until(lambda: ("lost", AlertState.RESOLVED) in rig.states())
+
+
+async def test_a_rule_that_goes_with_its_webhook_resolves_its_alert(rig: Rig) -> None:
+    webhook = "webhooks: {ops: {url: 'http://127.0.0.1:1/', secret: a long secret}}\n"
+    rig.rules.book = load_rules(webhook + "rules: [{name: any, when: appears, class: box, webhooks: [ops]}]")
+    await asyncio.sleep(0.3)
+    rig.see()
+    rig.see(box=1)
+    await until(lambda: rig.states() == [("any", AlertState.RAISED)])
+    rig.rules.book = load_rules("")
+    await until(lambda: rig.states()[1:] == [("any", AlertState.RESOLVED)])
+    await asyncio.sleep(0.2)
+    assert rig.alerting.alerts() == []
 
 
 async def test_a_monitor_that_does_not_lead_raises_nothing(rig: Rig) -> None:

@@ -5,12 +5,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from sqlalchemy import update
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.store import Store
+from services.monitor.history.tables import intervals
 from tests.schemas.results import alert
 from tests.services.monitor.history.postgresql import PostgreSQL
 from tests.services.monitor.inventory.seeing import FRONT, S
@@ -97,6 +99,15 @@ async def test_a_database_that_cannot_be_had_is_one_line(bad: str, reason: str) 
     with pytest.raises(HistoryError, match=reason) as raised:
         await Store.open(bad)
     assert "\n" not in str(raised.value)
+
+
+async def test_rows_that_are_not_ours_are_an_error(url: str) -> None:
+    async with opened(url) as store:
+        await store.write([interval(1, 2)], [], 2 * S)
+        async with store._connection.begin():
+            await store._connection.execute(update(intervals).values(robot="<b>"))
+        with pytest.raises(HistoryError, match="robot name '<b>'"):
+            await every(store)
 
 
 async def test_a_full_disk_is_an_error_and_loses_nothing_that_was_kept(tmp_path: Path) -> None:
