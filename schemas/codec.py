@@ -14,6 +14,7 @@ from schemas.distances import Distances
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
+from schemas.inventory import InventoryAnswer, InventoryRequest
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.raw import RawMessage, Text
@@ -42,6 +43,8 @@ Message = (
     | ServiceRequest
     | ServiceResponse
     | Tuning
+    | InventoryRequest
+    | InventoryAnswer
 )
 M = TypeVar("M", bound=Message)
 
@@ -67,6 +70,8 @@ MAX_BYTES: Final[dict[type, int]] = {
     ServiceRequest: 9 * KIB * KIB,
     ServiceResponse: 9 * KIB * KIB,
     Tuning: 1024 * KIB,
+    InventoryRequest: 64 * KIB,
+    InventoryAnswer: 16 * KIB * KIB,
 }
 """Largest payload accepted per message, checked before a byte of it is read."""
 

@@ -292,6 +292,9 @@ EVERY_ROBOT_ALIVE: Final = f"fleet/*/{ALIVE}"
 EVERY_GATEWAY_STATUS: Final = "fleet/*/status"
 EVERY_WORKER_STATUS: Final = "workers/*/*/status"
 
+INVENTORY: Final = "services/monitor/inventory"
+"""Under which the monitor answers an InventoryRequest, or nothing at all, with an InventoryAnswer."""
+
 
 @dataclass(frozen=True, slots=True)
 class StreamKey:

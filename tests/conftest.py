@@ -12,6 +12,9 @@ from hypothesis import settings
 settings.register_profile("fleetsight", deadline=None)
 settings.load_profile("fleetsight")
 
+# A test's monitor keeps no history unless the test says where.
+os.environ.setdefault("FLEETSIGHT_HISTORY", "none")
+
 # Zenoh has two receiving threads a process. What waits for a link holds one, and a test's sessions wait for each other.
 os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from rich.console import Console, Group
@@ -17,24 +17,37 @@ FRAME_LINES: Final = 8
 """Lines of the picture beside the rows: title, head, rules and notes."""
 
 
-async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str) -> None:
+Problems = Callable[[], Sequence[str]]
+"""Says what keeps the monitor itself from doing all that it should."""
+
+
+async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, problems: Problems = lambda: ()) -> None:
     """Show the fleet until cancelled."""
+
+    def every_trouble() -> list[str]:
+        return [*problems(), *troubles(fleet.online())]
+
     if not console.is_terminal:
         console.print(note, markup=False, highlight=False, soft_wrap=True)
         await _print_changes(
-            fleet, refresh_s, lambda text: console.print(text, markup=False, highlight=False, soft_wrap=True)
+            fleet,
+            refresh_s,
+            every_trouble,
+            lambda text: console.print(text, markup=False, highlight=False, soft_wrap=True),
         )
         return
     with Live(console=console, auto_refresh=False) as live:
         while True:
-            wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in troubles(fleet.online())]
+            wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in every_trouble()]
             room = max(1, console.height - FRAME_LINES - len(wrong))
             picture = render(fleet.rows(time.monotonic()), [*notes_of(fleet.left_out), note], room)
             live.update(Group(picture, *wrong), refresh=True)
             await asyncio.sleep(refresh_s)
 
 
-async def _print_changes(fleet: Fleet, refresh_s: float, write: Callable[[str], None]) -> None:
+async def _print_changes(
+    fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], write: Callable[[str], None]
+) -> None:
     """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
     shown: dict[object, tuple[bool, str]] = {}
     wrong: set[str] = set()
@@ -44,7 +57,7 @@ async def _print_changes(fleet: Fleet, refresh_s: float, write: Callable[[str], 
             if shown.get(row.key) != state:
                 shown[row.key] = state
                 write(line(row))
-        now_wrong = troubles(fleet.online())
+        now_wrong = every_trouble()
         for each in now_wrong:
             if each not in wrong:
                 write(each)

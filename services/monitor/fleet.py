@@ -1,24 +1,21 @@
-"""What the fleet sees: pure state that messages, presence and time move on."""
+"""How the fleet is doing and what it sees: pure state that messages, presence and time move on."""
 
 from collections import Counter, deque
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
 from schemas.detections import ClassCount, ClassList
+from schemas.distances import Distances
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.clocks import Clocks
+from services.monitor.inventory.inventory import Inventory, Limits, make_room
+from services.monitor.inventory.sighting import Change
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
-MAX_MEMBERS: Final = 20_000
-"""How many robots, cameras or workers are followed; whoever floods the bus with names fills no memory."""
-
-
-class FleetFullError(Exception):
-    """Too many robots, cameras or workers to follow another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +59,14 @@ class Fleet:
     """Every robot and camera ever seen, what is in view of it and how it is doing.
 
     clock_id: the clock of this machine; a robot's ages are exact when it reads the same one, or when `clocks` knows how
-    far it is off. Every method that may add a member raises FleetFullError when there are MAX_MEMBERS already.
+    far it is off. Every method that may add a member raises InventoryFullError when there are too many already.
     """
 
-    def __init__(self, clock_id: str) -> None:
+    def __init__(self, clock_id: str, limits: Limits | None = None) -> None:
         self._clock_id = clock_id
         self.clocks = Clocks()
+        self.inventory = Inventory(limits)
         self._cameras: dict[CameraKey, _Camera] = {}
-        self._alive: set[str] = set()
-        self._available: set[CameraKey] = set()
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
         self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
@@ -79,50 +75,53 @@ class Fleet:
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
-        if alive:
-            _make_room(self._alive, robot)
-        (self._alive.add if alive else self._alive.discard)(robot)
+        self.inventory.robot_presence(robot, alive=alive)
 
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went stays on the list."""
-        self._camera(key)
-        (self._available.add if alive else self._available.discard)(key)
+        self.inventory.camera_presence(key, alive=alive)
+        self._cameras.setdefault(key, _Camera())
 
     def gateway_status(self, status: GatewayStatus) -> None:
         """Keep a gateway's newest account of itself."""
-        _make_room(self.gateways, status.robot)
+        make_room(self.gateways, status.robot)
         self.gateways[status.robot] = status
 
     def worker_status(self, status: WorkerStatus) -> None:
         """Keep a worker's newest account of itself."""
-        _make_room(self.workers, (status.service, status.worker))
+        make_room(self.workers, (status.service, status.worker))
         self.workers[status.service, status.worker] = status
 
-    def see(self, seen: ClassList, now_s: float, received_ns: int) -> bool:
+    def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).
 
         Returns:
-            False for a list about a frame that is not newer than the camera's last one: a double.
+            What changed in the inventory; None for a list about a frame that is not newer than the camera's last one.
         """
         key = CameraKey(seen.header.robot, seen.header.camera)
-        camera = self._camera(key)
-        last = camera.latest.header if camera.latest else None
-        if last and last.boot_id == seen.header.boot_id and seen.header.seq <= last.seq:
-            return False
+        theirs_ns = self._theirs_ns(key.robot, received_ns)
+        lag_ns = None if theirs_ns is None else max(0, theirs_ns - seen.header.received_ns)
+        changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
+        if changes is None:
+            return None
+        camera = self._cameras.setdefault(key, _Camera())
         if self.first_list_s is None:
             self.first_list_s = now_s
         camera.latest, camera.arrived_s = seen, now_s
         camera.lists += 1
         camera.arrivals.append(now_s)
-        theirs_ns = self._theirs_ns(key.robot, received_ns)
-        camera.lag_s = None if theirs_ns is None else max(0, theirs_ns - seen.header.received_ns) / 1e9
+        camera.lag_s = None if lag_ns is None else lag_ns / 1e9
         if camera.lag_s is not None:
             self.ages_s.append(camera.lag_s)
-        return True
+        return changes
+
+    def measure(self, distances: Distances, received_ns: int) -> bool:
+        """Take distances that arrived at `received_ns`; return False for a double."""
+        return self.inventory.measure(distances, received_ns)
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""
-        yield from (self.gateways[robot] for robot in self._alive & self.gateways.keys())
+        yield from (self.gateways[robot] for robot in self.inventory.robots() & self.gateways.keys())
 
     def elsewhere(self) -> Iterator[str]:
         """Yield the robots online whose clock is not this machine's."""
@@ -133,7 +132,7 @@ class Fleet:
         for key, camera in sorted(self._cameras.items()):
             yield Row(
                 key=key,
-                online=key.robot in self._alive and key in self._available,
+                online=self.inventory.online(key),
                 classes=tuple(camera.latest.classes) if camera.latest else None,
                 age=_age(camera, now_s),
                 rate_hz=camera.rate_hz(now_s),
@@ -141,14 +140,10 @@ class Fleet:
 
     def lists_per_robot(self) -> Counter[str]:
         """Count the class lists that arrived from each known robot."""
-        counts = Counter(dict.fromkeys(self._alive, 0))
+        counts = Counter(dict.fromkeys(self.inventory.robots(), 0))
         for key, camera in self._cameras.items():
             counts[key.robot] += camera.lists
         return counts
-
-    def _camera(self, key: CameraKey) -> _Camera:
-        _make_room(self._cameras, key)
-        return self._cameras.setdefault(key, _Camera())
 
     def _theirs_ns(self, robot: str, ours_ns: int) -> int | None:
         """Return what the robot's clock shows when ours shows `ours_ns`, or None while that is not known."""
@@ -158,11 +153,6 @@ class Fleet:
         if status.clock_id == self._clock_id:
             return ours_ns
         return self.clocks.theirs_ns(robot, status.clock_id, ours_ns)
-
-
-def _make_room(members: Collection[object], name: object) -> None:
-    if name not in members and len(members) >= MAX_MEMBERS:
-        raise FleetFullError(f"{len(members)} are followed already, {name} is left out")
 
 
 def _age(camera: _Camera, now_s: float) -> Age | None:

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -12,43 +12,94 @@ from bus import QUEUE, Bus, Sample, open_bus
 from bus.clock import clock_id
 from schemas import codec, keys
 from schemas.detections import ClassList
+from schemas.distances import Distances
 from schemas.errors import SchemaError
-from schemas.keys import Stream
+from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
+from services.monitor.alerting.alerting import Alerting
+from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.answering import answer_inventory
 from services.monitor.display import show
-from services.monitor.fleet import Fleet, FleetFullError
+from services.monitor.fleet import Fleet
+from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.inventory.inventory import InventoryFullError
+from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
 from services.monitor.settings import MonitorSettings
 
 log = logging.getLogger(__name__)
 
 DEPTH = 10_000
+TICK_S = 1.0
+
+
+Told = Callable[[Sequence[Change]], None]
+"""Is told what changed in the inventory."""
 
 
 async def run(settings: MonitorSettings) -> None:
-    """Show the fleet until cancelled."""
-    fleet = Fleet(clock_id())
+    """Show the fleet, keep its history and raise alerts until cancelled.
+
+    Raises:
+        RuleFileError: the rule file cannot be used.
+        BusError: the bus refuses its settings.
+    """
+    fleet = Fleet(clock_id(), settings.limits())
+    rules = RuleFile(settings.rules)
+    await rules.load()
+    alerting = Alerting(rules, fleet.inventory)
+    history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+
+    def told(changes: Sequence[Change]) -> None:
+        if changes:
+            history.take(changes)
+            alerting.take(changes)
+
+    def problems() -> list[str]:
+        not_kept = history.status.problem
+        return [f"history is not being kept: {not_kept}"] * bool(not_kept) + [rules.problem] * bool(rules.problem)
+
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        group.create_task(watch_fleet(bus, fleet))
-        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings)))
+        await history.restore()
+        group.create_task(history.run())
+        group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads))
+        group.create_task(watch_fleet(bus, fleet, told, alerting.measured))
+        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings), problems=problems))
 
 
-async def watch_fleet(bus: Bus, fleet: Fleet) -> None:
-    """Keep `fleet` up to date with what is on the bus, for ever."""
-    async with asyncio.TaskGroup() as group:
-        group.create_task(
-            _receive(bus, fleet, keys.every_stream(Stream.CLASSES), lambda sample: _class_list(fleet, sample))
-        )
-        group.create_task(
-            _receive(bus, fleet, keys.EVERY_GATEWAY_STATUS, lambda sample: _gateway_status(fleet, sample))
-        )
-        group.create_task(_receive(bus, fleet, keys.EVERY_WORKER_STATUS, lambda sample: _worker_status(fleet, sample)))
+def _nobody(_: object) -> None:
+    pass
+
+
+async def watch_fleet(
+    bus: Bus, fleet: Fleet, told: Told = _nobody, measured: Callable[[CameraKey], None] = _nobody
+) -> None:
+    """Keep `fleet` up to date with what is on the bus, and answer for its inventory, for ever.
+
+    measured: is told of each camera whose distances came.
+    """
+    streams: dict[str, Callable[[Sample], None]] = {
+        keys.every_stream(Stream.CLASSES): lambda sample: told(_class_list(fleet, sample)),
+        keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
+        keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
+        keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
+    }
+    cameras = keys.every_stream_alive(Stream.COLOR)
+    async with answer_inventory(bus, fleet.inventory), asyncio.TaskGroup() as group:
+        for key_expr, take in streams.items():
+            group.create_task(_receive(bus, fleet, key_expr, take))
         group.create_task(
             _watch(bus, fleet, keys.EVERY_ROBOT_ALIVE, lambda key, alive: _robot(fleet, key, alive=alive))
         )
-        cameras = keys.every_stream_alive(Stream.COLOR)
-        group.create_task(measure_clocks(bus, fleet))
         group.create_task(_watch(bus, fleet, cameras, lambda key, alive: _camera(fleet, key, alive=alive)))
+        group.create_task(measure_clocks(bus, fleet))
+        group.create_task(_tick(fleet, told))
+
+
+async def _tick(fleet: Fleet, told: Told) -> None:
+    while True:
+        await asyncio.sleep(TICK_S)
+        told(fleet.inventory.tick(time.time_ns()))
 
 
 async def _receive(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[Sample], None]) -> None:
@@ -75,15 +126,23 @@ def _counting(fleet: Fleet, key: str) -> Iterator[None]:
     except SchemaError as error:
         fleet.left_out["malformed messages"] += 1
         log.warning("%s: left out: %s", key, error)
-    except FleetFullError as error:
+    except InventoryFullError as error:
         fleet.left_out["messages of more members than are followed"] += 1
         log.warning("%s: left out: %s", key, error)
 
 
-def _class_list(fleet: Fleet, sample: Sample) -> None:
+def _class_list(fleet: Fleet, sample: Sample) -> Sequence[Change]:
     seen = codec.decode(ClassList, sample.payload, sample.encoding)
     codec.check_identity(seen.header, keys.parse_stream(sample.key).camera)
-    fleet.see(seen, time.monotonic(), sample.received_ns)
+    return fleet.see(seen, time.monotonic(), sample.received_ns) or ()
+
+
+def _distances(fleet: Fleet, sample: Sample) -> CameraKey:
+    distances = codec.decode(Distances, sample.payload, sample.encoding)
+    key = keys.parse_stream(sample.key).camera
+    codec.check_identity(distances.header, key)
+    fleet.measure(distances, sample.received_ns)
+    return key
 
 
 def _gateway_status(fleet: Fleet, sample: Sample) -> None:

@@ -5,9 +5,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings, Endpoint
+from services.monitor.alerting.settings import AlertingSettings
+from services.monitor.history.settings import HistorySettings
+from services.monitor.inventory.settings import InventorySettings
 
 
-class MonitorSettings(BusSettings):
+class MonitorSettings(AlertingSettings, InventorySettings, HistorySettings, BusSettings):
     """Show what every robot of the fleet sees. The Zenoh router that the fleet connects to is part of it by default."""
 
     mode: Annotated[

@@ -5,7 +5,19 @@ import sys
 
 import pytest
 
-HEAVY = ("torch", "ultralytics", "cv2", "rich", "pycocotools", "matplotlib", "polars", "services.detector")
+HEAVY = (
+    "torch",
+    "ultralytics",
+    "cv2",
+    "rich",
+    "pycocotools",
+    "matplotlib",
+    "polars",
+    "sqlalchemy",
+    "asyncpg",
+    "httpx",
+    "services.detector",
+)
 STARTS = {
     "the gateway": "import gateway.process, services.toolbox.__main__",
     "the gateway's help": "import gateway.settings, services.toolbox.settings",

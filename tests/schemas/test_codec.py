@@ -11,6 +11,7 @@ from schemas.codec import Message
 from schemas.detections import Box, ClassCount, ClassList, Detection, Detections, Mask
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
+from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.points import PointCloud, PointField
 from schemas.raw import RawMessage, Text
@@ -56,6 +57,26 @@ MESSAGES: list[Message] = [
     ServiceRequest(type="std_srvs/SetBool", md5="09fb03525b03e7ea1fd3992bafd87e16", argument=True, timeout_s=0.5),
     ServiceRequest(data=b"\x05", timeout_s=5),
     ServiceResponse(type="a/B", md5="c" * 32, success=False, message="no", data=memoryview(b"\x00")),
+    InventoryRequest(robot="r1", name="box", in_view=True),
+    InventoryAnswer(
+        now_ns=3,
+        sightings=[
+            ClassSighting(
+                robot="r1",
+                camera="front",
+                name="box",
+                count=2,
+                score=0.5,
+                first_ns=1,
+                last_ns=2,
+                nearest_m=2.5,
+                model="m",
+                worker="w",
+                available=True,
+            )
+        ],
+        complete=False,
+    ),
     image(),
     compressed(file_of(np.zeros((4, 6), np.uint16), ".png"), "32FC1", 24, inverse_depth=(1.5, -2.0)),
     CameraInfo(

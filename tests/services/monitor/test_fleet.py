@@ -5,8 +5,10 @@ from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
-from services.monitor import fleet as module
-from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, FleetFullError, Row
+from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.inventory import inventory as module
+from services.monitor.inventory.inventory import InventoryFullError, Limits
+from services.monitor.inventory.settling import Debounce
 from tests.schemas.frames import header
 
 FRONT = CameraKey("r1", "front")
@@ -44,7 +46,7 @@ def test_a_camera_is_listed_before_its_first_class_list() -> None:
 def test_a_class_list_fills_the_row_and_ages_from_the_gateways_receive_time() -> None:
     fleet = online_fleet()
     message = seen(box=2)
-    assert fleet.see(message, 10.0, message.header.received_ns + 250_000_000)
+    assert fleet.see(message, 10.0, message.header.received_ns + 250_000_000) is not None
     row = only(fleet, 11.0)
     assert row.classes == (ClassCount("box", 2, 0.9),)
     assert row.age == Age(1.25, exact=True)
@@ -73,6 +75,24 @@ def test_a_clock_that_was_measured_gives_the_age() -> None:
     fleet.see(message, 10.0, ours_ns + 250_000_000)
     assert only(fleet, 11.0).age == Age(1.25, exact=True)
     assert list(fleet.ages_s) == [0.25]
+
+
+def test_sightings_have_our_time_though_the_robots_clock_is_an_hour_ahead() -> None:
+    fleet = Fleet(CLOCK, Limits(Debounce(1, 0, 1, 0)))
+    fleet.robot_presence("r1", alive=True)
+    fleet.gateway_status(status("another machine"))
+    fleet.clocks.due(fleet.elsewhere(), 0)
+    ours_ns = 1_700_000_000_000_000_000
+    theirs_ns = ours_ns + 3_600_000_000_000
+    reading = ClockReading(
+        robot="r1", boot_id="b", clock_id="another machine", received_ns=theirs_ns, sent_ns=theirs_ns
+    )
+    fleet.clocks.take("r1", reading, asked_ns=ours_ns - 1000, answered_ns=ours_ns + 1000)
+    message = seen()
+    about = msgspec.structs.replace(message.header, received_ns=theirs_ns)
+    changes = fleet.see(msgspec.structs.replace(message, header=about), 10.0, ours_ns + 250_000_000)
+    assert changes
+    assert changes[0].sighting.first_ns == ours_ns
 
 
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:
@@ -111,10 +131,10 @@ def test_a_lost_robot_or_camera_stays_on_screen_offline(lost: str) -> None:
 
 def test_doubles_and_older_frames_are_dropped_but_a_restarted_gateway_begins_anew() -> None:
     fleet = online_fleet()
-    assert fleet.see(seen(5), 0.0, 0)
-    assert not fleet.see(seen(5), 1.0, 0)
-    assert not fleet.see(seen(4), 1.0, 0)
-    assert fleet.see(seen(0, boot_id="next"), 2.0, 0)
+    assert fleet.see(seen(5), 0.0, 0) is not None
+    assert fleet.see(seen(5), 1.0, 0) is None
+    assert fleet.see(seen(4), 1.0, 0) is None
+    assert fleet.see(seen(0, boot_id="next"), 2.0, 0) is not None
     assert fleet.lists_per_robot() == {"r1": 2}
 
 
@@ -137,14 +157,14 @@ def test_robots_without_lists_are_counted_too_and_rows_are_ordered() -> None:
 def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_MEMBERS", 1)
     fleet = online_fleet()
-    assert fleet.see(seen(0), 0.0, 0)
-    with pytest.raises(FleetFullError, match="r2"):
+    assert fleet.see(seen(0), 0.0, 0) is not None
+    with pytest.raises(InventoryFullError, match="r2"):
         fleet.see(seen(0, robot="r2"), 0.0, 0)
-    with pytest.raises(FleetFullError):
+    with pytest.raises(InventoryFullError):
         fleet.robot_presence("r2", alive=True)
-    with pytest.raises(FleetFullError):
+    with pytest.raises(InventoryFullError):
         fleet.camera_presence(CameraKey("r1", "rear"), alive=True)
-    with pytest.raises(FleetFullError):
+    with pytest.raises(InventoryFullError):
         fleet.gateway_status(status(robot="r2"))
-    assert fleet.see(seen(1), 1.0, 0)
+    assert fleet.see(seen(1), 1.0, 0) is not None
     fleet.robot_presence("r2", alive=False)

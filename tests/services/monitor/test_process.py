@@ -2,6 +2,7 @@ import asyncio
 import io
 from collections.abc import AsyncIterator, Callable
 
+import msgspec
 import pytest
 from rich.console import Console
 
@@ -10,12 +11,14 @@ from bus.fake import FakeNetwork
 from schemas import codec, keys
 from schemas.codec import Message
 from schemas.detections import ClassCount, ClassList
+from schemas.inventory import InventoryAnswer
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
 from tests.schemas.frames import header
+from tests.schemas.results import distances, known
 
 FRONT = CameraKey("r1", "front")
 SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")
@@ -63,6 +66,18 @@ async def test_presence_and_class_lists_fill_the_fleet(bus: Bus, fleet: Fleet) -
     await until(lambda: not next(fleet.rows(0)).online)
 
 
+async def test_distances_reach_the_inventory_and_programs_may_ask(bus: Bus, fleet: Fleet) -> None:
+    later = msgspec.structs.replace(SEEN, header=header(seq=1))
+    await publish(bus, FRONT.stream(Stream.CLASSES), SEEN)
+    await publish(bus, FRONT.stream(Stream.CLASSES), later)
+    await until(lambda: list(fleet.inventory.open()))
+    await publish(bus, FRONT.stream(Stream.DISTANCES), distances(known("box", 2.0)))
+    await until(lambda: next(fleet.inventory.open()).nearest_m)
+    reply = await bus.request(keys.INVENTORY, timeout_s=5)
+    (sighting,) = codec.decode(InventoryAnswer, reply.payload, reply.encoding).sightings
+    assert (sighting.name, sighting.count, sighting.nearest_m, sighting.available) == ("box", 2, 2.125, False)
+
+
 async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     await publish(bus, keys.gateway_status("r1"), GATEWAY)
     await publish(bus, keys.worker_status("detector", "w1"), WORKER)
@@ -75,6 +90,7 @@ async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     ("key", "message"),
     [
         ("fleet/r2/front/classes", SEEN),
+        ("fleet/<b>r1/front/classes", SEEN),
         ("fleet/r1/rear/classes", SEEN),
         ("fleet/r2/status", GATEWAY),
         ("workers/detector/w2/status", WORKER),

@@ -1,0 +1,56 @@
+"""The inventory: what the monitor says about the whole fleet when another program asks."""
+
+from typing import Annotated, Final
+
+import msgspec
+
+from schemas.header import Count, Label, MaybeName, Name, Nanoseconds
+from schemas.space import Distance
+
+MAX_SIGHTINGS: Final = 20_000
+"""Most sightings in one answer; whoever wants more asks robot by robot."""
+
+
+class InventoryRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """What is asked: sightings of one robot, camera or class, each of all if empty.
+
+    in_view: only what is in view now, as far as anybody knows.
+    """
+
+    robot: MaybeName = ""
+    camera: MaybeName = ""
+    name: Label = ""
+    in_view: bool
+
+
+class ClassSighting(msgspec.Struct, frozen=True, kw_only=True):
+    """One class in view of one camera, or the last that was seen of it.
+
+    count: how many now, 0 when it is in view no more. score: best one, 0 to 1. first_ns, last_ns: when it was seen
+    first and last without a gap, nanoseconds since the epoch on the monitor's system clock. nearest_m: how near the
+    nearest of them is, where that is known. model, worker: who said so. available: the robot is online and its camera
+    speaks; what is not available is only what was known last.
+    """
+
+    robot: Name
+    camera: Name
+    name: Label
+    count: Count
+    score: Annotated[float, msgspec.Meta(ge=0, le=1)]
+    first_ns: Nanoseconds
+    last_ns: Nanoseconds
+    nearest_m: Distance | None = None
+    model: Label
+    worker: Label
+    available: bool
+
+
+class InventoryAnswer(msgspec.Struct, frozen=True, kw_only=True):
+    """What was asked for as it is at now_ns of the monitor's system clock, by robot, camera and class.
+
+    complete: False if there are more than fit into one answer.
+    """
+
+    now_ns: Nanoseconds
+    sightings: Annotated[list[ClassSighting], msgspec.Meta(max_length=MAX_SIGHTINGS)]
+    complete: bool = True

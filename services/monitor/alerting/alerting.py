@@ -1,0 +1,189 @@
+"""Rules applied to the fleet while it is seen, by the one monitor that raises alerts."""
+
+import asyncio
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final
+from uuid import uuid4
+
+from bus import Bus
+from schemas.alerts import Action, Alert
+from schemas.keys import CameraKey
+from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
+from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.alerting.webhooks import Webhooks
+from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
+from services.monitor.inventory.sighting import Change
+from services.monitor.rules.conditions import Look
+from services.monitor.rules.engine import Effect, RuleEngine, UnknownAlertError
+from services.monitor.rules.model import RobotAction
+
+TICK_S: Final = 0.1
+SWEEP_S: Final = 1.0
+"""How often every camera is looked at."""
+
+AT_ONCE: Final = 200
+"""Cameras looked at before other things get their turn."""
+
+SETTLE_S: Final = 3.0
+"""How long after the start it is not known yet who is there."""
+
+
+class Alerting:
+    """What becomes of rules, and what people do with alerts."""
+
+    def __init__(self, rules: RuleFile, inventory: Inventory, *, settle_s: float = SETTLE_S) -> None:
+        self._rules = rules
+        self._inventory = inventory
+        self._settled_s = time.monotonic() + settle_s
+        self._engine: RuleEngine | None = None
+        self._robots: set[str] = set()
+        self._spoke: set[CameraKey] = set()
+        self._look_at_all = True
+        self._unsteady: set[CameraKey] = set()
+        self._alerts = alerts_to_robots()
+        self._actions = actions_to_robots()
+        self._webhooks = Webhooks()
+
+    def lead(self, alerts: Sequence[Alert]) -> None:
+        """Begin to raise alerts, with those that another monitor, or this one before, left unresolved."""
+        if self._engine is None:
+            self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex)
+        self._engine.restore(alerts, time.time_ns())
+        self._look_at_all = True
+
+    def take(self, changes: Iterable[Change]) -> None:
+        """Take what changed in the inventory."""
+        if self._engine is not None:
+            changes = list(changes)
+            self._unsteady.update(change.sighting.key for change in changes)
+            self._engine.changed(changes, time.time_ns())
+
+    def measured(self, key: CameraKey) -> None:
+        """Look at a camera whose distances came."""
+        camera = self._inventory.camera(key)
+        if self._engine is not None and camera is not None:
+            self._unsteady.add(key)
+            self._look(self._engine, camera, time.time_ns())
+
+    def alerts(self) -> list[Alert]:
+        """Return the alerts that are not resolved; none where another monitor raises them."""
+        return [] if self._engine is None else self._engine.alerts()
+
+    def acknowledge(self, alert_id: str) -> Alert:
+        """Note that somebody looks after an alert; raises UnknownAlertError."""
+        return self._known().acknowledge(alert_id, time.time_ns())
+
+    def escalate(self, alert_id: str) -> Alert:
+        """Have others look after an alert; raises UnknownAlertError."""
+        return self._known().escalate(alert_id, time.time_ns())
+
+    def resolve(self, alert_id: str) -> Alert:
+        """Close an alert; raises UnknownAlertError."""
+        return self._known().resolve(alert_id, time.time_ns())
+
+    async def run(self, bus: Bus, *, keep: Callable[[Alert], None], leads: Callable[[], bool]) -> None:
+        """Apply the rules and send what comes of it, for ever.
+
+        keep: takes every alert that changed, for the store. leads: whether this monitor is the one that raises alerts.
+        """
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._rules.watch())
+            group.create_task(self._alerts.run(bus))
+            group.create_task(self._actions.run(bus))
+            group.create_task(self._webhooks.run())
+            group.create_task(self._apply(keep, leads))
+
+    async def _apply(self, keep: Callable[[Alert], None], leads: Callable[[], bool]) -> None:
+        swept_s = 0.0
+        while True:
+            await asyncio.sleep(TICK_S)
+            if not leads():
+                self._engine = None
+            engine = self._engine
+            if engine is None:
+                continue
+            if engine.book is not self._rules.book:
+                engine.replace(self._rules.book, time.time_ns())
+                self._look_at_all = True
+            if time.monotonic() >= max(self._settled_s, swept_s + SWEEP_S):
+                swept_s = time.monotonic()
+                await self._sweep(engine)
+            for effect in engine.due(time.time_ns()):
+                keep(effect.alert)
+                self._tell(effect, engine)
+
+    async def _sweep(self, engine: RuleEngine) -> None:
+        """Look at every camera that changed, began to speak or fell silent; at all of them after the rules changed."""
+        if len(self._robots) < MAX_MEMBERS:
+            self._robots |= self._inventory.robots()
+        everything, self._look_at_all = self._look_at_all, False
+        spoke, speaking = self._spoke, set[CameraKey]()
+        for number, camera in enumerate(list(self._inventory.cameras()), 1):
+            key, now_ns = camera.key, time.time_ns()
+            if len(self._robots) < MAX_MEMBERS:
+                self._robots.add(key.robot)
+            speaks = self._inventory.speaks(camera, now_ns)
+            if speaks:
+                speaking.add(key)
+            if len(camera.views) > 1:
+                self._unsteady.add(key)
+            if everything or speaks != (key in spoke) or key in self._unsteady:
+                self._look(engine, camera, now_ns)
+            if number % AT_ONCE == 0:
+                await asyncio.sleep(0)
+        self._spoke = speaking
+        for robot in self._robots:
+            engine.robot(robot, alive=self._inventory.is_alive(robot), now_ns=time.time_ns())
+
+    def _look(self, engine: RuleEngine, camera: CameraView, now_ns: int) -> None:
+        if engine.concerns(camera.key):
+            look = look_at(self._inventory, camera, now_ns)
+            engine.look(look, now_ns)
+            if not look.nearest:  # else a distance may grow old without any news
+                self._unsteady.discard(camera.key)
+
+    def _tell(self, effect: Effect, engine: RuleEngine) -> None:
+        alert, rule = effect.alert, effect.rule
+        self._alerts.send(alert)
+        if rule is None:
+            return
+        webhooks = engine.book.webhooks
+        for name in [name for name in rule.webhooks if name in webhooks]:  # the rule may be of the book before
+            self._webhooks.post(webhooks[name], alert)
+        if effect.raised and rule.action is not None:
+            self._actions.send(action_of(rule.action, alert, uuid4().hex))
+
+    def _known(self) -> RuleEngine:
+        if self._engine is None:
+            raise UnknownAlertError("another monitor raises the alerts")
+        return self._engine
+
+
+def look_at(inventory: Inventory, camera: CameraView, now_ns: int) -> Look:
+    """Return what is known of a camera now."""
+    since_ns = now_ns - inventory.limits.stale_ns
+    sightings = list(camera.sightings(since_ns))
+    return Look(
+        key=camera.key,
+        speaks=inventory.speaks(camera, now_ns),
+        counts={each.name: each.count for each in sightings},
+        nearest={each.name: each.nearest_m for each in sightings if each.nearest_m is not None},
+        disagreements=camera.disagreements(since_ns),
+    )
+
+
+def action_of(asked: RobotAction, alert: Alert, action_id: str) -> Action:
+    """Return what a robot is told because of an alert."""
+    payload = asked.payload
+    for name, value in (("{robot}", alert.robot), ("{camera}", alert.camera), ("{class}", alert.name)):
+        payload = payload.replace(name, value)
+    return Action(
+        id=action_id,
+        name=asked.name,
+        robot=alert.robot,
+        payload=payload,
+        rule=alert.rule,
+        sent_ns=alert.changed_ns,
+    )

@@ -1,0 +1,57 @@
+"""Lanes: what is delivered to one receiver in order, while no receiver waits for another."""
+
+import asyncio
+from collections import deque
+from collections.abc import Awaitable, Callable
+from typing import Final, Generic, TypeVar
+
+K = TypeVar("K")
+M = TypeVar("M")
+
+MAX_WAITING: Final = 1_000
+"""How many messages wait in one lane; the oldest are given up for newer ones."""
+
+AT_ONCE: Final = 256
+"""How many lanes deliver at the same time."""
+
+
+class Lanes(Generic[K, M]):
+    """Delivers messages by receiver. given_up: messages dropped because too many waited for the same one.
+
+    deliver: gives one message to a receiver; it raises nothing.
+    """
+
+    def __init__(self, deliver: Callable[[K, M], Awaitable[None]]) -> None:
+        self.given_up = 0
+        self._deliver = deliver
+        self._lanes: dict[K, deque[M]] = {}
+        self._busy: set[K] = set()
+        self._news = asyncio.Event()
+
+    def put(self, receiver: K, message: M) -> None:
+        """Have a message delivered."""
+        lane = self._lanes.setdefault(receiver, deque())
+        if len(lane) >= MAX_WAITING:
+            lane.popleft()
+            self.given_up += 1
+        lane.append(message)
+        self._news.set()
+
+    async def run(self) -> None:
+        """Deliver what there is, for ever."""
+        async with asyncio.TaskGroup() as group:
+            while True:
+                await self._news.wait()
+                self._news.clear()
+                for receiver in [each for each in self._lanes if each not in self._busy]:
+                    if len(self._busy) < AT_ONCE:
+                        self._busy.add(receiver)
+                        group.create_task(self._empty(receiver))
+
+    async def _empty(self, receiver: K) -> None:
+        lane = self._lanes[receiver]
+        while lane:
+            await self._deliver(receiver, lane.popleft())
+        del self._lanes[receiver]
+        self._busy.discard(receiver)
+        self._news.set()

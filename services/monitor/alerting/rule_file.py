@@ -1,0 +1,61 @@
+"""The rule file: read again whenever it changes; a mistake leaves the rules as they were."""
+
+import asyncio
+import logging
+from pathlib import Path
+from typing import Final
+
+from services.monitor.rules.loading import RuleFileError, load_rules
+from services.monitor.rules.model import RuleBook
+
+log = logging.getLogger(__name__)
+
+LOOK_S: Final = 1.0
+
+_Stamp = tuple[int, int, int]
+
+
+class RuleFile:
+    """The rules of a file. problem: why the newest version of the file is not in force, in words, or empty."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.book = RuleBook()
+        self.problem = ""
+        self._path = path
+        self._stamp: _Stamp | None = None
+
+    async def load(self) -> None:
+        """Read it for the first time.
+
+        Raises:
+            RuleFileError: it cannot be used.
+        """
+        if self._path is not None:
+            await asyncio.to_thread(self._read, self._path)
+
+    async def watch(self) -> None:
+        """Keep `book` up to date, for ever."""
+        while self._path is not None:
+            await asyncio.sleep(LOOK_S)
+            try:
+                await asyncio.to_thread(self._read, self._path)
+            except RuleFileError as error:
+                problem = f"{self._path}: {error}; the rules stay as they were"
+                if problem != self.problem:
+                    log.error("%s", problem)  # noqa: TRY400 - it is no fault of ours
+                self.problem = problem
+
+    def _read(self, path: Path) -> None:
+        try:
+            found = path.stat()
+            stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
+            if stamp == self._stamp:
+                return
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            self._stamp = None
+            raise RuleFileError(1, " ".join(str(error).split())) from error
+        self._stamp = stamp
+        self.book = load_rules(text)
+        self.problem = ""
+        log.info("%s: %d rules are in force", path, len(self.book.rules))

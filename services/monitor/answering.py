@@ -1,0 +1,56 @@
+"""Other programs' questions about the inventory."""
+
+import time
+from contextlib import AbstractAsyncContextManager
+from itertools import islice
+from typing import Final
+
+from bus import Bus, RefusedError, Reply, Request
+from schemas import codec, keys
+from schemas.errors import SchemaError
+from schemas.inventory import MAX_SIGHTINGS, ClassSighting, InventoryAnswer, InventoryRequest
+from services.monitor.inventory.inventory import Entry, Inventory
+
+WAITING: Final = 64
+
+
+def answer_inventory(bus: Bus, inventory: Inventory) -> AbstractAsyncContextManager[None]:
+    """Answer until leaving."""
+
+    async def answer(request: Request) -> Reply:
+        try:
+            asked = (
+                codec.decode(InventoryRequest, request.payload, request.encoding)
+                if request.payload
+                else InventoryRequest(in_view=False)
+            )
+        except SchemaError as error:
+            raise RefusedError(str(error)) from error
+        return Reply(codec.encode(answer_to(asked, inventory, time.time_ns())), codec.encoding(InventoryAnswer))
+
+    return bus.serve(keys.INVENTORY, answer, waiting=WAITING)
+
+
+def answer_to(asked: InventoryRequest, inventory: Inventory, now_ns: int) -> InventoryAnswer:
+    """Return what was asked for."""
+    entries = inventory.entries(now_ns, robot=asked.robot, camera=asked.camera, name=asked.name)
+    found = (entry for entry in entries if entry.sighting.count or not asked.in_view)
+    sightings = [_sighting(entry) for entry in islice(found, MAX_SIGHTINGS)]
+    return InventoryAnswer(now_ns=now_ns, sightings=sightings, complete=next(found, None) is None)
+
+
+def _sighting(entry: Entry) -> ClassSighting:
+    of = entry.sighting
+    return ClassSighting(
+        robot=of.key.robot,
+        camera=of.key.camera,
+        name=of.name,
+        count=of.count,
+        score=of.score,
+        first_ns=of.first_ns,
+        last_ns=of.last_ns,
+        nearest_m=of.nearest_m,
+        model=of.model,
+        worker=of.worker,
+        available=entry.available,
+    )

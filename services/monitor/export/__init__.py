@@ -1,0 +1,1 @@
+"""`fleetsight history export`: what was kept, as files for other programs."""

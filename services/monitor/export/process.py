@@ -1,0 +1,82 @@
+"""`fleetsight history export`."""
+
+import asyncio
+import sys
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from sqlalchemy import ColumnElement, Select, Table, case, select
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from services.monitor.export.settings import ExportSettings, epoch_ns
+from services.monitor.export.writing import write_csv, write_parquet
+from services.monitor.history.engine import engine_of, file_of, translating
+from services.monitor.history.errors import HistoryError
+from services.monitor.history.tables import alerts, heartbeat, intervals
+
+ROWS: Final = 5_000
+"""Rows held in memory at a time."""
+
+LONG_S: Final = 3_600.0
+
+
+async def run(settings: ExportSettings) -> None:
+    """Write the file, whole or not at all.
+
+    Raises:
+        HistoryError: the database cannot be read, or the file not be written.
+    """
+    engine = engine_of(settings.history)
+    file = file_of(engine)
+    if file is not None and not file.exists():
+        raise HistoryError(f"{file} does not exist")
+    table = intervals if settings.what == "sightings" else alerts
+    try:
+        async with translating(LONG_S):
+            with TemporaryDirectory(dir=settings.to.parent, prefix=".fleetsight-") as folder:
+                count = await _write(engine, settings, table, Path(folder))
+    finally:
+        await engine.dispose()
+    sys.stdout.write(f"{settings.to}: {count} {settings.what}\n")
+
+
+async def _write(engine: AsyncEngine, settings: ExportSettings, table: Table, folder: Path) -> int:
+    made = folder / "rows.csv"
+    with made.open("w", encoding="utf-8", newline="") as rows:
+        count = await write_csv(_batches(engine, query_of(settings, table)), table, rows)
+    if settings.to.suffix == ".parquet":
+        await asyncio.to_thread(write_parquet, made, folder / "rows.parquet", table)
+        made = folder / "rows.parquet"
+    made.replace(settings.to)
+    return count
+
+
+def query_of(settings: ExportSettings, table: Table) -> Select[Any]:
+    """Return the query for what was asked for, the oldest first; what is open goes on until the heartbeat."""
+    columns: list[Any] = list(table.columns)
+    begins: ColumnElement[int]
+    ends: ColumnElement[int]
+    if table is alerts:
+        begins, ends = alerts.c.raised_ns, alerts.c.changed_ns
+    else:
+        now_ns = select(heartbeat.c.at_ns).scalar_subquery()
+        goes_on = intervals.c.open & (now_ns > intervals.c.until_ns)
+        begins, ends = intervals.c.since_ns, case((goes_on, now_ns), else_=intervals.c.until_ns).label("until_ns")
+        columns = [ends if column.name == "until_ns" else column for column in columns]
+    where: list[ColumnElement[bool]] = [
+        table.c[name] == getattr(settings, name) for name in ("robot", "camera", "name") if getattr(settings, name)
+    ]
+    if settings.since is not None:
+        where.append(ends >= epoch_ns(settings.since))
+    if settings.until is not None:
+        where.append(begins <= epoch_ns(settings.until))
+    return select(*columns).where(*where).order_by(begins)
+
+
+async def _batches(engine: AsyncEngine, query: Select[Any]) -> AsyncIterator[Sequence[Any]]:
+    async with engine.connect() as connection:
+        result = await connection.stream(query)
+        async for rows in result.mappings().partitions(ROWS):
+            yield rows

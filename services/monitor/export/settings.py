@@ -1,0 +1,49 @@
+"""Settings of the export."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AwareDatetime, BaseModel, Field, NaiveDatetime, field_validator
+
+from services.monitor.history.settings import NONE, HistoryUrl, default_url
+
+Moment = AwareDatetime | NaiveDatetime
+
+
+class ExportSettings(BaseModel):
+    """Write what a monitor kept into a file: sightings, one row as long as a count stayed the same, or alerts.
+
+    `fleetsight history export --to seen.csv`; a name that ends in .parquet makes Parquet.
+    """
+
+    task: Annotated[Literal["export"], Field(description="what to do")]
+    to: Annotated[Path, Field(description="file to write, .csv or .parquet")]
+    history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
+        default_factory=default_url
+    )
+    what: Annotated[Literal["sightings", "alerts"], Field(description="what to export")] = "sightings"
+    since: Annotated[Moment | None, Field(description="leave out what ended before (2026-11-20T06:00)")] = None
+    until: Annotated[Moment | None, Field(description="leave out what began later")] = None
+    robot: Annotated[str, Field(description="only what this robot saw")] = ""
+    camera: Annotated[str, Field(description="only what cameras of this name saw")] = ""
+    name: Annotated[str, Field(description="only this class")] = ""
+
+    @field_validator("to")
+    @classmethod
+    def _is_of_a_kind(cls, to: Path) -> Path:
+        if to.suffix not in (".csv", ".parquet"):
+            raise ValueError("its name is to end in .csv or .parquet")
+        return to
+
+    @field_validator("history")
+    @classmethod
+    def _is_somewhere(cls, history: str) -> str:
+        if history == NONE:
+            raise ValueError("there is no history to export")
+        return history
+
+
+def epoch_ns(moment: datetime) -> int:
+    """Return nanoseconds since the epoch; a time without a zone is local."""
+    return round(moment.timestamp() * 1e6) * 1_000

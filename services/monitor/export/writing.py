@@ -1,0 +1,56 @@
+"""Rows into CSV, and CSV into Parquet, without holding all of it."""
+
+import csv
+from collections.abc import AsyncIterator, Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Final, TextIO
+
+from sqlalchemy import Table
+
+TIME: Final = "_ns"
+"""How the names of columns end that are times in nanoseconds; exported ones are without, in UTC to the microsecond."""
+
+EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+async def write_csv(batches: AsyncIterator[Sequence[Mapping[str, Any]]], table: Table, file: TextIO) -> int:
+    """Write rows below a heading; return how many."""
+    writer = csv.DictWriter(file, [column.name.removesuffix(TIME) for column in table.columns])
+    writer.writeheader()
+    count = 0
+    async for batch in batches:
+        writer.writerows(exported(row) for row in batch)
+        count += len(batch)
+    return count
+
+
+def exported(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row as it is exported."""
+    return {str(name).removesuffix(TIME): _time(value) if name.endswith(TIME) else value for name, value in row.items()}
+
+
+def write_parquet(source: Path, target: Path, table: Table) -> None:
+    """Turn a CSV file of a table's rows into Parquet."""
+    import polars as pl  # noqa: PLC0415 - an extra, and only who wants Parquet needs it
+
+    kinds = {str: pl.String, int: pl.Int64, float: pl.Float64, bool: pl.String}
+    schema = {
+        column.name.removesuffix(TIME): pl.String if column.name.endswith(TIME) else kinds[column.type.python_type]
+        for column in table.columns
+    }
+    times = [
+        pl.col(column.name.removesuffix(TIME)).str.to_datetime(time_unit="us", time_zone="UTC")
+        for column in table.columns
+        if column.name.endswith(TIME)
+    ]
+    flags = [pl.col(column.name) == "True" for column in table.columns if column.type.python_type is bool]
+    rows = pl.scan_csv(source, schema=schema).with_columns(pl.col(pl.String).fill_null(""))
+    rows.with_columns(*times, *flags).sink_parquet(target)
+
+
+def _time(ns: int) -> str:
+    try:
+        return (EPOCH + timedelta(microseconds=ns // 1_000)).isoformat(timespec="microseconds")
+    except OverflowError:
+        return datetime.max.replace(tzinfo=UTC).isoformat(timespec="microseconds")

@@ -1,0 +1,210 @@
+"""Keep the history, off the path of the messages: whatever the database does, monitoring goes on."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.alerts import Alert
+from schemas.keys import CameraKey
+from services.monitor.history.engine import translating
+from services.monitor.history.errors import HistoryError
+from services.monitor.history.intervals import Interval, Ledger
+from services.monitor.history.settings import NONE, HistorySettings
+from services.monitor.history.store import Kept, Store
+from services.monitor.inventory.inventory import Inventory
+from services.monitor.inventory.settling import NS
+from services.monitor.inventory.sighting import Change
+
+log = logging.getLogger(__name__)
+
+FLUSH_S: Final = 0.5
+"""How long what changed waits to be written; twice that is the most that a kill loses."""
+
+RETRY_S: Final = 1.0
+RESTORE_S: Final = 5.0
+"""How long the database may keep a monitor from beginning."""
+
+PRUNE_S: Final = 3_600.0
+BATCH: Final = 20_000
+"""Rows of one transaction."""
+
+RESTORED_NS: Final = 86_400 * NS
+"""How long ago something may have ended for a restarted monitor to know when it was seen last."""
+
+DAY_NS: Final = 86_400 * NS
+MAX_ALERTS: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryStatus:
+    """How the history is doing.
+
+    problem: why it is not being kept, in words, or empty. leads: this monitor is the one that raises alerts; while the
+    database cannot be asked, that stays as it was, and whoever never could ask it raises them.
+    pending: what waits to be written. lost: intervals given up because too many waited.
+    """
+
+    problem: str
+    leads: bool
+    pending: int
+    lost: int
+
+
+class HistoryKeeper:
+    """Writes what changes in the inventory, and alerts, to the database of the settings.
+
+    on_lead: is called with the alerts that are not resolved whenever this monitor becomes the one that raises alerts.
+    """
+
+    def __init__(
+        self,
+        settings: HistorySettings,
+        inventory: Inventory,
+        on_lead: Callable[[Sequence[Alert]], None] = lambda _: None,
+    ) -> None:
+        self._settings = settings
+        self._inventory = inventory
+        self._on_lead = on_lead
+        self._ledger = Ledger()
+        self._alerts: dict[str, Alert] = {}
+        self._quiet: set[CameraKey] = set()
+        self._store: Store | None = None
+        self._problem = "" if settings.history == NONE else "not connected yet"
+        self._writes = False
+        self._leads = settings.history == NONE
+        self._asked = False
+        self._loaded = False
+        self._due_s = 0.0
+
+    @property
+    def status(self) -> HistoryStatus:
+        """How it is doing."""
+        return HistoryStatus(self._problem, self._leads, len(self._ledger) + len(self._alerts), self._ledger.lost)
+
+    def take(self, changes: Iterable[Change]) -> None:
+        """Take what changed in the inventory."""
+        if self._settings.history != NONE:
+            self._ledger.take(changes)
+
+    def alert(self, alert: Alert) -> None:
+        """Take an alert that changed."""
+        if self._settings.history != NONE:
+            self._alerts[alert.id] = alert
+            while len(self._alerts) > MAX_ALERTS:
+                del self._alerts[next(iter(self._alerts))]
+
+    async def restore(self) -> None:
+        """Give the inventory back what the database kept of it; before anything is taken."""
+        if self._settings.history == NONE:
+            self._on_lead(())
+            return
+        try:
+            async with translating(RESTORE_S):
+                self._store = await Store.open(self._settings.history)
+                kept = await self._store.load(time.time_ns() - RESTORED_NS)
+        except HistoryError as error:
+            await self._fail(error)
+            return
+        self._inventory.restore(interval.sighting() for interval in kept.intervals)
+        self._ledger.adopt(kept.intervals)
+
+    async def run(self) -> None:
+        """Keep the history until cancelled; what is pending then is written."""
+        if self._settings.history == NONE:
+            return
+        try:
+            while True:
+                await self._attempt()
+        finally:
+            await self._end()
+
+    async def _attempt(self) -> None:
+        try:
+            if self._store is None:
+                self._store = await Store.open(self._settings.history)
+            if not self._writes:
+                await self._take_the_lead(self._store)
+            await self._flush(self._store)
+        except HistoryError as error:
+            await self._fail(error)
+            await asyncio.sleep(RETRY_S)
+        else:
+            await asyncio.sleep(FLUSH_S)
+
+    async def _take_the_lead(self, store: Store) -> None:
+        leads = await store.lead()
+        self._asked = True
+        if leads:
+            now_ns = time.time_ns()
+            kept: Kept = await store.load(now_ns)
+            going_on = [interval for interval in kept.intervals if interval.open]
+            heartbeat_ns = await store.heartbeat_ns()
+            self._ledger.merge(going_on, heartbeat_ns, now_ns, self._inventory.limits.lost_ns)
+            if not (self._leads and self._loaded):
+                self._on_lead(kept.alerts)
+            self._writes = self._leads = self._loaded = True
+        else:
+            self._leads = False
+            self._ledger.forget_pending()
+            self._alerts.clear()
+        self._problem = ""
+
+    async def _flush(self, store: Store) -> None:
+        if not self._writes:
+            return
+        now_ns = time.time_ns()
+        self._note_silence(now_ns)
+        while True:
+            some, changed = self._ledger.pending(BATCH), dict(self._alerts)
+            await store.write(some, changed.values(), now_ns)
+            self._written(some, changed)
+            if len(some) < BATCH:
+                break
+        if time.monotonic() >= self._due_s:
+            await store.prune(now_ns - round(self._settings.history_days * DAY_NS))
+            self._due_s = time.monotonic() + PRUNE_S
+
+    def _written(self, some: Iterable[Interval], changed: dict[str, Alert]) -> None:
+        self._ledger.written(some)
+        for name, alert in changed.items():
+            if self._alerts.get(name) is alert:
+                del self._alerts[name]
+
+    def _note_silence(self, now_ns: int) -> None:
+        """End in the database what cameras had in view that went silent, and resume it when they speak again."""
+        since_ns = now_ns - self._inventory.limits.stale_ns
+        for camera in self._inventory.cameras():
+            quiet = camera.last_ns < since_ns
+            if quiet == (camera.key in self._quiet) or camera.lost:
+                continue
+            in_view = [sighting for sighting in camera.sightings() if sighting.count]
+            if quiet:
+                self._quiet.add(camera.key)
+                self._ledger.pause(in_view)
+            else:
+                self._quiet.discard(camera.key)
+                self._ledger.resume(in_view)
+
+    async def _fail(self, error: HistoryError) -> None:
+        log.warning("history is not kept: %s", error)
+        if not self._asked:
+            self._leads, self._asked = True, True
+            self._on_lead(())
+        self._problem, self._writes = str(error), False
+        store, self._store = self._store, None
+        if store is not None:
+            await store.close()
+
+    async def _end(self) -> None:
+        if self._store is None:
+            return
+        try:
+            if self._writes:
+                await self._flush(self._store)
+        except HistoryError as error:
+            log.warning("the end of the history was not kept: %s", error)
+        finally:
+            await self._store.close()

@@ -1,0 +1,149 @@
+"""The database of the history: one connection that writes, and holds the lock that says who does."""
+
+import asyncio
+import fcntl
+import os
+from collections.abc import AsyncIterator, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Self
+
+from sqlalchemy import ColumnElement, Table, delete, func, select
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from schemas.alerts import Alert, AlertState
+from services.monitor.history.engine import engine_of, file_of, translating
+from services.monitor.history.errors import HistoryError
+from services.monitor.history.intervals import Interval
+from services.monitor.history.rows import alert_of_row, interval_of_row, row_of_alert, row_of_interval
+from services.monitor.history.tables import alerts, heartbeat, intervals, metadata
+
+LOCK: Final = 0x666C656574
+"""The advisory lock's number: "fleet", for whoever looks at pg_locks."""
+
+MAX_LOADED: Final = 200_000
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts."""
+
+    intervals: Sequence[Interval]
+    alerts: Sequence[Alert]
+
+
+class Store:
+    """One connection to the database. Every method raises HistoryError, after which the store is to be closed."""
+
+    def __init__(self, engine: AsyncEngine, connection: AsyncConnection, file: Path | None) -> None:
+        self._engine = engine
+        self._connection = connection
+        self._file = file
+        self._lock: int | None = None
+
+    @classmethod
+    async def open(cls, url: str) -> Self:
+        """Connect, and make the tables where there are none."""
+        engine = engine_of(url)
+        file = file_of(engine)
+        async with translating():
+            if file is not None:
+                await asyncio.to_thread(file.parent.mkdir, parents=True, exist_ok=True)
+            store = cls(engine, await engine.connect(), file)
+        try:
+            async with translating():
+                await store._connection.run_sync(metadata.create_all)
+                await store._connection.commit()
+        except BaseException:
+            await store.close()
+            raise
+        return store
+
+    async def lead(self) -> bool:
+        """Become the one that writes and raises alerts, for as long as this is open; False while another one is."""
+        async with translating():
+            if self._file is not None:
+                return self._lock is not None or self._lock_beside(self._file)
+            taken = await self._connection.scalar(select(func.pg_try_advisory_lock(LOCK)))
+            await self._connection.commit()
+            return bool(taken)
+
+    async def load(self, since_ns: int) -> Kept:
+        """Return what goes on, and what ended since then."""
+        ended = [interval async for interval in self.select(intervals.c.until_ns >= since_ns)]
+        going_on = [interval async for interval in self.select(intervals.c.open)]
+        async with translating():
+            unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
+            rows = (await self._connection.execute(unresolved)).all()
+            await self._connection.commit()
+            found = [alert_of_row(row) for row in rows]
+        newest = {interval.place: interval for interval in [*ended, *going_on]}
+        return Kept(list(newest.values()), found)
+
+    async def heartbeat_ns(self) -> int:
+        """Return when somebody wrote last; 0 if nobody did."""
+        async with translating():
+            found = await self._connection.scalar(select(heartbeat.c.at_ns))
+            await self._connection.commit()
+            return found or 0
+
+    async def select(self, *where: ColumnElement[bool]) -> AsyncIterator[Interval]:
+        """Yield the newest MAX_LOADED intervals, the oldest first; what is open goes on until the heartbeat."""
+        at_ns = await self.heartbeat_ns()
+        async with translating():
+            query = intervals.select().where(*where).order_by(intervals.c.since_ns.desc()).limit(MAX_LOADED)
+            rows = (await self._connection.execute(query)).all()
+            await self._connection.commit()
+            found = [interval_of_row(row, at_ns) for row in reversed(rows)]
+        for interval in found:
+            yield interval
+
+    async def write(self, some: Iterable[Interval], changed: Iterable[Alert], at_ns: int) -> None:
+        """Write intervals and alerts, all of them or none, and that everything open goes on at `at_ns`."""
+        async with translating(), self._connection.begin():
+            await self._put(intervals, [row_of_interval(interval) for interval in some])
+            await self._put(alerts, [row_of_alert(alert) for alert in changed])
+            await self._put(heartbeat, [{"id": 1, "at_ns": at_ns}])
+
+    async def prune(self, before_ns: int) -> None:
+        """Forget what ended before then."""
+        async with translating(), self._connection.begin():
+            await self._connection.execute(
+                delete(intervals).where(intervals.c.until_ns < before_ns, intervals.c.open.is_(False))
+            )
+            await self._connection.execute(
+                delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
+            )
+
+    async def close(self) -> None:
+        """Let go of the connection and the lock; raises nothing."""
+        with suppress(HistoryError):
+            async with translating():
+                await self._connection.close()
+        with suppress(HistoryError):
+            async with translating():
+                await self._engine.dispose()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def _lock_beside(self, file: Path) -> bool:
+        """Lock a file beside the database: whoever opens and closes the database itself undoes SQLite's own locks."""
+        descriptor = os.open(f"{file}-lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            return False
+        self._lock = descriptor
+        return True
+
+    async def _put(self, table: Table, rows: Sequence[dict[str, Any]]) -> None:
+        if not rows:
+            return
+        statement = (postgresql.insert if self._file is None else sqlite.insert)(table)
+        keys = [column.name for column in table.primary_key]
+        others = {column.name: statement.excluded[column.name] for column in table.columns if column.name not in keys}
+        await self._connection.execute(statement.on_conflict_do_update(index_elements=keys, set_=others), rows)

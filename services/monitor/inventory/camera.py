@@ -1,0 +1,161 @@
+"""What is in view of one camera, as the model says that speaks for it. Pure."""
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from schemas.detections import ClassList
+from schemas.distances import Distances, ObjectDistance
+from schemas.keys import CameraKey
+from services.monitor.inventory.order import FrameOrder
+from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
+from services.monitor.inventory.view import Tracked, View
+
+MAX_MODELS: Final = 4
+"""How many models are followed on one camera."""
+
+
+class CameraView:
+    """One camera's sightings. The model that was heard first speaks for it until it has been silent for a while."""
+
+    __slots__ = ("_distance_order", "key", "lost", "speaker", "views")
+
+    def __init__(self, key: CameraKey) -> None:
+        self.key = key
+        self.views: dict[str, View] = {}
+        self.speaker: View | None = None
+        self.lost = False
+        self._distance_order = FrameOrder()
+
+    @property
+    def last_ns(self) -> int:
+        """When the newest class list of the model that speaks came; 0 before the first."""
+        return self.speaker.last_ns if self.speaker else 0
+
+    def speaks(self, since_ns: int) -> bool:
+        """Whether what it says is of now: lists came since then, and not only the one that late subscribers get."""
+        return self.speaker is not None and self.speaker.lists > 1 and self.last_ns >= since_ns and not self.lost
+
+    def see(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> list[Change] | None:
+        """Take a class list; None if it is a double or late.
+
+        silent_ns: how long the model that speaks may say nothing before another one speaks for the camera.
+        """
+        view = self.views.get(seen.model)
+        if view is None:
+            view = self._add(seen.model, at_ns)
+        if not view.order.take(seen.header):
+            return None
+        if self.lost:
+            self.lost = False
+            for each in self.views.values():
+                each.begin_anew(at_ns)
+        moved = view.advance(seen, at_ns, debounce)
+        if view is not self.speaker:
+            if self.speaker is not None and at_ns - self.speaker.last_ns <= silent_ns:
+                return []
+            moved = self._hand_over(self.speaker, view)
+        return [self._change(name, view, at_ns) for name in moved] if moved else []
+
+    def measure(self, distances: Distances, at_ns: int) -> bool:
+        """Take distances; return False if they are a double or late."""
+        if not self._distance_order.take(distances.header):
+            return False
+        if self.speaker is not None:
+            nearest = nearest_of(distances.objects)
+            for name, tracked in self.speaker.classes.items():
+                tracked.measure(nearest.get(name), at_ns)
+        return True
+
+    def lose(self, at_ns: int) -> list[Change]:
+        """Give up knowing what is in view: nobody has said so for too long."""
+        self.lost = True
+        return [
+            Change(ChangeKind.LOST, sighting, at_ns, closest_m=sighting.closest_m)
+            for sighting in self.sightings()
+            if sighting.count
+        ]
+
+    def restore(self, sighting: Sighting) -> None:
+        """Take a sighting as it was when it was stored."""
+        view = self.views.get(sighting.model) or self._add(sighting.model, sighting.last_ns)
+        self.speaker = self.speaker or view
+        if view is self.speaker:
+            tracked = view.classes[sighting.name] = Tracked(sighting.count)
+            tracked.score, tracked.worker, tracked.closest_m = sighting.score, sighting.worker, sighting.closest_m
+            tracked.first_ns, tracked.last_ns = sighting.first_ns, sighting.last_ns
+            tracked.count.since_ns = sighting.since_ns
+            view.last_ns = max(view.last_ns, sighting.last_ns)
+
+    def sightings(self, nearest_since_ns: int = 0) -> Iterator[Sighting]:
+        """Yield each class that is or was in view; a distance older than `nearest_since_ns` is left out."""
+        if self.speaker is None:
+            return
+        for name, tracked in self.speaker.classes.items():
+            if tracked.first_ns:
+                yield tracked.sighting(self.key, name, self.speaker.model, nearest_since_ns)
+
+    def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
+        """Return the classes of which two models that spoke since then settled on different counts: speaker's, other's.
+
+        A class that only one of them ever reported is none: the other may not know it.
+        """
+        found: dict[str, tuple[int, int]] = {}
+        if self.speaker is None or len(self.views) < 2:
+            return found
+        for view in self.views.values():
+            if view is self.speaker or view.last_ns < since_ns:
+                continue
+            for name, theirs in view.classes.items():
+                ours = self.speaker.classes.get(name)
+                if ours and ours.first_ns and theirs.first_ns and ours.count.count != theirs.count.count:
+                    found[name] = (ours.count.count, theirs.count.count)
+        return found
+
+    def _add(self, model: str, at_ns: int) -> View:
+        if len(self.views) >= MAX_MODELS:
+            silent = [view for view in self.views.values() if view is not self.speaker]
+            del self.views[min(silent, key=lambda view: view.last_ns).model]
+        view = self.views[model] = View(model, at_ns)
+        if self.speaker is None:
+            self.speaker = view
+        return view
+
+    def _hand_over(self, old: View | None, new: View) -> list[str]:
+        """Have another model speak, which goes on with the sightings of the old one; return the classes that moved."""
+        self.speaker = new
+        before = {} if old is None else {name: tracked for name, tracked in old.classes.items() if tracked.first_ns}
+        moved = [
+            name
+            for name, mine in new.classes.items()
+            if mine.count.count and (name not in before or before[name].count.count != mine.count.count)
+        ]
+        for name, theirs in before.items():
+            mine = new.classes.get(name)
+            if mine is None or mine.count.count == 0:
+                new.classes[name] = theirs
+            elif theirs.count.count:
+                mine.first_ns = theirs.first_ns
+        if old is not None:
+            self.views.pop(old.model, None)
+        return moved
+
+    def _change(self, name: str, view: View, at_ns: int) -> Change:
+        tracked = view.classes[name]
+        sighting = tracked.sighting(self.key, name, view.model)
+        if sighting.count == 0:
+            return Change(ChangeKind.VANISHED, sighting, at_ns, closest_m=tracked.before_m)
+        appeared = tracked.first_ns == tracked.count.since_ns
+        kind = ChangeKind.APPEARED if appeared else ChangeKind.COUNTED
+        first_look = appeared and tracked.first_ns <= view.began_ns
+        return Change(kind, sighting, at_ns, first_look=first_look, closest_m=tracked.before_m)
+
+
+def nearest_of(objects: Iterable[ObjectDistance]) -> dict[str, float]:
+    """Return how near the nearest object of each class is: straight where that is known, else along the axis."""
+    nearest: dict[str, float] = {}
+    for each in objects:
+        if each.measured is not None:
+            metres = each.measured.euclidean_m or each.measured.axial_m
+            nearest[each.name] = min(metres, nearest.get(each.name, metres))
+    return nearest

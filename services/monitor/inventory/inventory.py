@@ -1,0 +1,142 @@
+"""The inventory: what every camera of the fleet has in view, and since when. Pure."""
+
+from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, field
+from typing import Final
+
+from schemas.detections import ClassList
+from schemas.distances import Distances
+from schemas.keys import CameraKey
+from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.settling import NS, Debounce
+from services.monitor.inventory.sighting import Change, Sighting
+
+MAX_MEMBERS: Final = 20_000
+"""How many robots, or cameras, are followed; whoever floods the bus with names fills no memory."""
+
+
+class InventoryFullError(Exception):
+    """Too many robots or cameras to follow another one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When what cameras see is believed, in nanoseconds.
+
+    stale_ns: how old a camera's newest list may be for what it shows to be available, and for its model to speak.
+    lost_ns: how long nothing may come before it is not known any more what is in view.
+    """
+
+    debounce: Debounce = field(default_factory=Debounce)
+    stale_ns: int = 3 * NS
+    lost_ns: int = 60 * NS
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A sighting, and whether what it says can be relied on now: its robot is online and its camera speaks."""
+
+    sighting: Sighting
+    available: bool
+
+
+class Inventory:
+    """What every camera of the fleet has in view. Times are nanoseconds since the epoch on this machine's clock.
+
+    Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already.
+    """
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        self.limits = limits or Limits()
+        self._cameras: dict[CameraKey, CameraView] = {}
+        self._alive: set[str] = set()
+        self._present: set[CameraKey] = set()
+
+    def robot_presence(self, robot: str, *, alive: bool) -> None:
+        """Note that a robot's gateway came or went."""
+        if alive:
+            make_room(self._alive, robot)
+        (self._alive.add if alive else self._alive.discard)(robot)
+
+    def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
+        """Note that a camera came or went. One that went is remembered."""
+        self._camera(key)
+        (self._present.add if alive else self._present.discard)(key)
+
+    def see(self, seen: ClassList, at_ns: int) -> list[Change] | None:
+        """Take a class list about what was in view at `at_ns`; return what changed, or None if it is a double or late.
+
+        Lists of one camera are to come in order, but a clock that was set back is lived with.
+        """
+        camera = self._camera(CameraKey(seen.header.robot, seen.header.camera))
+        return camera.see(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
+
+    def measure(self, distances: Distances, at_ns: int) -> bool:
+        """Take distances; return False if they are a double or late."""
+        return self._camera(CameraKey(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
+
+    def tick(self, now_ns: int) -> list[Change]:
+        """Let time pass; return what is not known any more."""
+        since_ns = now_ns - self.limits.lost_ns
+        silent = [each for each in self._cameras.values() if each.last_ns < since_ns and each.speaker and not each.lost]
+        return [change for camera in silent for change in camera.lose(now_ns)]
+
+    def restore(self, sightings: Iterable[Sighting]) -> None:
+        """Take the sightings that a store kept, before anything else is taken; those over the limit are left out."""
+        for sighting in sightings:
+            if sighting.key in self._cameras or len(self._cameras) < MAX_MEMBERS:
+                self._camera(sighting.key).restore(sighting)
+
+    def is_alive(self, robot: str) -> bool:
+        """Whether a robot's gateway is there."""
+        return robot in self._alive
+
+    def robots(self) -> AbstractSet[str]:
+        """Return the robots whose gateways are there."""
+        return self._alive
+
+    def cameras(self) -> Collection[CameraView]:
+        """Return every camera ever heard of; to be looked at only."""
+        return self._cameras.values()
+
+    def camera(self, key: CameraKey) -> CameraView | None:
+        """Return one camera, to be looked at only."""
+        return self._cameras.get(key)
+
+    def online(self, key: CameraKey) -> bool:
+        """Whether a camera and its robot's gateway are there."""
+        return key in self._present and key.robot in self._alive
+
+    def speaks(self, camera: CameraView, now_ns: int) -> bool:
+        """Whether what a camera shows is of now."""
+        return self.online(camera.key) and camera.speaks(now_ns - self.limits.stale_ns)
+
+    def open(self) -> Iterator[Sighting]:
+        """Yield the sightings that go on as far as anybody knows."""
+        for camera in self._cameras.values():
+            if not camera.lost:
+                yield from (sighting for sighting in camera.sightings() if sighting.count)
+
+    def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
+        """Yield what is or was in view, by robot, camera and class; of one of them if it is named."""
+        since_ns = now_ns - self.limits.stale_ns
+        for key in sorted(self._cameras):
+            if robot in ("", key.robot) and camera in ("", key.camera):
+                view = self._cameras[key]
+                available = self.speaks(view, now_ns)
+                of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
+                yield from (Entry(sighting, available) for sighting in of if name in ("", sighting.name))
+
+    def _camera(self, key: CameraKey) -> CameraView:
+        found = self._cameras.get(key)
+        if found is None:
+            make_room(self._cameras, key)
+            found = self._cameras[key] = CameraView(key)
+        return found
+
+
+def make_room(members: Collection[object], name: object) -> None:
+    """Raise InventoryFullError if there are MAX_MEMBERS and `name` is none of them."""
+    if name not in members and len(members) >= MAX_MEMBERS:
+        raise InventoryFullError(f"{len(members)} are followed already, {name} is left out")

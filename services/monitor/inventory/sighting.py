@@ -1,0 +1,53 @@
+"""A sighting: one class in view of one camera, from when it was seen first to when it was seen last."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from schemas.keys import CameraKey
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """One class in view of one camera, without a gap. Times are nanoseconds since the epoch on the monitor's clock.
+
+    count: how many now, since since_ns; 0 when it went out of view. score: best one of the newest list that had it.
+    nearest_m: how near the nearest of them is, where that is known; closest_m: the nearest that any came since
+    since_ns. model, worker: who said so last.
+    """
+
+    key: CameraKey
+    name: str
+    count: int
+    score: float
+    first_ns: int
+    since_ns: int
+    last_ns: int
+    model: str
+    worker: str
+    nearest_m: float | None = None
+    closest_m: float | None = None
+
+
+class ChangeKind(StrEnum):
+    """What became of a sighting."""
+
+    APPEARED = "appeared"
+    COUNTED = "counted"
+    VANISHED = "vanished"
+    LOST = "lost"
+    """Nobody says any more whether it is still there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What became of a sighting when.
+
+    first_look: it was there when somebody began to look, nobody saw it come. closest_m: the nearest that any came while
+    the count was the one before.
+    """
+
+    kind: ChangeKind
+    sighting: Sighting
+    at_ns: int
+    first_look: bool = False
+    closest_m: float | None = None

@@ -1,0 +1,127 @@
+"""What one model says about one camera. Pure."""
+
+from collections.abc import Iterable
+from typing import Final
+
+from schemas.detections import ClassCount, ClassList
+from schemas.keys import CameraKey
+from services.monitor.inventory.order import FrameOrder
+from services.monitor.inventory.settling import Debounce, SettledCount
+from services.monitor.inventory.sighting import Sighting
+
+MAX_CLASSES: Final = 64
+"""How many classes of one camera are remembered; those not in view longest make room."""
+
+
+class Tracked:
+    """One class in a view: its settled count, and its sighting while there is one, or the last.
+
+    closest_m: the nearest that any came since the count last moved; before_m: the same until then.
+    """
+
+    __slots__ = ("before_m", "closest_m", "count", "first_ns", "last_ns", "nearest_m", "nearest_ns", "score", "worker")
+
+    def __init__(self, count: int = 0) -> None:
+        self.count = SettledCount(count)
+        self.score = 0.0
+        self.first_ns = 0
+        self.last_ns = 0
+        self.worker = ""
+        self.nearest_m: float | None = None
+        self.nearest_ns = 0
+        self.closest_m: float | None = None
+        self.before_m: float | None = None
+
+    def measure(self, nearest_m: float | None, at_ns: int) -> None:
+        """Note how near the nearest is."""
+        self.nearest_m, self.nearest_ns = nearest_m, at_ns
+        if nearest_m is not None:
+            self.closest_m = nearest_m if self.closest_m is None else min(self.closest_m, nearest_m)
+
+    def sighting(self, key: CameraKey, name: str, model: str, nearest_since_ns: int = 0) -> Sighting:
+        """Return it as it stands; a distance older than `nearest_since_ns` is not known any more."""
+        return Sighting(
+            key=key,
+            name=name,
+            count=self.count.count,
+            score=self.score,
+            first_ns=self.first_ns,
+            since_ns=self.count.since_ns,
+            last_ns=self.last_ns,
+            model=model,
+            worker=self.worker,
+            nearest_m=self.nearest_m if self.count.count and self.nearest_ns >= nearest_since_ns else None,
+            closest_m=self.closest_m,
+        )
+
+
+class View:
+    """The classes that one model has in view.
+
+    began_ns: since when it looks without a gap. lists: how many were taken since then.
+    """
+
+    __slots__ = ("began_ns", "classes", "last_ns", "left_out", "lists", "model", "order")
+
+    def __init__(self, model: str, began_ns: int) -> None:
+        self.model = model
+        self.began_ns = began_ns
+        self.last_ns = began_ns
+        self.classes: dict[str, Tracked] = {}
+        self.order = FrameOrder()
+        self.left_out = 0
+        self.lists = 0
+
+    def begin_anew(self, at_ns: int) -> None:
+        """Look again after a gap: what was in view then is not known to be now."""
+        self.began_ns, self.lists = at_ns, 0
+        for tracked in self.classes.values():
+            tracked.count = SettledCount()
+
+    def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
+        """Take a class list that is news; return the classes whose count moved."""
+        self.last_ns = at_ns
+        self.lists += 1
+        moved = [each.name for each in seen.classes if self._in_view(each, seen.worker, at_ns, debounce)]
+        names = {each.name for each in seen.classes}
+        absent = [name for name in self.classes if name not in names]
+        return moved + self._out_of_view(absent, at_ns, debounce) if absent else moved
+
+    def _in_view(self, seen: ClassCount, worker: str, at_ns: int, debounce: Debounce) -> bool:
+        tracked = self.classes.get(seen.name)
+        if tracked is None:
+            tracked = self._add(seen.name)
+            if tracked is None:
+                return False
+        before = tracked.count.count
+        moved = tracked.count.advance(seen.count, at_ns, debounce)
+        if seen.count:
+            tracked.score, tracked.worker, tracked.last_ns = seen.score, worker, at_ns
+        if moved:
+            self._moved(tracked, before)
+        return moved
+
+    def _out_of_view(self, names: Iterable[str], at_ns: int, debounce: Debounce) -> list[str]:
+        moved = []
+        for name in names:
+            tracked = self.classes[name]
+            if tracked.count.count == 0 and tracked.first_ns == 0:
+                del self.classes[name]  # a flicker
+            elif tracked.count.advance(0, at_ns, debounce):
+                moved.append(name)
+        return moved
+
+    def _moved(self, tracked: Tracked, before: int) -> None:
+        if before == 0:
+            tracked.first_ns = tracked.count.since_ns
+        tracked.before_m, tracked.closest_m = tracked.closest_m, None
+
+    def _add(self, name: str) -> Tracked | None:
+        if len(self.classes) >= MAX_CLASSES:
+            gone = [(tracked.last_ns, old) for old, tracked in self.classes.items() if tracked.count.count == 0]
+            if not gone:
+                self.left_out += 1
+                return None
+            del self.classes[min(gone)[1]]
+        tracked = self.classes[name] = Tracked()
+        return tracked

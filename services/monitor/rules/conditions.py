@@ -1,0 +1,103 @@
+"""What rules say about what is known of a camera now. Pure."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import assert_never
+
+from schemas.keys import CameraKey
+from services.monitor.inventory.sighting import Change, ChangeKind
+from services.monitor.rules.model import (
+    AnyRule,
+    AppearsRule,
+    DisagreeRule,
+    DisappearsRule,
+    NearerRule,
+    OverRule,
+    SilentRule,
+    UnderRule,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What is known of one camera. speaks: it is so now; else it was so when the camera was heard last.
+
+    counts: by class, of those that were ever in view. nearest: metres by class, where known.
+    disagreements: by class, what two models count.
+    """
+
+    key: CameraKey
+    speaks: bool
+    counts: Mapping[str, int] = field(default_factory=dict)
+    nearest: Mapping[str, float] = field(default_factory=dict)
+    disagreements: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Whether what a rule is about is so for a class, and in words."""
+
+    name: str
+    holds: bool
+    text: str
+
+
+def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
+    """Yield what a rule finds in a look at a camera; of what is not known it says nothing.
+
+    Coming and going are found in changes, see `found_in`.
+    """
+    match rule:
+        case AppearsRule() | DisappearsRule():
+            return
+        case SilentRule():
+            if rule.of_cameras:
+                yield Finding("", not look.speaks, f"{look.key} says nothing")
+        case OverRule() if look.speaks:
+            count = look.counts.get(rule.of, 0)
+            yield Finding(rule.of, count > rule.count, f"{count} {rule.of} in view of {look.key}, over {rule.count}")
+        case UnderRule() if look.speaks:
+            count = look.counts.get(rule.of, 0)
+            yield Finding(rule.of, count < rule.count, f"{count} {rule.of} in view of {look.key}, under {rule.count}")
+        case NearerRule() if look.speaks:
+            yield _nearer(rule, look)
+        case DisagreeRule() if look.speaks:
+            yield from _disagreements(rule, look)
+        case OverRule() | UnderRule() | NearerRule() | DisagreeRule():
+            return
+        case _:
+            assert_never(rule)
+
+
+def found_in(change: Change, rule: AnyRule) -> Finding | None:
+    """Return what a rule about coming and going finds in a change, None if it is not about it."""
+    of = change.sighting
+    if not isinstance(rule, AppearsRule | DisappearsRule) or rule.of != of.name:
+        return None
+    match change.kind:
+        case ChangeKind.APPEARED:
+            appears = isinstance(rule, AppearsRule)
+            text = f"{of.name} appeared in view of {of.key}"
+            return None if appears and change.first_look else Finding(of.name, appears, text)
+        case ChangeKind.VANISHED:
+            return Finding(of.name, isinstance(rule, DisappearsRule), f"{of.name} disappeared from view of {of.key}")
+        case ChangeKind.COUNTED | ChangeKind.LOST:
+            return None
+        case _:
+            assert_never(change.kind)
+
+
+def _nearer(rule: NearerRule, look: Look) -> Finding:
+    """Return whether it is near; what is not in view, or at no known distance, is not."""
+    nearest = look.nearest.get(rule.of)
+    if nearest is None:
+        return Finding(rule.of, holds=False, text="")
+    text = f"{rule.of} {nearest:.2f} m from {look.key}, nearer than {rule.than_m:g} m"
+    return Finding(rule.of, nearest < rule.than_m, text)
+
+
+def _disagreements(rule: DisagreeRule, look: Look) -> Iterator[Finding]:
+    for name in [rule.of] if rule.of else look.counts:
+        ours, theirs = look.disagreements.get(name, (0, 0))
+        text = f"two models count {ours} and {theirs} {name} in view of {look.key}"
+        yield Finding(name, name in look.disagreements, text)

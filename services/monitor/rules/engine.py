@@ -1,0 +1,270 @@
+"""Rules over time: what must hold for how long, and what becomes of the alerts. Pure."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Final
+from zoneinfo import ZoneInfo
+
+import msgspec
+
+from schemas.alerts import MAX_TEXT, Alert, AlertState
+from schemas.keys import CameraKey
+from services.monitor.inventory.settling import NS
+from services.monitor.inventory.sighting import Change
+from services.monitor.rules.conditions import Finding, Look, findings, found_in
+from services.monitor.rules.model import AnyRule, RuleBook, SilentRule
+
+MAX_SUBJECTS: Final = 100_000
+"""How many robots, cameras and classes are followed over all rules together."""
+
+Place = tuple[str, str, str]
+"""Robot, camera and class that an alert is about; the latter two may be empty."""
+
+
+class UnknownAlertError(Exception):
+    """No such alert, or it is resolved already."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """An alert changed. rule: the one that raised it; None if it is gone. raised: it is new, so act."""
+
+    alert: Alert
+    rule: AnyRule | None
+    raised: bool
+
+
+class _Subject:
+    """What one rule is about in one place."""
+
+    __slots__ = ("alert", "holds", "raised_ns", "since_ns", "text")
+
+    def __init__(self) -> None:
+        self.holds = False
+        self.since_ns = 0
+        self.text = ""
+        self.raised_ns: int | None = None
+        self.alert: Alert | None = None
+
+
+class RuleEngine:
+    """Applies a rule book to what changes. Times are epoch nanoseconds of the monitor's clock.
+
+    new_id: names alerts. left_out: subjects that were not followed because there were too many.
+    What comes out is to be fetched with `due` after everything that went in.
+    """
+
+    def __init__(self, book: RuleBook, new_id: Callable[[], str]) -> None:
+        self._new_id = new_id
+        self._book = book
+        self._subjects: dict[str, dict[Place, _Subject]] = {rule.name: {} for rule in book.rules}
+        self._waiting: dict[tuple[str, Place], _Subject] = {}
+        self._alerts: dict[str, tuple[Alert, Place]] = {}
+        self._effects: list[Effect] = []
+        self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
+        self.left_out = 0
+
+    @property
+    def book(self) -> RuleBook:
+        """The rules that are in force."""
+        return self._book
+
+    def alerts(self) -> list[Alert]:
+        """Return the alerts that are not resolved, as they stand."""
+        return [alert for alert, _ in self._alerts.values()]
+
+    def replace(self, book: RuleBook, now_ns: int) -> None:
+        """Put other rules in force. A rule that stays as it was goes on; the alerts of one that is gone resolve."""
+        same = {rule.name for rule in book.rules if rule in self._book.rules}
+        kept = {name: subjects for name, subjects in self._subjects.items() if name in same}
+        for alert, _ in list(self._alerts.values()):
+            if alert.rule not in same:
+                self._change(alert, AlertState.RESOLVED, now_ns)
+        self._book = book
+        self._subjects = {rule.name: kept.get(rule.name, {}) for rule in book.rules}
+        self._waiting = {key: subject for key, subject in self._waiting.items() if key[0] in same}
+        self._cameras.clear()
+
+    def restore(self, alerts: Iterable[Alert], now_ns: int) -> None:
+        """Go on with the alerts of a monitor that ran before; those of rules that are gone, or double, resolve."""
+        for alert in alerts:
+            place = (alert.robot, alert.camera, alert.name)
+            if alert.id in self._alerts:
+                continue
+            self._alerts[alert.id] = (alert, place)
+            subject = self._subject(alert.rule, place) if alert.rule in self._subjects else None
+            if subject is None or subject.alert is not None:
+                self._change(alert, AlertState.RESOLVED, now_ns)
+            else:
+                subject.holds, subject.since_ns, subject.text = True, alert.raised_ns, alert.text
+                subject.alert, subject.raised_ns = alert, alert.raised_ns
+                self._waiting.pop((alert.rule, place), None)
+
+    def changed(self, changes: Iterable[Change], now_ns: int) -> None:
+        """Take what changed in the inventory."""
+        for change in changes:
+            key = change.sighting.key
+            for rule in self._rules_of(key.robot, key.camera):
+                found = found_in(change, rule)
+                if found is not None:
+                    self._find(rule, (key.robot, key.camera, found.name), found, now_ns)
+
+    def concerns(self, key: CameraKey) -> bool:
+        """Whether any rule is about a camera."""
+        return bool(self._rules_of(key.robot, key.camera))
+
+    def look(self, look: Look, now_ns: int) -> None:
+        """Take what is known of one camera now."""
+        robot, camera = look.key.robot, look.key.camera
+        for rule in self._rules_of(robot, camera):
+            for found in findings(rule, look):
+                self._find(rule, (robot, camera, found.name), found, now_ns)
+
+    def robot(self, robot: str, *, alive: bool, now_ns: int) -> None:
+        """Take whether a robot's gateway is there."""
+        for rule in self._book.rules:
+            if isinstance(rule, SilentRule) and not rule.of_cameras and rule.applies_to(robot, ""):
+                self._find(rule, (robot, "", ""), Finding("", not alive, f"{robot} is silent"), now_ns)
+
+    def next_ns(self) -> int | None:
+        """Return when something that is waited for may be due first, None if nothing is."""
+        rules = {rule.name: rule for rule in self._book.rules}
+        return min((self._due_ns(rules[name], subject) for (name, _), subject in self._waiting.items()), default=None)
+
+    def due(self, now_ns: int) -> list[Effect]:
+        """Let time pass; return what became of alerts since this was asked last."""
+        rules = {rule.name: rule for rule in self._book.rules}
+        local = _local(now_ns, self._book.timezone)
+        for (name, place), subject in list(self._waiting.items()):
+            rule = rules[name]
+            if now_ns >= self._due_ns(rule, subject) and rule.applies_at(local):
+                self._raise(rule, place, subject, now_ns)
+        for alert, _ in list(self._alerts.values()):
+            after_s = rules[alert.rule].escalate_after_s if alert.rule in rules else None
+            waits = alert.state is AlertState.RAISED and after_s is not None
+            if waits and now_ns - alert.raised_ns >= (after_s or 0) * NS:
+                self._change(alert, AlertState.ESCALATED, now_ns)
+        effects, self._effects = self._effects, []
+        return effects
+
+    def acknowledge(self, alert_id: str, now_ns: int) -> Alert:
+        """Note that somebody looks after an alert.
+
+        Raises:
+            UnknownAlertError: it is not there any more.
+        """
+        alert = self._known(alert_id)
+        return alert if alert.state is AlertState.ACKNOWLEDGED else self._change(alert, AlertState.ACKNOWLEDGED, now_ns)
+
+    def escalate(self, alert_id: str, now_ns: int) -> Alert:
+        """Have others look after an alert.
+
+        Raises:
+            UnknownAlertError: it is not there any more.
+        """
+        alert = self._known(alert_id)
+        return alert if alert.state is AlertState.ESCALATED else self._change(alert, AlertState.ESCALATED, now_ns)
+
+    def resolve(self, alert_id: str, now_ns: int) -> Alert:
+        """Close an alert; it is raised again only after what it is about was no longer so.
+
+        Raises:
+            UnknownAlertError: it is not there any more.
+        """
+        return self._change(self._known(alert_id), AlertState.RESOLVED, now_ns)
+
+    def _known(self, alert_id: str) -> Alert:
+        if alert_id not in self._alerts:
+            raise UnknownAlertError(f"no alert {alert_id[:64]!r} that is not resolved")
+        return self._alerts[alert_id][0]
+
+    def _rules_of(self, robot: str, camera: str) -> list[AnyRule]:
+        found = self._cameras.get((robot, camera))
+        if found is None:
+            found = [rule for rule in self._book.rules if rule.applies_to(robot, camera)]
+            if len(self._cameras) < MAX_SUBJECTS:
+                self._cameras[robot, camera] = found
+        return found
+
+    def _find(self, rule: AnyRule, place: Place, found: Finding, now_ns: int) -> None:
+        subject = self._subjects[rule.name].get(place)
+        if subject is None:
+            if not found.holds:
+                return
+            subject = self._subject(rule.name, place)
+            if subject is None:
+                return
+        if found.holds and not subject.holds:
+            subject.holds, subject.since_ns = True, now_ns
+            self._waiting[rule.name, place] = subject
+        elif not found.holds and subject.holds:
+            subject.holds = False
+            self._waiting.pop((rule.name, place), None)
+            if subject.alert is not None:
+                self._change(subject.alert, AlertState.RESOLVED, now_ns)
+            if rule.cooldown_s == 0:
+                del self._subjects[rule.name][place]
+        if found.holds:
+            subject.text = found.text
+
+    def _subject(self, rule: str, place: Place) -> _Subject | None:
+        subjects = self._subjects[rule]
+        if place not in subjects:
+            if sum(map(len, self._subjects.values())) >= MAX_SUBJECTS:
+                self._forget_idle()
+            if sum(map(len, self._subjects.values())) >= MAX_SUBJECTS:
+                self.left_out += 1
+                return None
+            subjects[place] = _Subject()
+        return subjects[place]
+
+    def _forget_idle(self) -> None:
+        """Forget what is only remembered for its cooldown."""
+        for name, subjects in self._subjects.items():
+            self._subjects[name] = {place: subject for place, subject in subjects.items() if subject.holds}
+
+    def _due_ns(self, rule: AnyRule, subject: _Subject) -> int:
+        held_ns = subject.since_ns + round(rule.for_s * NS)
+        if subject.raised_ns is None:
+            return held_ns
+        return max(held_ns, subject.raised_ns + round(rule.cooldown_s * NS))
+
+    def _raise(self, rule: AnyRule, place: Place, subject: _Subject, now_ns: int) -> None:
+        robot, camera, name = place
+        alert = Alert(
+            id=self._new_id(),
+            rule=rule.name,
+            severity=rule.severity,
+            state=AlertState.RAISED,
+            robot=robot,
+            camera=camera,
+            name=name,
+            text=subject.text[:MAX_TEXT],
+            raised_ns=now_ns,
+            changed_ns=now_ns,
+        )
+        del self._waiting[rule.name, place]
+        subject.alert, subject.raised_ns = alert, now_ns
+        self._alerts[alert.id] = (alert, place)
+        self._effects.append(Effect(alert, rule, raised=True))
+
+    def _change(self, alert: Alert, state: AlertState, now_ns: int) -> Alert:
+        place = self._alerts[alert.id][1]
+        changed = msgspec.structs.replace(alert, state=state, changed_ns=max(now_ns, alert.changed_ns + 1))
+        over = state is AlertState.RESOLVED
+        subject = self._subjects.get(alert.rule, {}).get(place)
+        if subject is not None and subject.alert is not None and subject.alert.id == alert.id:
+            subject.alert = None if over else changed
+        if over:
+            del self._alerts[alert.id]
+        else:
+            self._alerts[alert.id] = (changed, place)
+        rule = next((rule for rule in self._book.rules if rule.name == alert.rule), None)
+        self._effects.append(Effect(changed, rule, raised=False))
+        return changed
+
+
+def _local(now_ns: int, timezone: str | None) -> datetime:
+    utc = datetime.fromtimestamp(now_ns / NS, UTC)
+    return utc.astimezone(ZoneInfo(timezone) if timezone else None)

@@ -1,0 +1,94 @@
+"""Rule files: YAML, validated, and what is wrong said with its line. Pure."""
+
+from typing import Any, Final
+
+import yaml
+from pydantic import ValidationError
+from yaml.nodes import MappingNode, Node, SequenceNode
+
+from services.monitor.rules.model import RuleBook
+
+MAX_BYTES: Final = 1_000_000
+
+
+class RuleFileError(Exception):
+    """A rule file that cannot be used. line: where, from 1."""
+
+    def __init__(self, line: int, reason: str) -> None:
+        super().__init__(f"line {line}: {reason}")
+        self.line = line
+        self.reason = reason
+
+
+def load_rules(text: str) -> RuleBook:
+    """Read a rule file.
+
+    Raises:
+        RuleFileError: it is no YAML, or says what no rule may say.
+    """
+    if len(text) > MAX_BYTES:
+        raise RuleFileError(1, f"a rule file has at most {MAX_BYTES} characters")
+    try:
+        root = yaml.compose(text, Loader=_Loader)
+        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader without aliases
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise RuleFileError(line, error.problem or "not YAML") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise RuleFileError(1, " ".join(str(error).split())[:200] or "not YAML") from error
+    try:
+        return RuleBook.model_validate({} if content is None else content)
+    except ValidationError as error:
+        mistake = error.errors(include_url=False)[0]
+        place = [part for part in mistake["loc"] if part not in KINDS]
+        raise RuleFileError(_line_of(root, place), _reason(place, mistake)) from error
+
+
+KINDS: Final = frozenset({"appears", "disappears", "over", "under", "nearer", "silent", "disagree"})
+"""What pydantic puts into the place of a mistake to say which kind of rule it took it for."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Takes no aliases: ten lines of them can stand for gigabytes."""
+
+    def compose_node(self, parent: Node | None, index: int) -> Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.composer.ComposerError(None, None, "aliases are not taken", self.peek_event().start_mark)  # type: ignore[no-untyped-call]
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002 - PyYAML's
+        keys = [key.value for key, _ in node.value]
+        for place, (key, _) in enumerate(node.value):
+            if key.value in keys[:place]:
+                raise yaml.constructor.ConstructorError(None, None, f"{key.value!r} is there twice", key.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+def _line_of(node: Node | None, place: list[Any]) -> int:
+    """Return the line of what a place names, or of the nearest thing around it that is there."""
+    line = 1
+    for part in place:
+        if isinstance(node, MappingNode):
+            found = next(((key, value) for key, value in node.value if key.value == part), None)
+            if found is None:
+                return line
+            line, node = found[0].start_mark.line + 1, found[1]
+        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.value):
+            node = node.value[part]
+            line = node.start_mark.line + 1
+    return line
+
+
+def _reason(place: list[Any], mistake: Any) -> str:
+    reason = mistake["msg"].removeprefix("Value error, ")
+    name = ".".join(str(part) for part in place)
+    match mistake["type"]:
+        case "missing":
+            return f"{name} is missing"
+        case "extra_forbidden":
+            return f"{place[-1]!r} is not known here"
+        case "union_tag_not_found":
+            return f"{name}: `when` is missing; it is one of {', '.join(sorted(KINDS))}"
+        case "union_tag_invalid":
+            return f"{name}: `when` is one of {', '.join(sorted(KINDS))}"
+    return f"{name}: {reason}" if name else reason

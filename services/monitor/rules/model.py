@@ -1,0 +1,177 @@
+"""What a rule file may say."""
+
+from datetime import datetime, time
+from fnmatch import fnmatchcase
+from typing import Annotated, Any, Final, Literal, Self, get_args
+from zoneinfo import ZoneInfo
+
+from pydantic import BaseModel, ConfigDict, Field, HttpUrl, NonNegativeInt, field_validator, model_validator
+
+from schemas.alerts import MAX_PAYLOAD, Severity
+from schemas.header import MAX_LABEL
+from schemas.keys import NAME
+
+MAX_RULES: Final = 500
+Day = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
+DAYS: Final[tuple[Day, ...]] = get_args(Day)
+
+Text = Annotated[str, Field(min_length=1, max_length=MAX_LABEL)]
+Patterns = Annotated[tuple[Annotated[str, Field(min_length=1, max_length=64)], ...], Field(max_length=1_000)]
+Seconds = Annotated[float, Field(ge=0, le=86_400 * 30)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class RobotAction(_Part):
+    """What a robot is to do when an alert about it is raised; its gateway's own settings say whether it does.
+
+    payload: `{robot}`, `{camera}` and `{class}` in it become the alert's.
+    """
+
+    name: Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
+    payload: Annotated[str, Field(max_length=MAX_PAYLOAD // 2)] = ""
+
+
+class Rule(_Part):
+    """What every rule has. robots, cameras: names, or patterns such as `r*`; all unless given.
+
+    for_s: how long it must be so without a gap. between: local times of day, over midnight too. cooldown_s: after an
+    alert was raised, none of the same rule, robot, camera and class for so long. escalate_after_s: an alert that nobody
+    acknowledged by then escalates.
+    """
+
+    name: Text
+    robots: Patterns = ("*",)
+    cameras: Patterns = ("*",)
+    between: tuple[time, time] | None = None
+    days: Annotated[tuple[Day, ...], Field(min_length=1)] = DAYS
+    severity: Severity = Severity.WARNING
+    for_s: Seconds = 0.0
+    cooldown_s: Seconds = 0.0
+    escalate_after_s: Annotated[float, Field(gt=0, le=86_400 * 30)] | None = None
+    webhooks: Annotated[tuple[str, ...], Field(max_length=16)] = ()
+    action: RobotAction | None = None
+
+    @field_validator("between", mode="before")
+    @classmethod
+    def _written_with_a_colon(cls, value: Any) -> Any:
+        """YAML reads 22:30 without quotes as a number of minutes."""
+        if isinstance(value, list) and any(isinstance(each, int) for each in value):
+            raise ValueError("write times in quotes, like ['22:00', '06:00']")
+        return value
+
+    def applies_to(self, robot: str, camera: str) -> bool:
+        """Whether it is about a robot's camera; about the robot as a whole if that is empty."""
+        cameras = ("*",) if not camera else self.cameras
+        return _matches(robot, self.robots) and _matches(camera, cameras)
+
+    def applies_at(self, local: datetime) -> bool:
+        """Whether it holds at a time."""
+        now, day = local.time().replace(tzinfo=None), DAYS[local.weekday()]
+        if self.between is None:
+            return day in self.days
+        begin, end = self.between
+        return day in self.days and (begin <= now < end if begin <= end else now >= begin or now < end)
+
+
+class ClassRule(Rule):
+    """A rule about one class of objects."""
+
+    of: Annotated[Text, Field(alias="class")]
+
+
+class AppearsRule(ClassRule):
+    """A class comes into view; what was there when somebody began to look did not come."""
+
+    when: Literal["appears"]
+
+
+class DisappearsRule(ClassRule):
+    """A class goes out of view."""
+
+    when: Literal["disappears"]
+
+
+class OverRule(ClassRule):
+    """More than so many are in view."""
+
+    when: Literal["over"]
+    count: NonNegativeInt
+
+
+class UnderRule(ClassRule):
+    """Fewer than so many are in view."""
+
+    when: Literal["under"]
+    count: Annotated[int, Field(ge=1)]
+
+
+class NearerRule(ClassRule):
+    """One is nearer than so many metres."""
+
+    when: Literal["nearer"]
+    than_m: Annotated[float, Field(gt=0, le=1_000)]
+
+
+class SilentRule(Rule):
+    """A robot's gateway is gone or, with `cameras`, one of these cameras says nothing more."""
+
+    when: Literal["silent"]
+
+    @property
+    def of_cameras(self) -> bool:
+        """Whether it is about cameras."""
+        return "cameras" in self.model_fields_set
+
+
+class DisagreeRule(Rule):
+    """Two models that look at the same camera count differently; of one class if that is given."""
+
+    when: Literal["disagree"]
+    of: Annotated[str, Field(alias="class", max_length=MAX_LABEL)] = ""
+
+
+AnyRule = Annotated[
+    AppearsRule | DisappearsRule | OverRule | UnderRule | NearerRule | SilentRule | DisagreeRule,
+    Field(discriminator="when"),
+]
+
+
+class Webhook(_Part):
+    """Where alerts are posted to as JSON. secret: what they are signed with (HMAC-SHA256)."""
+
+    url: HttpUrl
+    secret: Annotated[str, Field(min_length=8, max_length=512)]
+
+
+class RuleBook(_Part):
+    """A whole rule file. timezone: of the times of day, such as Europe/Berlin; this machine's unless given."""
+
+    rules: Annotated[tuple[AnyRule, ...], Field(max_length=MAX_RULES)] = ()
+    webhooks: Annotated[dict[str, Webhook], Field(max_length=100)] = {}
+    timezone: str | None = None
+
+    @field_validator("timezone")
+    @classmethod
+    def _is_known(cls, value: str | None) -> str | None:
+        try:
+            return value if value is None else ZoneInfo(value).key
+        except (ValueError, OSError, KeyError) as error:
+            raise ValueError(f"no time zone {value[:80] if value else ''!r}") from error
+
+    @model_validator(mode="after")
+    def _names_what_there_is(self) -> Self:
+        names = [rule.name for rule in self.rules]
+        for place, rule in enumerate(self.rules):
+            if rule.name in names[:place]:
+                raise ValueError(f"two rules are called {rule.name!r}")
+            for webhook in rule.webhooks:
+                if webhook not in self.webhooks:
+                    raise ValueError(f"rule {rule.name!r} names a webhook {webhook!r} that is not there")
+        return self
+
+
+def _matches(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns)

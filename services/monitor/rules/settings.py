@@ -1,0 +1,23 @@
+"""Settings of `fleetsight rules test`."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field
+
+from services.monitor.export.settings import Moment
+from services.monitor.history.settings import HistoryUrl, default_url
+
+
+class RulesSettings(BaseModel):
+    """Try a rule file against what a monitor kept: print each alert that it would have raised.
+
+    `fleetsight rules test rules.yaml`; a mistake in the file is shown with its line.
+    """
+
+    task: Annotated[Literal["test"], Field(description="what to do")]
+    file: Annotated[Path, Field(description="the rule file")]
+    history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
+        default_factory=default_url
+    )
+    since: Annotated[Moment | None, Field(description="leave out what ended before (2026-11-20T06:00)")] = None

@@ -1,0 +1,163 @@
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from bus import QUEUE, Bus
+from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.alerts import Action, Alert, AlertState
+from schemas.keys import ACTIONS, ALERTS, RobotStreamKey
+from services.monitor.alerting.alerting import Alerting, look_at
+from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.settling import Debounce
+from services.monitor.rules.engine import UnknownAlertError
+from services.monitor.rules.loading import load_rules
+from tests.contract.waiting import until
+from tests.schemas.results import alert, distances, known
+from tests.services.monitor.inventory.seeing import FRONT, S, seen
+
+RULES = """
+rules:
+  - {name: a pallet, when: appears, class: pallet, action: {name: pick_up, payload: "{class} at {robot}/{camera}"}}
+  - {name: too near, when: nearer, class: box, than_m: 2, severity: critical}
+  - {name: lost, when: silent}
+"""
+
+
+class Rig:
+    """A monitor's alerts on a bus, and what robots get of them."""
+
+    def __init__(self, alerting: Alerting, rules: RuleFile, inventory: Inventory, theirs: Bus) -> None:
+        self.alerting = alerting
+        self.rules = rules
+        self.inventory = inventory
+        self.theirs = theirs
+        self.kept: list[Alert] = []
+        self.leads = True
+        self._seq = 0
+
+    def see(self, **counts: int) -> None:
+        self._seq += 1
+        self.alerting.take(self.inventory.see(seen(self._seq, counts), time.time_ns()) or ())
+
+    def states(self) -> list[tuple[str, AlertState]]:
+        return [(each.rule, each.state) for each in self.kept]
+
+
+@pytest.fixture
+async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+    path = tmp_path / "rules.yaml"
+    path.write_text(RULES, encoding="utf-8")
+    rules = RuleFile(path)
+    await rules.load()
+    inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+    alerting = Alerting(rules, inventory, settle_s=0)
+    network = FakeNetwork()
+    async with network.open_bus() as ours, network.open_bus() as theirs:
+        made = Rig(alerting, rules, inventory, theirs)
+        inventory.robot_presence("r1", alive=True)
+        inventory.camera_presence(FRONT, alive=True)
+        alerting.lead(())
+        running = asyncio.create_task(alerting.run(ours, keep=made.kept.append, leads=lambda: made.leads))
+        try:
+            yield made
+        finally:
+            running.cancel()
+            await asyncio.wait([running])
+
+
+@asynccontextmanager
+async def received(bus: Bus, stream: str, schema: type[Alert] | type[Action]) -> AsyncIterator[list[Alert | Action]]:
+    """Collect what comes to robot r1."""
+    found: list[Alert | Action] = []
+
+    async def collect() -> None:
+        async with bus.subscribe(str(RobotStreamKey("r1", stream)), QUEUE(100), history=False) as samples:
+            async for sample in samples:
+                found.append(codec.decode(schema, sample.payload, sample.encoding))  # noqa: PERF401 - as they come
+
+    collecting = asyncio.create_task(collect())
+    try:
+        await asyncio.sleep(0.01)
+        yield found
+    finally:
+        collecting.cancel()
+        await asyncio.wait([collecting])
+
+
+async def test_an_alert_reaches_its_robot_and_the_store_and_makes_the_robot_act(rig: Rig) -> None:
+    async with received(rig.theirs, ALERTS, Alert) as alerts, received(rig.theirs, ACTIONS, Action) as actions:
+        rig.see()
+        rig.see(pallet=1)
+        await until(lambda: bool(alerts) and bool(actions))
+        assert alerts == rig.kept == rig.alerting.alerts()
+        (action,) = actions
+        assert isinstance(action, Action)
+        assert (action.name, action.payload, action.rule) == ("pick_up", "pallet at r1/front", "a pallet")
+        rig.alerting.acknowledge(rig.kept[0].id)
+        rig.see()
+        await until(lambda: len(alerts) == 3)
+        assert alerts == rig.kept
+        assert [state for _, state in rig.states()] == ["raised", "acknowledged", "resolved"]
+        assert len(actions) == 1
+
+
+async def test_distances_and_silence_are_alerted(rig: Rig) -> None:
+    rig.see(box=1)
+    rig.see(box=1)
+    rig.inventory.measure(distances(known("box", 1.5), seq=1), time.time_ns())
+    rig.alerting.measured(FRONT)
+    await until(lambda: ("too near", AlertState.RAISED) in rig.states())
+    rig.inventory.robot_presence("r1", alive=False)
+    await until(lambda: ("lost", AlertState.RAISED) in rig.states())
+    rig.inventory.robot_presence("r1", alive=True)
+    await until(lambda: ("lost", AlertState.RESOLVED) in rig.states())
+
+
+async def test_a_rule_that_goes_with_its_webhook_resolves_its_alert(rig: Rig) -> None:
+    webhook = "webhooks: {ops: {url: 'http://127.0.0.1:1/', secret: a long secret}}\n"
+    rig.rules.book = load_rules(webhook + "rules: [{name: any, when: appears, class: box, webhooks: [ops]}]")
+    await asyncio.sleep(0.3)
+    rig.see()
+    rig.see(box=1)
+    await until(lambda: rig.states() == [("any", AlertState.RAISED)])
+    rig.rules.book = load_rules("")
+    await until(lambda: rig.states()[1:] == [("any", AlertState.RESOLVED)])
+    await asyncio.sleep(0.2)
+    assert rig.alerting.alerts() == []
+
+
+async def test_a_monitor_that_does_not_lead_raises_nothing(rig: Rig) -> None:
+    rig.leads = False
+    await asyncio.sleep(0.3)
+    rig.see()
+    rig.see(pallet=1)
+    rig.alerting.measured(FRONT)
+    with pytest.raises(UnknownAlertError, match="another monitor"):
+        rig.alerting.resolve("a1")
+    rig.leads = True
+    rig.alerting.lead([alert(id_="before", robot="r1")])
+    assert [each.id for each in rig.alerting.alerts()] == ["before"]
+    assert rig.alerting.escalate("before").state is AlertState.ESCALATED
+    await until(lambda: bool(rig.kept))
+    assert rig.states() == [("too near", AlertState.ESCALATED)]
+
+
+def test_a_look_is_of_what_is_known_now() -> None:
+    inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+    inventory.robot_presence("r1", alive=True)
+    inventory.camera_presence(FRONT, alive=True)
+    for seq in (1, 2):
+        inventory.see(seen(seq, {"box": 2}), seq * S)
+    inventory.measure(distances(known("box", 1.5), seq=1), 2 * S)
+    camera = inventory.camera(FRONT)
+    assert camera
+    look = look_at(inventory, camera, 3 * S)
+    assert (look.speaks, look.counts, look.nearest, look.disagreements) == (True, {"box": 2}, {"box": 1.625}, {})
+    later = look_at(inventory, camera, 9 * S)
+    assert (later.speaks, later.counts, later.nearest) == (False, {"box": 2}, {})

@@ -1,0 +1,53 @@
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from services.monitor.alerting import rule_file as module
+from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.rules.loading import RuleFileError
+from tests.contract.waiting import until
+
+ONE = "rules: [{name: a, when: silent}]\n"
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+async def test_a_mistake_leaves_the_rules_as_they_were_and_is_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "LOOK_S", 0.01)
+    path = written(tmp_path / "rules.yaml", ONE)
+    file = RuleFile(path)
+    await file.load()
+    assert [rule.name for rule in file.book.rules] == ["a"]
+    watching = asyncio.create_task(file.watch())
+    try:
+        written(path, "rules:\n  - {name: b, when: asleep}\n")
+        await until(lambda: "line 2" in file.problem)
+        assert file.problem.endswith("the rules stay as they were")
+        assert [rule.name for rule in file.book.rules] == ["a"]
+        path.unlink()
+        await until(lambda: "No such file" in file.problem)
+        written(path, ONE.replace("a,", "bcd,"))
+        await until(lambda: not file.problem)
+        assert [rule.name for rule in file.book.rules] == ["bcd"]
+    finally:
+        watching.cancel()
+        await asyncio.wait([watching])
+
+
+async def test_a_monitor_does_not_begin_with_a_mistake(tmp_path: Path) -> None:
+    for path in (written(tmp_path / "rules.yaml", "rules: 1\n"), tmp_path / "missing.yaml"):
+        with pytest.raises(RuleFileError):
+            await RuleFile(path).load()
+
+
+async def test_no_file_is_no_rules() -> None:
+    file = RuleFile(None)
+    await file.load()
+    await file.watch()
+    assert (file.book.rules, file.problem) == ((), "")

@@ -1,0 +1,99 @@
+import asyncio
+import hashlib
+import hmac
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+
+import msgspec
+import pytest
+
+from schemas.alerts import Alert
+from services.monitor.alerting.webhooks import TRIES, Webhooks, signed
+from services.monitor.rules.model import Webhook
+from tests.contract.waiting import until
+from tests.schemas.results import alert
+
+SECRET = "a long secret"  # noqa: S105 - of a test
+
+
+class Receiver:
+    """An HTTP server that answers with these statuses in turn, the last one for ever, and keeps what it got."""
+
+    def __init__(self, statuses: Sequence[int]) -> None:
+        self.got: list[tuple[dict[str, str], bytes]] = []
+        self._statuses = list(statuses)
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        head = (await reader.readuntil(b"\r\n\r\n")).decode().split("\r\n")[1:]
+        headers = {name.lower(): value for name, _, value in (line.partition(": ") for line in head) if name}
+        self.got.append((headers, await reader.readexactly(int(headers["content-length"]))))
+        status = self._statuses.pop(0) if len(self._statuses) > 1 else self._statuses[0]
+        writer.write(f"HTTP/1.1 {status} X\r\nContent-Length: 0\r\nConnection: close\r\n\r\n".encode())
+        await writer.drain()
+        writer.close()
+
+
+@asynccontextmanager
+async def receiving(*statuses: int) -> AsyncIterator[tuple[Receiver, Webhook]]:
+    receiver = Receiver(statuses)
+    server = await asyncio.start_server(receiver.serve, "127.0.0.1", 0)
+    async with server:
+        port = server.sockets[0].getsockname()[1]
+        yield receiver, Webhook.model_validate({"url": f"http://127.0.0.1:{port}/hook", "secret": SECRET})
+
+
+@asynccontextmanager
+async def posting() -> AsyncIterator[Webhooks]:
+    webhooks = Webhooks(first_wait_s=0.001)
+    running = asyncio.create_task(webhooks.run())
+    try:
+        yield webhooks
+    finally:
+        running.cancel()
+        await asyncio.wait([running])
+
+
+async def test_an_alert_is_posted_signed_and_in_order() -> None:
+    async with receiving(200) as (receiver, webhook), posting() as webhooks:
+        for number in range(3):
+            webhooks.post(webhook, alert(id_=f"a{number}"))
+        await until(lambda: len(receiver.got) == 3)
+    assert [msgspec.json.decode(body, type=Alert).id for _, body in receiver.got] == ["a0", "a1", "a2"]
+    headers, body = receiver.got[0]
+    expected = hmac.new(SECRET.encode(), headers["x-fleetsight-timestamp"].encode() + b"." + body, hashlib.sha256)
+    assert headers["x-fleetsight-signature"] == f"sha256={expected.hexdigest()}"
+    assert headers["content-type"] == "application/json"
+
+
+async def test_it_is_tried_again_with_the_same_delivery_id() -> None:
+    async with receiving(500, 429, 204) as (receiver, webhook), posting() as webhooks:
+        webhooks.post(webhook, alert())
+        await until(lambda: len(receiver.got) == 3)
+        assert {headers["x-fleetsight-delivery"] for headers, _ in receiver.got} == {"a1-5"}
+        assert webhooks.refused == 0
+
+
+@pytest.mark.parametrize(("status", "tries"), [(400, 1), (302, 1), (503, TRIES)])
+async def test_what_is_not_taken_is_given_up_and_the_next_one_goes_on(status: int, tries: int) -> None:
+    async with receiving(*[status] * tries, 200) as (receiver, webhook), posting() as webhooks:
+        webhooks.post(webhook, alert())
+        webhooks.post(webhook, alert(id_="next"))
+        await until(lambda: len(receiver.got) == tries + 1)
+        assert webhooks.refused == 1
+
+
+async def test_a_webhook_that_is_not_there_holds_up_no_other() -> None:
+    nowhere = Webhook.model_validate({"url": "http://127.0.0.1:1/", "secret": SECRET})
+    async with receiving(200) as (receiver, webhook), posting() as webhooks:
+        webhooks.post(nowhere, alert())
+        webhooks.post(webhook, alert())
+        await until(lambda: len(receiver.got) == 1)
+        await until(lambda: webhooks.refused == 1)
+
+
+def test_the_signature_depends_on_the_secret_and_the_alert() -> None:
+    names = [
+        signed(said, secret).headers["X-Fleetsight-Signature"]
+        for said, secret in ((alert(), SECRET), (alert(), SECRET + "s"), (alert(text="far"), SECRET))
+    ]
+    assert len(set(names)) == 3

@@ -1,0 +1,99 @@
+import csv
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+from pydantic import ValidationError
+
+from services.monitor.export.process import run
+from services.monitor.export.settings import ExportSettings
+from services.monitor.history.errors import HistoryError
+from services.monitor.history.store import Store
+from tests.schemas.results import alert
+from tests.services.monitor.history.test_store import interval
+from tests.services.monitor.inventory.seeing import S
+
+NAMES = [
+    *("robot", "camera", "name", "since", "until", "open"),
+    *("count", "score", "closest_m", "first", "model", "worker"),
+]
+
+
+@pytest.fixture
+async def url(tmp_path: Path) -> str:
+    """A database with some history."""
+    found = f"sqlite:///{tmp_path}/history.db"
+    store = await Store.open(found)
+    try:
+        odd = interval(1, 2, name='"bo,x"\n箱')
+        await store.write([odd, interval(3, 4), interval(5, 6, is_open=True)], [alert()], 9 * S)
+    finally:
+        await store.close()
+    return found
+
+
+async def exported(url: str, to: Path, **options: Any) -> list[dict[str, str]]:
+    await run(ExportSettings(task="export", history=url, to=to, **options))
+    with to.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+async def test_csv_has_every_column_and_what_goes_on_ends_at_the_heartbeat(
+    url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = await exported(url, tmp_path / "seen.csv")
+    assert list(rows[0]) == NAMES
+    assert [row["name"] for row in rows] == ['"bo,x"\n箱', "box", "box"]
+    assert rows[2]["since"] == "1970-01-01T00:00:05.000000+00:00"
+    assert (rows[2]["until"], rows[2]["open"]) == ("1970-01-01T00:00:09.000000+00:00", "True")
+    assert capsys.readouterr().out == f"{tmp_path}/seen.csv: 3 sightings\n"
+
+
+@pytest.mark.parametrize(
+    ("options", "begins"),
+    [
+        ({"since": datetime(1970, 1, 1, 0, 0, 4, tzinfo=UTC)}, [3, 5]),
+        ({"since": datetime(1970, 1, 1, 0, 0, 8, tzinfo=UTC)}, [5]),
+        ({"until": datetime(1970, 1, 1, 0, 0, 3, tzinfo=UTC)}, [1, 3]),
+        ({"name": "box"}, [3, 5]),
+        ({"robot": "r2"}, []),
+    ],
+)
+async def test_what_is_exported_can_be_chosen(
+    url: str, tmp_path: Path, options: dict[str, Any], begins: list[int]
+) -> None:
+    rows = await exported(url, tmp_path / "seen.csv", **options)
+    assert [int(datetime.fromisoformat(row["since"]).timestamp()) for row in rows] == begins
+
+
+async def test_parquet_has_types(url: str, tmp_path: Path) -> None:
+    to = tmp_path / "seen.parquet"
+    await run(ExportSettings(task="export", history=url, to=to))
+    frame = pl.read_parquet(to)
+    assert frame.columns == NAMES
+    assert frame["name"].to_list() == ['"bo,x"\n箱', "box", "box"]
+    assert frame["since"].to_list()[0] == datetime(1970, 1, 1, 0, 0, 1, tzinfo=UTC)
+    assert (frame["open"].to_list(), frame["count"].to_list()) == ([False, False, True], [2, 2, 2])
+    assert frame["closest_m"].to_list() == [1.25] * 3
+
+
+async def test_alerts_are_exported_too(url: str, tmp_path: Path) -> None:
+    (row,) = await exported(url, tmp_path / "alerts.csv", what="alerts", camera="front")
+    assert (row["id"], row["severity"], row["raised"]) == ("a1", "warning", "1970-01-01T00:00:00.000000+00:00")
+
+
+async def test_what_cannot_be_exported_is_one_line(url: str, tmp_path: Path) -> None:
+    missing = f"sqlite:///{tmp_path}/other.db"
+    with pytest.raises(HistoryError, match=r"other\.db does not exist"):
+        await run(ExportSettings(task="export", history=missing, to=tmp_path / "seen.csv"))
+    assert not (tmp_path / "other.db").exists()
+    with pytest.raises(HistoryError, match="No such file"):
+        await run(ExportSettings(task="export", history=url, to=tmp_path / "nowhere" / "seen.csv"))
+
+
+@pytest.mark.parametrize("wrong", [{"to": "seen.xlsx"}, {"history": "none"}, {"history": "mysql://x/y"}])
+def test_wrong_settings(wrong: dict[str, str]) -> None:
+    with pytest.raises(ValidationError):
+        ExportSettings.model_validate({"task": "export", "to": "seen.csv", **wrong})

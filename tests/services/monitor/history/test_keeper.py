@@ -1,0 +1,186 @@
+import asyncio
+import resource
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from schemas.alerts import Alert, AlertState
+from services.monitor.history import keeper as module
+from services.monitor.history.intervals import Interval
+from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.history.settings import NONE, HistorySettings, default_url
+from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.sighting import ChangeKind
+from tests.contract.waiting import until
+from tests.schemas.results import alert
+from tests.services.monitor.history.postgresql import PostgreSQL
+from tests.services.monitor.history.test_store import every, opened
+from tests.services.monitor.inventory.seeing import FRONT, S, seen
+
+LIMITS = Limits(Debounce(1, 0, 1, 0))
+
+
+class Monitor:
+    """An inventory and its history."""
+
+    def __init__(self, url: str) -> None:
+        self.led: list[list[Alert]] = []
+        self.inventory = Inventory(LIMITS)
+        self.history = HistoryKeeper(HistorySettings(history=url), self.inventory, lambda of: self.led.append(list(of)))
+
+    def see(self, seq: int, at_ns: int | None = None, /, **counts: int) -> None:
+        changes = self.inventory.see(seen(seq, counts), at_ns or time.time_ns())
+        assert changes is not None
+        self.history.take(changes)
+
+    def written(self) -> bool:
+        status = self.history.status
+        return not status.problem and status.pending == 0
+
+
+@asynccontextmanager
+async def monitoring(url: str) -> AsyncIterator[Monitor]:
+    monitor = Monitor(url)
+    await monitor.history.restore()
+    running = asyncio.create_task(monitor.history.run())
+    try:
+        yield monitor
+    finally:
+        running.cancel()
+        await asyncio.wait([running])
+
+
+async def kept(url: str) -> list[Interval]:
+    async with opened(url) as store:
+        return await every(store)
+
+
+async def test_what_is_in_view_goes_on_over_a_restart(url: str) -> None:
+    async with monitoring(url) as monitor:
+        monitor.see(1, box=1)
+        monitor.history.alert(alert())
+        await until(monitor.written)
+        monitor.see(2, box=1, pallet=2)
+    (box, pallet) = await kept(url)
+    assert (box.name, box.open, pallet.name, pallet.open) == ("box", True, "pallet", True)
+    async with monitoring(url) as monitor:
+        assert {each.name: each.count for each in monitor.inventory.open()} == {"box": 1, "pallet": 2}
+        await until(lambda: monitor.led == [[alert()]])
+        monitor.see(3, box=1)
+        await until(monitor.written)
+    box, pallet = await kept(url)
+    assert (box.open, pallet.open, pallet.count) == (True, False, 2)
+    assert pallet.until_ns >= pallet.since_ns
+
+
+async def test_a_silent_cameras_sightings_end_when_they_were_seen_last_and_go_on_when_it_speaks(url: str) -> None:
+    async with monitoring(url) as monitor:
+        then_ns = time.time_ns() - 10 * S
+        monitor.see(1, then_ns, box=1)
+        await until(monitor.written)
+        (box,) = await kept(url)
+        assert (box.since_ns, box.until_ns, box.open) == (then_ns, then_ns, False)
+        monitor.see(2, box=1)
+        await asyncio.sleep(2 * module.FLUSH_S)
+        (box,) = await kept(url)
+        assert (box.since_ns, box.open) == (then_ns, True)
+        assert box.until_ns > then_ns + 9 * S
+
+
+async def test_of_two_monitors_one_writes_until_it_goes(url: str) -> None:
+    async with monitoring(url) as second:
+        async with monitoring(url) as first:
+            await until(lambda: first.history.status.leads or second.history.status.leads)
+            leader, other = (first, second) if first.history.status.leads else (second, first)
+            assert leader.led == [[]]
+            for monitor in (leader, other):
+                monitor.see(1, box=1)
+            leader.history.alert(alert())
+            other.history.alert(alert(id_="of the other"))
+            await until(lambda: leader.written() and other.written())
+            assert not other.history.status.leads
+        await until(lambda: second.history.status.leads)
+        await until(second.written)
+        assert len(await kept(url)) == 1
+        if second is other:
+            assert [each.id for each in second.led[-1]] == [alert().id]
+
+
+async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(postgresql: PostgreSQL) -> None:
+    url = postgresql.create("gone_and_back")
+    async with monitoring(url) as monitor:
+        monitor.see(1, box=1)
+        await until(monitor.written)
+        await asyncio.to_thread(postgresql.stop)
+        await until(lambda: bool(monitor.history.status.problem))
+        assert monitor.history.status.leads, "alerts go on"
+        monitor.see(2, box=2)
+        monitor.see(3)
+        monitor.history.alert(alert(state=AlertState.RESOLVED))
+        await asyncio.to_thread(postgresql.start)
+        await until(monitor.written)
+    one, two = await kept(url)
+    assert (one.count, one.open, two.count, two.open) == (1, False, 2, False)
+    assert one.until_ns == two.since_ns
+
+
+async def test_with_the_disk_full_monitoring_goes_on_and_history_comes_back(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/history.db"
+    async with monitoring(url) as monitor:
+        monitor.see(1, box=1)
+        await until(monitor.written)
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+        try:
+            for seq in range(2, 2_000):
+                monitor.see(seq, box=seq)
+            await until(lambda: "disk" in monitor.history.status.problem)
+            monitor.see(2_000, box=1)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        await until(monitor.written)
+    assert [each.count for each in await kept(url)] == [*range(1, 2_000), 1]
+
+
+async def test_a_database_that_is_not_there_yet_keeps_no_monitor_from_beginning(tmp_path: Path) -> None:
+    (tmp_path / "new").write_text("in the way")
+    url = f"sqlite:///{tmp_path}/new/history.db"
+    async with monitoring(url) as monitor:
+        assert "exists" in monitor.history.status.problem or "directory" in monitor.history.status.problem
+        assert (monitor.history.status.leads, monitor.led) == (True, [[]])
+        monitor.see(1, box=1)
+        (tmp_path / "new").unlink()
+        await until(monitor.written)
+    assert [each.count for each in await kept(url)] == [1]
+
+
+async def test_no_history_is_no_problem() -> None:
+    async with monitoring(NONE) as monitor:
+        monitor.see(1, box=1)
+        monitor.history.alert(alert())
+        assert monitor.history.status == module.HistoryStatus(problem="", leads=True, pending=0, lost=0)
+        assert monitor.led == [[]]
+
+
+def test_history_is_kept_unless_told_otherwise() -> None:
+    assert default_url().startswith("sqlite:////")
+    assert HistorySettings().history == default_url()
+    for wrong in ("history.db", "mysql://a/b", ""):
+        with pytest.raises(ValueError, match="write it like"):
+            HistorySettings(history=wrong)
+
+
+def test_changes_that_are_lost_end() -> None:
+    monitor = Monitor("sqlite:////nowhere")
+    monitor.see(1, S, box=1)
+    lost = monitor.inventory.tick(100 * S)
+    assert [change.kind for change in lost] == [ChangeKind.LOST]
+    monitor.history.take(lost)
+    assert monitor.history.status.pending == 1
+    camera = monitor.inventory.camera(FRONT)
+    assert camera
+    assert camera.lost

@@ -1,0 +1,36 @@
+"""Class lists and inventories for tests."""
+
+from collections.abc import Mapping
+
+from schemas.detections import ClassCount, ClassList
+from schemas.header import Header
+from schemas.keys import CameraKey
+
+FRONT = CameraKey("r1", "front")
+S = 1_000_000_000
+
+
+def seen(
+    seq: int,
+    counts: Mapping[str, int],
+    *,
+    key: CameraKey = FRONT,
+    boot_id: str = "boot",
+    model: str = "m",
+    score: float = 0.5,
+) -> ClassList:
+    """Return a camera's class list."""
+    return ClassList(
+        header=Header(
+            robot=key.robot,
+            camera=key.camera,
+            boot_id=boot_id,
+            seq=seq,
+            stamp_ns=seq,
+            frame_id="camera",
+            received_ns=seq,
+        ),
+        classes=[ClassCount(name, count, score) for name, count in counts.items()],
+        model=model,
+        worker="w",
+    )

@@ -1,0 +1,151 @@
+from schemas.keys import CameraKey
+from services.monitor.inventory.camera import MAX_MODELS, CameraView, nearest_of
+from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.sighting import Change, ChangeKind
+from services.monitor.inventory.view import MAX_CLASSES
+from tests.schemas.results import distances, known, unknown
+from tests.services.monitor.inventory.seeing import FRONT, S, seen
+
+SILENT_NS = 3 * S
+
+
+class Seeing:
+    """A camera whose lists come one a second."""
+
+    def __init__(self, debounce: Debounce | None = None) -> None:
+        self.camera = CameraView(FRONT)
+        self.debounce = debounce or Debounce(2, 0, 2, 0)
+        self.seq = 0
+
+    def see(self, at_s: int, model: str = "m", /, **counts: int) -> list[tuple[str, str, int]]:
+        return [
+            (each.kind.value, each.sighting.name, each.sighting.count) for each in self.changes(at_s, model, counts)
+        ]
+
+    def changes(self, at_s: int, model: str, counts: dict[str, int]) -> list[Change]:
+        self.seq += 1
+        changes = self.camera.see(seen(self.seq, counts, model=model), at_s * S, self.debounce, SILENT_NS)
+        assert changes is not None
+        return changes
+
+
+def test_a_class_appears_is_counted_and_vanishes() -> None:
+    camera = Seeing()
+    assert camera.see(1) == []
+    assert camera.see(2, box=1) == []
+    assert camera.see(3, box=2) == [("appeared", "box", 1)]
+    assert camera.see(4, box=2) == [("counted", "box", 2)]
+    assert camera.see(5) == []
+    assert camera.see(6) == [("vanished", "box", 0)]
+    (last,) = camera.camera.sightings()
+    assert (last.count, last.first_ns, last.last_ns) == (0, 2 * S, 4 * S)
+
+
+def test_a_flicker_leaves_nothing_behind() -> None:
+    camera = Seeing()
+    assert camera.see(1, box=1) == []
+    assert camera.see(2) == []
+    assert list(camera.camera.sightings()) == []
+    assert camera.camera.speaker
+    assert camera.camera.speaker.classes == {}
+
+
+def test_what_was_there_from_the_first_list_on_nobody_saw_come() -> None:
+    camera = Seeing()
+    camera.see(1, box=1)
+    (appeared,) = camera.changes(2, "m", {"box": 1, "pallet": 1})
+    assert (appeared.kind, appeared.first_look) == (ChangeKind.APPEARED, True)
+    (appeared,) = camera.changes(3, "m", {"box": 1, "pallet": 1})
+    assert (appeared.kind, appeared.sighting.name, appeared.first_look) == (ChangeKind.APPEARED, "pallet", False)
+
+
+def test_a_double_is_none() -> None:
+    camera = CameraView(FRONT)
+    once = seen(3, {"box": 1})
+    assert camera.see(once, 1, Debounce(), SILENT_NS) == []
+    assert camera.see(once, 2, Debounce(), SILENT_NS) is None
+    assert camera.last_ns == 1
+
+
+def test_one_model_speaks_until_it_is_silent_and_the_next_goes_on_with_its_sightings() -> None:
+    camera = Seeing()
+    camera.see(1, "a", box=1, pallet=1)
+    camera.see(2, "a", box=1, pallet=1)
+    assert camera.see(3, "b", box=1) == []
+    assert camera.see(5, "b", box=1) == []
+    assert camera.see(6, "b", box=1) == []
+    assert camera.see(7, "b", box=1) == []
+    assert camera.see(8, "b", box=1) == [("vanished", "pallet", 0)]
+    assert [(each.name, each.count, each.first_ns, each.model) for each in camera.camera.sightings()] == [
+        ("box", 1, 1 * S, "b"),
+        ("pallet", 0, 1 * S, "b"),
+    ]
+
+
+def test_models_that_count_otherwise_disagree_about_what_both_know() -> None:
+    camera = Seeing()
+    for at_s in (1, 2):
+        camera.see(at_s, "a", box=1, pallet=1)
+        camera.see(at_s, "b", box=2, forklift=1)
+    assert camera.camera.disagreements(0) == {"box": (1, 2)}
+    assert camera.camera.disagreements(2 * S + 1) == {}
+
+
+def test_models_are_bounded_and_the_one_that_speaks_stays() -> None:
+    camera = Seeing()
+    for number in range(MAX_MODELS + 1):
+        camera.see(1, f"m{number}", box=1)
+    assert len(camera.camera.views) == MAX_MODELS
+    assert "m0" in camera.camera.views
+
+
+def test_classes_are_bounded_and_those_in_view_stay() -> None:
+    camera = Seeing(Debounce(1, 0, 1, 0))
+    camera.see(1, **{f"c{number}": 1 for number in range(MAX_CLASSES)})
+    assert camera.see(2, **{f"c{number}": 1 for number in range(MAX_CLASSES)}, late=1) == []
+    camera.see(3, **{f"c{number}": 1 for number in range(1, MAX_CLASSES)})
+    assert camera.see(4, **{f"c{number}": 1 for number in range(1, MAX_CLASSES)}, late=1) == [("appeared", "late", 1)]
+    assert len(list(camera.camera.sightings())) == MAX_CLASSES
+
+
+def test_distances_belong_to_what_is_in_view_and_grow_old() -> None:
+    camera = Seeing(Debounce(1, 0, 1, 0))
+    camera.see(1, box=2, pallet=1)
+    near = distances(known("box", 4.0), known("box", 2.0), unknown("pallet"), seq=1)
+    assert camera.camera.measure(near, 5)
+    assert not camera.camera.measure(near, 6)
+    assert [each.nearest_m for each in camera.camera.sightings(5)] == [2.125, None]
+    assert [each.nearest_m for each in camera.camera.sightings(6)] == [None, None]
+    camera.see(2)
+    assert [each.nearest_m for each in camera.camera.sightings()] == [None, None]
+
+
+def test_the_nearest_is_straight_where_that_is_known() -> None:
+    measured = known("box", 2.0)
+    assert nearest_of([measured, unknown("pallet")]) == {"box": 2.125}
+
+
+def test_after_a_loss_what_is_in_view_is_seen_anew() -> None:
+    camera = Seeing()
+    camera.see(1, box=1)
+    camera.see(2, box=1)
+    (lost,) = camera.camera.lose(100 * S)
+    assert (lost.kind, lost.sighting.last_ns, lost.at_ns) == (ChangeKind.LOST, 2 * S, 100 * S)
+    assert [each.count for each in camera.camera.sightings()] == [1]
+    assert camera.see(200, box=1) == []
+    (again,) = camera.changes(201, "m", {"box": 1})
+    assert (again.kind, again.first_look, again.sighting.first_ns) == (ChangeKind.APPEARED, True, 200 * S)
+
+
+def test_a_restored_sighting_goes_on() -> None:
+    camera = Seeing()
+    camera.see(1, box=2)
+    camera.see(2, box=2)
+    restored = Seeing()
+    for sighting in camera.camera.sightings():
+        restored.camera.restore(sighting)
+    assert list(restored.camera.sightings()) == list(camera.camera.sightings())
+    assert restored.see(10, "m", box=2) == []
+    assert restored.see(11, "m") == []
+    assert restored.see(12, "m") == [("vanished", "box", 0)]
+    assert CameraView(CameraKey("r1", "rear")).last_ns == 0

@@ -1,0 +1,118 @@
+import pytest
+
+from schemas.keys import CameraKey
+from services.monitor.inventory import inventory as module
+from services.monitor.inventory.inventory import Inventory, InventoryFullError, Limits
+from services.monitor.inventory.settings import InventorySettings
+from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.sighting import ChangeKind
+from tests.schemas.results import distances, known
+from tests.services.monitor.inventory.seeing import FRONT, S, seen
+
+REAR = CameraKey("r1", "rear")
+
+
+def quick() -> Inventory:
+    return Inventory(Limits(Debounce(1, 0, 1, 0), stale_ns=3 * S, lost_ns=60 * S))
+
+
+def online(inventory: Inventory, key: CameraKey = FRONT) -> None:
+    inventory.robot_presence(key.robot, alive=True)
+    inventory.camera_presence(key, alive=True)
+
+
+@pytest.mark.parametrize("lost", ["nothing", "robot", "camera"])
+def test_only_what_is_online_is_available_and_the_rest_stays(lost: str) -> None:
+    inventory = quick()
+    online(inventory)
+    inventory.see(seen(0, {"box": 2}), 9 * S)
+    inventory.see(seen(1, {"box": 2}), 10 * S)
+    if lost == "robot":
+        inventory.robot_presence("r1", alive=False)
+    if lost == "camera":
+        inventory.camera_presence(FRONT, alive=False)
+    (entry,) = inventory.entries(11 * S)
+    assert entry.available is (lost == "nothing")
+    assert (entry.sighting.count, entry.sighting.last_ns) == (2, 10 * S)
+
+
+@pytest.mark.parametrize(("age_ns", "available"), [(3 * S, True), (3 * S + 1, False)])
+def test_a_silent_camera_is_not_available(age_ns: int, *, available: bool) -> None:
+    inventory = quick()
+    online(inventory)
+    inventory.see(seen(0, {"box": 1}), 9 * S)
+    inventory.see(seen(1, {"box": 1}), 10 * S)
+    (entry,) = inventory.entries(10 * S + age_ns)
+    assert entry.available is available
+
+
+def test_entries_are_ordered_and_can_be_asked_for_one_by_one() -> None:
+    inventory = quick()
+    other = CameraKey("r2", "front")
+    for key in (other, REAR, FRONT):
+        inventory.see(seen(0, {"pallet": 1, "box": 1}, key=key), S)
+    every = [(str(entry.sighting.key), entry.sighting.name) for entry in inventory.entries(S)]
+    assert every == [(key, name) for key in ("r1/front", "r1/rear", "r2/front") for name in ("box", "pallet")]
+    assert len(list(inventory.entries(S, robot="r1"))) == 4
+    assert len(list(inventory.entries(S, camera="front", name="box"))) == 2
+    assert list(inventory.entries(S, robot="r3")) == []
+
+
+@pytest.mark.parametrize(("silent_ns", "kinds"), [(60 * S, []), (60 * S + 1, [ChangeKind.LOST])])
+def test_after_long_silence_it_is_not_known_what_is_in_view(silent_ns: int, kinds: list[ChangeKind]) -> None:
+    inventory = quick()
+    inventory.camera_presence(REAR, alive=True)
+    inventory.see(seen(0, {"box": 1}), S)
+    assert [change.kind for change in inventory.tick(S + silent_ns)] == kinds
+    assert inventory.tick(S + silent_ns) == [] or not kinds
+    assert len(list(inventory.open())) == 1 - len(kinds)
+
+
+def test_what_a_store_kept_is_there_until_the_camera_says_otherwise() -> None:
+    before = quick()
+    before.see(seen(7, {"box": 1}), 10 * S)
+    after = quick()
+    after.restore([entry.sighting for entry in before.entries(10 * S)])
+    online(after)
+    (entry,) = after.entries(30 * S)
+    assert (entry.available, entry.sighting.first_ns) == (False, 10 * S)
+    assert after.see(seen(8, {"box": 1}), 31 * S) == []
+    (entry,) = after.entries(31 * S)
+    assert not entry.available, "one list alone may be the last one of a worker that is gone"
+    assert after.see(seen(9, {"box": 1}), 32 * S) == []
+    (entry,) = after.entries(32 * S)
+    assert (entry.available, entry.sighting.first_ns, entry.sighting.last_ns) == (True, 10 * S, 32 * S)
+
+
+def test_distances_are_of_the_newest_frame_only() -> None:
+    inventory = quick()
+    inventory.see(seen(0, {"box": 1}), S)
+    assert inventory.measure(distances(known("box", 2.0), seq=1), S)
+    assert not inventory.measure(distances(known("box", 1.0), seq=0), S)
+    (entry,) = inventory.entries(S)
+    assert entry.sighting.nearest_m == 2.125
+    (entry,) = inventory.entries(S + 3 * S + 1)
+    assert entry.sighting.nearest_m is None
+
+
+def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_MEMBERS", 1)
+    inventory = quick()
+    online(inventory)
+    with pytest.raises(InventoryFullError, match="r1/rear"):
+        inventory.see(seen(0, {}, key=REAR), S)
+    with pytest.raises(InventoryFullError):
+        inventory.measure(distances(camera="rear"), S)
+    with pytest.raises(InventoryFullError):
+        inventory.robot_presence("r2", alive=True)
+    assert inventory.see(seen(0, {"box": 1}), S)
+    (sighting,) = inventory.open()
+    other = quick()
+    other.camera_presence(REAR, alive=True)
+    other.restore([sighting])
+    assert list(other.open()) == []
+
+
+def test_settings_are_seconds() -> None:
+    limits = InventorySettings(appear_lists=3, vanish_s=0.5, stale_s=2, lost_s=10).limits()
+    assert limits == Limits(Debounce(3, 0, 2, S // 2), stale_ns=2 * S, lost_ns=10 * S)

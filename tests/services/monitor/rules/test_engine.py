@@ -1,0 +1,206 @@
+from typing import Any
+
+import msgspec
+import pytest
+
+from schemas.alerts import AlertState
+from schemas.keys import CameraKey
+from services.monitor.inventory.sighting import ChangeKind
+from services.monitor.rules import engine as module
+from services.monitor.rules.engine import UnknownAlertError
+from tests.schemas.results import alert
+from tests.services.monitor.inventory.seeing import S
+from tests.services.monitor.rules.ruling import Ruling, book
+
+OVER = {"when": "over", "class": "box", "count": 2}
+REAR = CameraKey("r1", "rear")
+
+
+def test_what_appears_is_alerted_until_it_is_gone() -> None:
+    ruling = Ruling({"when": "appears", "class": "box"})
+    assert ruling.changed(1, ChangeKind.APPEARED, "pallet") == []
+    assert ruling.changed(1, ChangeKind.APPEARED, first_look=True) == []
+    assert ruling.changed(2, ChangeKind.APPEARED) == ["1 raised"]
+    assert ruling.texts() == ["box appeared in view of r1/front"]
+    assert ruling.changed(3, ChangeKind.COUNTED) == []
+    assert ruling.changed(4, ChangeKind.LOST) == []
+    assert ruling.changed(5, ChangeKind.VANISHED) == ["1 resolved"]
+
+
+def test_what_disappears_is_alerted_until_it_is_back() -> None:
+    ruling = Ruling({"when": "disappears", "class": "box"})
+    assert ruling.changed(1, ChangeKind.APPEARED) == []
+    assert ruling.changed(2, ChangeKind.VANISHED) == ["1 raised"]
+    assert ruling.changed(3, ChangeKind.APPEARED, first_look=True) == ["1 resolved"]
+
+
+@pytest.mark.parametrize(
+    ("rule", "so", "not_so", "text"),
+    [
+        (OVER, {"counts": {"box": 3}}, {"counts": {"box": 2}}, "3 box in view of r1/front, over 2"),
+        (
+            {"when": "under", "class": "box", "count": 2},
+            {"counts": {"box": 1}},
+            {"counts": {"box": 2}},
+            "1 box in view of r1/front, under 2",
+        ),
+        (
+            {"when": "under", "class": "box", "count": 1},
+            {"counts": {}},
+            {"counts": {"box": 1}},
+            "0 box in view of r1/front, under 1",
+        ),
+        (
+            {"when": "nearer", "class": "box", "than_m": 2},
+            {"nearest": {"box": 1.99}},
+            {"nearest": {"box": 2.0}},
+            "box 1.99 m from r1/front, nearer than 2 m",
+        ),
+        (
+            {"when": "nearer", "class": "box", "than_m": 2},
+            {"nearest": {"box": 1}},
+            {},
+            "box 1.00 m from r1/front, nearer than 2 m",
+        ),
+        (
+            {"when": "disagree"},
+            {"counts": {"box": 1}, "disagreements": {"box": (1, 2)}},
+            {"counts": {"box": 1}},
+            "two models count 1 and 2 box in view of r1/front",
+        ),
+    ],
+)
+def test_what_holds_is_alerted_until_it_does_not(
+    rule: dict[str, Any], so: dict[str, Any], not_so: dict[str, Any], text: str
+) -> None:
+    ruling = Ruling(rule)
+    assert ruling.look(1, **not_so) == []
+    assert ruling.look(2, **so) == ["1 raised"]
+    assert ruling.texts() == [text]
+    assert ruling.look(3, **so) == []
+    assert ruling.look(4, speaks=False, **not_so) == [], "what is not known resolves nothing"
+    assert ruling.look(5, **not_so) == ["1 resolved"]
+    assert ruling.look(6, speaks=False, **so) == []
+
+
+def test_a_disagreement_about_another_class_is_none() -> None:
+    ruling = Ruling({"when": "disagree", "class": "pallet"})
+    assert ruling.look(1, counts={"box": 1}, disagreements={"box": (1, 2)}) == []
+
+
+def test_silence_of_robots_and_of_cameras() -> None:
+    ruling = Ruling({"when": "silent", "for_s": 10}, {"when": "silent", "cameras": ["rear"]})
+    ruling.engine.robot("r1", alive=False, now_ns=S)
+    assert ruling.due(10.9) == []
+    assert ruling.due(11) == ["1 raised"]
+    assert ruling.texts() == ["r1 is silent"]
+    ruling.engine.robot("r1", alive=True, now_ns=12 * S)
+    assert ruling.due(12) == ["1 resolved"]
+    assert ruling.look(13, speaks=False) == []
+    assert ruling.look(13, speaks=False, key=REAR) == ["2 raised"]
+    assert ruling.texts() == ["r1/rear says nothing"]
+    assert ruling.look(14, key=REAR) == ["2 resolved"]
+
+
+def test_it_must_hold_without_a_gap() -> None:
+    ruling = Ruling({**OVER, "for_s": 2})
+    assert ruling.look(0, counts={"box": 3}) == []
+    assert ruling.look(1, counts={"box": 0}) == []
+    assert ruling.look(1.5, counts={"box": 3}) == []
+    assert ruling.due(3.4) == []
+    assert ruling.due(3.5) == ["1 raised"]
+
+
+def test_robots_and_cameras_can_be_chosen() -> None:
+    ruling = Ruling({**OVER, "robots": ["r*"], "cameras": ["rear"]})
+    many: Any = {"counts": {"box": 3}}
+    assert ruling.look(1, **many) == []
+    assert ruling.look(1, key=CameraKey("s1", "rear"), **many) == []
+    assert ruling.look(1, key=REAR, **many) == ["1 raised"]
+
+
+@pytest.mark.parametrize(
+    ("between", "hour", "raised"),
+    [
+        (["08:00", "17:00"], 7.99, False),
+        (["08:00", "17:00"], 8, True),
+        (["08:00", "17:00"], 17, False),
+        (["22:00", "06:00"], 23, True),
+        (["22:00", "06:00"], 5.99, True),
+        (["22:00", "06:00"], 12, False),
+    ],
+)
+def test_hours(between: list[str], hour: float, *, raised: bool) -> None:
+    ruling = Ruling({**OVER, "between": between})
+    assert (ruling.look(hour * 3600, counts={"box": 3}) == ["1 raised"]) is raised
+
+
+def test_days_and_what_still_holds_when_the_time_comes() -> None:
+    ruling = Ruling({**OVER, "days": ["fri"]})
+    assert ruling.look(23 * 3600, counts={"box": 3}) == [], "the epoch began on a Thursday"
+    assert ruling.due(24 * 3600) == ["1 raised"]
+
+
+def test_after_an_alert_there_is_none_for_a_while() -> None:
+    ruling = Ruling({**OVER, "cooldown_s": 60})
+    assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
+    assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
+    assert ruling.look(30, counts={"box": 3}) == []
+    assert ruling.look(30, counts={"box": 3}, key=REAR) == ["2 raised"]
+    assert ruling.due(59.9) == []
+    assert ruling.due(60) == ["3 raised"]
+
+
+def test_the_life_of_an_alert() -> None:
+    ruling = Ruling({**OVER, "escalate_after_s": 10}, {**OVER, "escalate_after_s": 10, "name": "other"})
+    assert ruling.look(0, counts={"box": 3}) == ["1 raised", "2 raised"]
+    assert ruling.engine.acknowledge("1", S).state is AlertState.ACKNOWLEDGED
+    assert ruling.due(9.9) == ["1 acknowledged"]
+    assert ruling.due(10) == ["2 escalated"]
+    assert ruling.engine.acknowledge("2", 11 * S).state is AlertState.ACKNOWLEDGED
+    assert ruling.engine.escalate("1", 11 * S).state is AlertState.ESCALATED
+    assert ruling.engine.resolve("1", 12 * S).state is AlertState.RESOLVED
+    assert ruling.due(12) == ["2 acknowledged", "1 escalated", "1 resolved"]
+    assert ruling.look(13, counts={"box": 4}) == [], "somebody resolved it, and it never stopped"
+    assert ruling.look(14, counts={"box": 0}) == ["2 resolved"]
+    assert ruling.look(15, counts={"box": 3}) == ["3 raised", "4 raised"]
+    for change in (ruling.engine.acknowledge, ruling.engine.escalate, ruling.engine.resolve):
+        with pytest.raises(UnknownAlertError, match="'1'"):
+            change("1", S)
+
+
+def test_changes_of_an_alert_are_in_order_though_the_clock_is_set_back() -> None:
+    ruling = Ruling(OVER)
+    ruling.look(100, counts={"box": 3})
+    (raised,) = ruling.engine.alerts()
+    assert ruling.engine.acknowledge("1", S).changed_ns == raised.changed_ns + 1
+
+
+def test_other_rules_resolve_what_was_theirs_alone() -> None:
+    ruling = Ruling(OVER, {**OVER, "for_s": 5})
+    assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
+    ruling.engine.replace(book(OVER, {**OVER, "for_s": 9}), S)
+    assert ruling.due(1) == []
+    ruling.engine.replace(book({**OVER, "count": 1}), 2 * S)
+    assert ruling.due(2) == ["1 resolved"]
+    assert ruling.look(3, counts={"box": 2}) == ["2 raised"]
+
+
+def test_alerts_of_a_monitor_that_ran_before_go_on() -> None:
+    ruling = Ruling({**OVER, "name": "too near", "class": "forklift", "escalate_after_s": 10})
+    ruling.engine.restore([alert(id_="kept"), alert(id_="of the rear", robot="r9")], 8)
+    assert ruling.look(1, counts={"forklift": 3}) == []
+    assert ruling.look(2, counts={"forklift": 0}) == ["kept resolved"]
+    assert ruling.due(10.1) == ["of the rear escalated"]
+    ruling.engine.restore([msgspec.structs.replace(alert(id_="gone"), rule="no more")], 8)
+    assert ruling.due(11) == ["gone resolved"]
+
+
+def test_subjects_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_SUBJECTS", 1)
+    ruling = Ruling({**OVER, "cooldown_s": 60})
+    assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
+    assert ruling.look(0, counts={"box": 3}, key=REAR) == []
+    assert ruling.engine.left_out == 1
+    assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
+    assert ruling.look(1, counts={"box": 3}, key=REAR) == ["2 raised"]

@@ -1,0 +1,81 @@
+import pytest
+
+from schemas.alerts import Severity
+from services.monitor.rules.loading import MAX_BYTES, RuleFileError, load_rules
+from services.monitor.rules.model import NearerRule, SilentRule
+
+GOOD = """\
+timezone: Europe/Berlin
+webhooks:
+  ops: {url: "https://ops.example/hook", secret: "a long secret"}
+rules:
+  - name: too near
+    when: nearer
+    class: forklift
+    than_m: 2
+    for_s: 1.5
+    robots: [r1, "dock*"]
+    between: ["22:00", "06:00"]
+    days: [mon, tue]
+    severity: critical
+    cooldown_s: 60
+    escalate_after_s: 300
+    webhooks: [ops]
+    action: {name: stop, payload: "{class} at {camera}"}
+  - name: lost
+    when: silent
+    for_s: 30
+"""
+
+
+def test_a_rule_file() -> None:
+    book = load_rules(GOOD)
+    near, lost = book.rules
+    assert isinstance(near, NearerRule)
+    assert (near.of, near.than_m, near.for_s, near.severity) == ("forklift", 2.0, 1.5, Severity.CRITICAL)
+    assert near.applies_to("dock7", "front")
+    assert not near.applies_to("r10", "front")
+    assert isinstance(lost, SilentRule)
+    assert not lost.of_cameras
+
+
+def test_an_empty_file_has_no_rules() -> None:
+    assert load_rules("").rules == load_rules("# none yet\n").rules == ()
+
+
+def changed(old: str, new: str) -> str:
+    assert old in GOOD
+    return GOOD.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "reason"),
+    [
+        (changed("than_m: 2", "than_m: -2"), 8, "rules.0.than_m: Input should be greater than 0"),
+        (changed("than_m: 2", "than: 2"), 5, "rules.0.than_m is missing"),
+        (changed("for_s: 30", "fors: 30"), 20, "'fors' is not known here"),
+        (changed("when: silent", "when: asleep"), 18, "`when` is one of"),
+        (changed("    when: silent\n", ""), 18, "`when` is missing"),
+        (changed("severity: critical", "severity: panic"), 13, "rules.0.severity"),
+        (changed("[mon, tue]", "[mon, someday]"), 12, "rules.0.days.1"),
+        (changed('["22:00", "06:00"]', "[22:00, 06:00]"), 11, "write times in quotes"),
+        (changed("webhooks: [ops]", "webhooks: [opps]"), 1, "'opps' that is not there"),
+        (changed("name: lost", "name: too near"), 1, "two rules are called 'too near'"),
+        (changed("Europe/Berlin", "Mars/Olympus"), 1, "no time zone 'Mars/Olympus'"),
+        (changed("name: stop", "name: stop now"), 17, "rules.0.action.name"),
+        (changed("    when: silent", "    name: again\n    when: silent"), 19, "'name' is there twice"),
+        ("rules: [", 1, "expected the node content"),
+        ("rules:\n  - &a {name: x}\n  - *a\n", 3, "aliases are not taken"),
+        ("- 1\n- 2\n", 1, "valid dictionary"),
+        ("a: !!python/object:os.system {}", 1, "could not determine a constructor"),
+        ("x" * (MAX_BYTES + 1), 1, "at most"),
+        ("\0", 1, "special characters"),
+        ("[" * 10_000, 1, ""),
+    ],
+)
+def test_a_mistake_is_shown_with_its_line(text: str, line: int, reason: str) -> None:
+    with pytest.raises(RuleFileError) as raised:
+        load_rules(text)
+    assert reason in raised.value.reason
+    assert raised.value.line == line
+    assert "\n" not in str(raised.value)
