@@ -1,0 +1,115 @@
+"""How far what was measured is from what is true, object by object. Pure."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.space import guide
+from schemas.distances import ObjectDistance
+from schemas.objects import ObjectCloud, ObjectClouds, UprightBox
+from services.geometry.masks import decode
+from services.simulator.clouds import metres
+from services.simulator.world import DepthSensor, SeenObject
+from benchmarks.space.views import SpaceView
+from schemas.detections import Detection
+
+Samples = defaultdict[str, list[float]]
+"""Values of figures by name, one for each object."""
+
+Truths = dict[int, SeenObject]
+"""What is true of the detections with these places."""
+
+ALLOWED_M: Final = 0.05
+ALLOWED_SHARE: Final = 0.01
+
+FACE_SHARE: Final = 0.15
+"""A face that shows this share of an object's pixels is one of its visible ones."""
+
+SIGMAS: Final = 4.0
+"""A point whose depth is off by more of the sensor's own error, and 5 cm, is of something else."""
+
+
+def distance(measured: Sequence[ObjectDistance], truths: Truths) -> Iterator[float]:
+    """Return the relative error of each distance; a truth that nothing is known of is 1."""
+    for index, seen in truths.items():
+        found = measured[index].measured
+        yield 1.0 if found is None else abs(found.axial_m - seen.depth_m) / seen.depth_m
+
+
+def guide_distance(view: SpaceView, found: Sequence[Detection], truths: Truths, *, metric: bool) -> Iterator[float]:
+    """Return the relative error of the guide's formula, on depth in metres with NaN, or in millimetres with 0."""
+    masks = masks_of([found[index] for index in truths], view)
+    means = guide.distances(masks, metres(view.depth) if metric else view.depth)
+    for seen, mean in zip(truths.values(), means, strict=True):
+        distance_m = mean if metric else mean / 1000
+        yield min(1.0, abs(distance_m - seen.depth_m) / seen.depth_m)
+
+
+def masks_of(found: Sequence[Detection], view: SpaceView) -> NDArray[np.float32]:
+    """Return masks of the whole picture, n x height x width, as a model has them."""
+    masks = np.zeros((len(found), view.camera.height, view.camera.width), np.float32)
+    for number, each in enumerate(found):
+        if each.mask is not None:
+            window = decode(each.mask)
+            masks[number][window.place] = window.pixels
+    return masks
+
+
+def centroid(cloud: ObjectCloud, seen: SeenObject) -> float:
+    """Return by how many metres a centroid is farther off than it may be."""
+    off = float(np.linalg.norm(np.array(cloud.shape.centroid) - seen.centroid))
+    return off - ALLOWED_M - ALLOWED_SHARE * float(np.linalg.norm(seen.centroid))
+
+
+def extents(cloud: ObjectCloud, seen: SeenObject) -> Iterator[float]:
+    """Return the relative errors of a box's extents along its object's visible faces."""
+    box, true = cloud.shape.box, seen.visible_box.seen_from(seen.view.pose)
+    along = np.abs(_axes(box).T @ true.axes)
+    length = 0 if along[0, 0] >= along[1, 0] else 1
+    sizes = [box.size[length], box.size[1 - length], box.size[2]]
+    for axis in _visible_axes(seen):
+        yield abs(sizes[axis] - true.size[axis]) / true.size[axis]
+
+
+def _axes(box: UprightBox) -> NDArray[Any]:
+    up = np.array(box.up)
+    level = np.array([1.0, 0, 0]) - up[0] * up
+    level /= np.linalg.norm(level)
+    ahead = np.cos(box.yaw) * level + np.sin(box.yaw) * np.cross(up, level)
+    return np.stack([ahead, np.cross(up, ahead), up], axis=1)
+
+
+def _visible_axes(seen: SeenObject) -> list[int]:
+    """Return which of the axes of an object's box a visible face extends along."""
+    box = seen.box
+    local = (seen.view.pose.to_map(seen.points) - box.centre) @ box.axes / (box.size / 2)
+    across = np.abs(local).argmax(axis=1)  # what a face is across is where its points are the farthest out
+    shares = np.bincount(across, minlength=3) / len(across)
+    return [axis for axis in range(3) if (np.delete(shares, axis) >= FACE_SHARE).any()]
+
+
+def foreign(cloud: ObjectCloud, view: SpaceView, seen: SeenObject) -> float:
+    """Return the share of an organised cloud's points that are of something else.
+
+    Those are the points of other things' pixels, and those that are nowhere near what their pixels show.
+    """
+    xyz = np.frombuffer(cloud.xyz, "<f4").reshape(-1, 3).astype(np.float64)
+    camera = view.camera
+    columns = np.rint(xyz[:, 0] / xyz[:, 2] * camera.fx + camera.cx).astype(int)
+    rows = np.rint(xyz[:, 1] / xyz[:, 2] * camera.fy + camera.cy).astype(int)
+    true, sensor = view.rendering.depth[rows, columns], DepthSensor()
+    noise = true**2 * sensor.subpixel / (sensor.baseline * camera.fx)
+    other = view.rendering.instances[rows, columns] != seen.instance
+    return float(np.mean(other | (np.abs(xyz[:, 2] - true) > ALLOWED_M + SIGMAS * noise)))
+
+
+def cloud_figures(made: ObjectClouds, truths: Truths, view: SpaceView, suffix: str, samples: Samples) -> None:
+    """Add what is to be said of clouds from pixels."""
+    for cloud in made.objects:
+        if (seen := truths.get(cloud.index)) is not None:
+            samples[f"centroid_excess{suffix}"].append(centroid(cloud, seen))
+            samples[f"box_extent{suffix}"] += extents(cloud, seen)
+            samples[f"foreign_points{suffix}"].append(foreign(cloud, view, seen))
