@@ -7,14 +7,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.space import guide
+from benchmarks.space import guide, paths
+from benchmarks.space.matching import matched
+from benchmarks.space.messages import true_detections
+from benchmarks.space.views import SpaceView, is_asked_for
+from schemas.detections import Detection
 from schemas.distances import ObjectDistance
 from schemas.objects import ObjectCloud, ObjectClouds, UprightBox
 from services.geometry.masks import decode
 from services.simulator.clouds import metres
 from services.simulator.world import DepthSensor, SeenObject
-from benchmarks.space.views import SpaceView
-from schemas.detections import Detection
 
 Samples = defaultdict[str, list[float]]
 """Values of figures by name, one for each object."""
@@ -106,10 +108,27 @@ def foreign(cloud: ObjectCloud, view: SpaceView, seen: SeenObject) -> float:
     return float(np.mean(other | (np.abs(xyz[:, 2] - true) > ALLOWED_M + SIGMAS * noise)))
 
 
-def cloud_figures(made: ObjectClouds, truths: Truths, view: SpaceView, suffix: str, samples: Samples) -> None:
-    """Add what is to be said of clouds from pixels."""
-    for cloud in made.objects:
-        if (seen := truths.get(cloud.index)) is not None:
+def add_view(view: SpaceView, found: Sequence[Detection], samples: Samples) -> None:
+    """Add what is to be said of a view in which a model found something."""
+    exact, truths = true_detections(view.objects), dict(enumerate(view.objects))
+    matches = {index: seen for index, seen in matched(found, view.every_object).items() if is_asked_for(seen)}
+    for suffix, masks, of in (("_gt_masks", exact, truths), ("", found, matches)):
+        samples[f"distance{suffix}"] += distance(paths.distances(view, masks), of)
+        samples[f"distance_unregistered{suffix}"] += distance(paths.distances(view, masks, registered=False), of)
+        samples[f"guide_distance{suffix}"] += guide_distance(view, masks, of, metric=False)
+        samples[f"guide_distance_metres{suffix}"] += guide_distance(view, masks, of, metric=True)
+    add_clouds(view, paths.clouds(view, exact), truths, "", samples)
+    add_clouds(view, paths.clouds(view, found), matches, "_model_masks", samples)
+    samples["missed_by_model"] += [float(seen not in matches.values()) for seen in view.objects]
+
+
+def add_clouds(view: SpaceView, made: ObjectClouds, truths: Truths, suffix: str, samples: Samples) -> None:
+    """Add what is to be said of clouds from a view's own points."""
+    by_index = {cloud.index: cloud for cloud in made.objects}
+    for index, seen in truths.items():
+        cloud = by_index.get(index)
+        samples[f"missing_clouds{suffix}"].append(float(cloud is None))
+        if cloud is not None:
             samples[f"centroid_excess{suffix}"].append(centroid(cloud, seen))
             samples[f"box_extent{suffix}"] += extents(cloud, seen)
             samples[f"foreign_points{suffix}"].append(foreign(cloud, view, seen))

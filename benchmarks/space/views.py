@@ -1,6 +1,5 @@
 """Views of scenes that no training run uses: what a robot's sensors measure there, and what is true."""
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -105,7 +104,7 @@ class SpaceView:
     @cached_property
     def objects(self) -> list[SeenObject]:
         """The objects that figures are about."""
-        return [each for each in self.every_object if each.pixels >= LEAST_PIXELS and each.depth_m <= FARTHEST_M]
+        return [each for each in self.every_object if is_asked_for(each)]
 
     @cached_property
     def rig(self) -> Rig:
@@ -127,6 +126,11 @@ class SpaceView:
 
     def _rng(self, sensor: int) -> np.random.Generator:
         return np.random.default_rng([self.scene.seed, 6, 2, sensor])
+
+
+def is_asked_for(seen: SeenObject) -> bool:
+    """Return whether figures are about an object: LEAST_PIXELS of it are seen, within FARTHEST_M."""
+    return seen.pixels >= LEAST_PIXELS and seen.depth_m <= FARTHEST_M
 
 
 def seeds(count: int, first: int = FIRST) -> list[int]:
