@@ -28,7 +28,10 @@ ALLOWED_M: Final = 0.05
 ALLOWED_SHARE: Final = 0.01
 
 FACE_SHARE: Final = 0.15
-"""A face that shows this share of an object's pixels is one of its visible ones."""
+"""A face is seen well that has at least this share of the object's visible pixels."""
+
+FACING: Final = 0.5
+"""And that is seen at no more than 60 degrees from its normal, of which this is the cosine."""
 
 SIGMAS: Final = 4.0
 """A point whose depth is off by more of the sensor's own error, and 5 cm, is of something else."""
@@ -85,12 +88,21 @@ def _axes(box: UprightBox) -> NDArray[Any]:
 
 
 def _visible_axes(seen: SeenObject) -> list[int]:
-    """Return which of the axes of an object's box a visible face extends along."""
-    box = seen.box
-    local = (seen.view.pose.to_map(seen.points) - box.centre) @ box.axes / (box.size / 2)
-    across = np.abs(local).argmax(axis=1)  # what a face is across is where its points are the farthest out
-    shares = np.bincount(across, minlength=3) / len(across)
-    return [axis for axis in range(3) if (np.delete(shares, axis) >= FACE_SHARE).any()]
+    """Return which of the axes of an object's box the faces that are seen well extend along."""
+    box, pose = seen.box, seen.view.pose
+    half = box.size / 2
+    points = (pose.to_map(seen.points) - box.centre) @ box.axes / half
+    eye = (pose.position - box.centre) @ box.axes / half
+    across = np.abs(points).argmax(axis=1)  # what a face is across is where its points are the farthest out
+    sides = np.sign(points[np.arange(len(across)), across])
+    seen_along = set()
+    for axis in range(3):
+        face = points[(across == axis) & (sides == np.sign(eye[axis]))]
+        if len(face) >= FACE_SHARE * len(points):
+            ray = (eye - face.mean(axis=0)) * half
+            if abs(ray[axis]) >= FACING * np.linalg.norm(ray):
+                seen_along |= {0, 1, 2} - {axis}
+    return sorted(seen_along)
 
 
 def foreign(cloud: ObjectCloud, view: SpaceView, seen: SeenObject) -> float:

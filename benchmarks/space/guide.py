@@ -31,10 +31,10 @@ def read_cloud(data: memoryview, layout: np.dtype[Any], height: int, width: int)
     whole = np.ascontiguousarray(records["rgb"]).view(np.uint32)
     red, green, blue = ((whole >> shift & 255).astype(np.uint8) for shift in (16, 8, 0))
     rgb = np.stack([blue.reshape(height, width), green.reshape(height, width), red.reshape(height, width)], axis=2)
-    xyz = np.zeros((len(records), 3))
+    flat = np.zeros((len(records), 3))
     for axis, name in enumerate("xyz"):
-        xyz[:, axis] = records[name]
-    xyz = np.array(xyz).reshape(height, width, 3)
+        flat[:, axis] = records[name]
+    xyz = np.array(flat).reshape(height, width, 3)
     missing = np.isnan(xyz).all(axis=2)
     xyz[missing] = [0, 0, 0]
     rgb[missing] = [0, 0, 0]

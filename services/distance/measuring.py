@@ -26,6 +26,12 @@ SAMPLE: Final = 512
 AROUND: Final = 256
 """Readings around it."""
 
+FILLED: Final = SAMPLE // 8
+"""Where fewer pixels than this have a reading near, of SAMPLE, those that have one are taken."""
+
+REACH: Final = 2
+"""A pixel without a reading counts as the nearest one of its row that has one, at most so many pixels away."""
+
 RING: Final = 5
 """Pixels around a mask that say what is behind and before the object."""
 
@@ -115,12 +121,14 @@ def _look(index: int, found: Detection, depth_m: Floats, criteria: Criteria) -> 
     if count < criteria.min_pixels:
         reason = f"{count} of its {area} pixels have a reading, {criteria.min_pixels} are needed"
         return _unknown(index, found, share, reason)
-    inner = np.flatnonzero(eroded(window, criteria.edge).pixels & there)
+    mask = eroded(window, criteria.edge).pixels
+    inner = np.flatnonzero(mask & there)
     if len(inner) < criteria.min_pixels:
-        inner = np.flatnonzero(valid)
+        mask, inner = window.pixels, np.flatnonzero(valid)
+    within = _filled(_spread(np.flatnonzero(mask), SAMPLE), inner)
     around = np.flatnonzero(surroundings(window, RING) & there)
     mean = cv2.mean(patch, valid.view(np.uint8))[0]
-    return _Seen(index, found, window, share, mean, _spread(inner, SAMPLE), _spread(around, AROUND))
+    return _Seen(index, found, window, share, mean, within, _spread(around, AROUND))
 
 
 def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectDistance:
@@ -130,6 +138,18 @@ def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectD
 def _spread(chosen: Indices, count: int) -> Indices:
     """Return so many of some pixels, evenly spread, or _NONE of them."""
     return chosen[_EVEN[count] * len(chosen) // count] if len(chosen) else _NONE
+
+
+def _filled(wanted: Indices, there: Indices) -> Indices:
+    """Return SAMPLE pixels with readings, instead of some that may have none; both ascending.
+
+    Readings are lost at edges and in shadows: without those beside them what is there would not count.
+    """
+    after = np.searchsorted(there, wanted)
+    nexts, lasts = there[np.minimum(after, len(there) - 1)], there[np.maximum(after - 1, 0)]
+    to_next, to_last = np.abs(nexts - wanted), np.abs(wanted - lasts)
+    nearest = np.where(to_next <= to_last, nexts, lasts)[np.minimum(to_next, to_last) <= REACH]
+    return _spread(nearest if len(nearest) >= FILLED else there, SAMPLE)
 
 
 def _in_image(pixels: Sequence[Indices], seen: Sequence[_Seen], width: int) -> Indices:

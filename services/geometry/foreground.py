@@ -43,7 +43,7 @@ def foreground(within: Depths, around: Depths) -> Bools:
 
 
 def on_surface(within: Depths) -> Bools:
-    """Return which of each row's ascending readings, n x m, lie dense; the others are where a sensor sees two at once."""
+    """Return which of each row's ascending readings, n x m, lie dense; where a sensor sees two surfaces they do not."""
     dense = _dense(within)
     starts = np.zeros((len(within), within.shape[1] + 1), np.int32)
     near = within.shape[1] - dense.shape[1]
