@@ -13,7 +13,7 @@ from benchmarks.space.messages import STAMP_NS, depth_of, detections_of, header,
 from benchmarks.space.paths import DistancePath
 from benchmarks.space.views import is_asked_for, view_from
 from schemas.distances import ObjectDistance
-from services.simulator.placement import BASE, COLOR_OPTICAL, MAP, ODOM, odometry_error, of_pose, rig
+from services.simulator.placement import BASE, COLOR_OPTICAL, MAP, ODOM, Placement, odometry_error, of_pose, rig
 from services.simulator.training.evaluation.looking import Look
 from services.simulator.world import Camera, Drive, Pose, Scene, generate
 
@@ -83,7 +83,7 @@ class Passing:
         for step in range(-PER_FRAME, frames * PER_FRAME):
             number = (step + 0.5) / PER_FRAME
             odom, robot = odometry_error(self.start), of_pose(self._pose(number)) @ from_camera
-            joints = [(MAP, ODOM, odom), (ODOM, BASE, np.linalg.inv(odom) @ robot)]
+            joints: list[tuple[str, str, Placement]] = [(MAP, ODOM, odom), (ODOM, BASE, np.linalg.inv(odom) @ robot)]
             path.sensed.transforms.take(transforms_of(joints, _stamp(number)), static=False)
         return path
 
