@@ -4,7 +4,8 @@ Each view is of a scene whose seed no training run takes, drawn as the training'
 of 2.5 m through another such scene. What is measured goes the way that it goes in the services' workers, with their
 default settings, without the bus. Masks are the model's, found as a detector finds them, each compared with the object
 of its class that it has an IoU of at least 0.5 with, unless something else is said. All figures are over objects of
-which at least 200 pixels are visible, within 8 m. A distance that is unknown is an error of 1.
+which at least 200 pixels are visible, within 8 m. A distance that is said to be unknown is no wrong one: how often that
+is so is `unknown_distance` in `spread`.
 
     distance_mae_rel          mean of |measured - true| / true along the optical axis; distance_p99_rel: the 99th
                               percentile; ..._gt_masks: with true masks; ..._unregistered: with depth of another camera

@@ -80,11 +80,12 @@ class Passing:
         path = DistancePath(info_of(Camera(), header(COLOR_OPTICAL)))
         path.sensed.transforms.take(transforms_of(sensors.static()), static=True)
         from_camera = np.linalg.inv(sensors.on_robot(COLOR_OPTICAL))
+        odom = odometry_error(self.start)
         for step in range(-PER_FRAME, frames * PER_FRAME):
             number = (step + 0.5) / PER_FRAME
-            odom, robot = odometry_error(self.start), of_pose(self._pose(number)) @ from_camera
-            joints: list[tuple[str, str, Placement]] = [(MAP, ODOM, odom), (ODOM, BASE, np.linalg.inv(odom) @ robot)]
-            path.sensed.transforms.take(transforms_of(joints, _stamp(number)), static=False)
+            robot: Placement = np.linalg.inv(odom) @ of_pose(self._pose(number)) @ from_camera
+            said = transforms_of([(MAP, ODOM, odom), (ODOM, BASE, robot)], _stamp(number))
+            path.sensed.transforms.take(said, static=False)
         return path
 
 

@@ -38,10 +38,15 @@ SIGMAS: Final = 4.0
 
 
 def distance(measured: Sequence[ObjectDistance], truths: Truths) -> Iterator[float]:
-    """Return the relative error of each distance; a truth that nothing is known of is 1."""
+    """Return the relative error of each distance that is said to be known."""
     for index, seen in truths.items():
-        found = measured[index].measured
-        yield 1.0 if found is None else abs(found.axial_m - seen.depth_m) / seen.depth_m
+        if (found := measured[index].measured) is not None:
+            yield abs(found.axial_m - seen.depth_m) / seen.depth_m
+
+
+def unknown(measured: Sequence[ObjectDistance], truths: Truths) -> Iterator[float]:
+    """Return of each object 1 if its distance is said to be unknown, and else 0."""
+    return (float(measured[index].measured is None) for index in truths)
 
 
 def guide_distance(view: SpaceView, found: Sequence[Detection], truths: Truths, *, metric: bool) -> Iterator[float]:
@@ -125,8 +130,10 @@ def add_view(view: SpaceView, found: Sequence[Detection], samples: Samples) -> N
     exact, truths = true_detections(view.objects), dict(enumerate(view.objects))
     matches = {index: seen for index, seen in matched(found, view.every_object).items() if is_asked_for(seen)}
     for suffix, masks, of in (("_gt_masks", exact, truths), ("", found, matches)):
-        samples[f"distance{suffix}"] += distance(paths.distances(view, masks), of)
-        samples[f"distance_unregistered{suffix}"] += distance(paths.distances(view, masks, registered=False), of)
+        for name, registered in (("distance", True), ("distance_unregistered", False)):
+            measured = paths.distances(view, masks, registered=registered)
+            samples[f"{name}{suffix}"] += distance(measured, of)
+            samples[f"unknown_{name}{suffix}"] += unknown(measured, of)
         samples[f"guide_distance{suffix}"] += guide_distance(view, masks, of, metric=False)
         samples[f"guide_distance_metres{suffix}"] += guide_distance(view, masks, of, metric=True)
     add_clouds(view, paths.clouds(view, exact), truths, "", samples)

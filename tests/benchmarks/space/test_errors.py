@@ -7,6 +7,7 @@ from benchmarks.space import errors, guide, paths
 from benchmarks.space.matching import matched
 from benchmarks.space.messages import true_detections
 from benchmarks.space.views import SpaceView, is_asked_for, seeds, view_of
+from schemas.distances import ObjectDistance
 from services.simulator.training.dataset import HOLDOUT_OFFSET, SEEDS_PER_RUN
 from services.simulator.training.evaluation.scenes import held_out_seeds
 
@@ -54,6 +55,13 @@ def test_what_is_measured_with_true_masks_is_nearly_true() -> None:
     assert np.median(samples["centroid_excess"]) < 0
     assert np.median(samples["foreign_points"]) < 0.01
     assert len(samples["missing_clouds"]) == len(truths)
+
+
+def test_what_is_unknown_is_counted_and_no_error() -> None:
+    truths = dict(enumerate(view().objects))
+    measured = [ObjectDistance(name=seen.name, index=0, valid_share=0, unknown="dark") for seen in truths.values()]
+    assert list(errors.distance(measured, truths)) == []
+    assert list(errors.unknown(measured, truths)) == [1.0] * len(truths)
 
 
 def test_a_cloud_of_another_object_is_foreign_and_off() -> None:
