@@ -13,21 +13,30 @@ from schemas.distances import Measured, ObjectDistance, Place
 from schemas.space import MAX_COORDINATE_M
 from services.geometry.camera import CameraModel
 from services.geometry.errors import GeometryError
-from services.geometry.foreground import foreground
+from services.geometry.foreground import foreground, on_surface
 from services.geometry.masks import Window, decode, eroded, surroundings
 from services.geometry.rotation import moved
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
-SAMPLE: Final = 256
+SAMPLE: Final = 512
 """Readings of an object that its statistics are made of, spread evenly over it."""
+
+AROUND: Final = 256
+"""Readings around it."""
+
+FILLED: Final = SAMPLE // 8
+"""Where fewer pixels than this have a reading near, of SAMPLE, those that have one are taken."""
+
+REACH: Final = 2
+"""A pixel without a reading counts as the nearest one of its row that has one, at most so many pixels away."""
 
 RING: Final = 5
 """Pixels around a mask that say what is behind and before the object."""
 
-_EVEN: Final = np.arange(SAMPLE)
-_NONE: Final = np.zeros(SAMPLE, np.intp)
+_EVEN: Final = {count: np.arange(count) for count in (SAMPLE, AROUND)}
+_NONE: Final = np.zeros(AROUND, np.intp)
 _NOISE: Final = 0.01
 """Share of an object's readings that are nearer than its nearest point."""
 
@@ -41,7 +50,7 @@ class Criteria:
     """When readings count. min_pixels: valid ones that an object needs. edge: pixels taken off at a mask's edges."""
 
     min_pixels: int = 30
-    edge: int = 1
+    edge: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,21 +121,35 @@ def _look(index: int, found: Detection, depth_m: Floats, criteria: Criteria) -> 
     if count < criteria.min_pixels:
         reason = f"{count} of its {area} pixels have a reading, {criteria.min_pixels} are needed"
         return _unknown(index, found, share, reason)
-    inner = np.flatnonzero(eroded(window, criteria.edge).pixels & there)
+    mask = eroded(window, criteria.edge).pixels
+    inner = np.flatnonzero(mask & there)
     if len(inner) < criteria.min_pixels:
-        inner = np.flatnonzero(valid)
+        mask, inner = window.pixels, np.flatnonzero(valid)
+    within = _filled(_spread(np.flatnonzero(mask), SAMPLE), inner)
     around = np.flatnonzero(surroundings(window, RING) & there)
     mean = cv2.mean(patch, valid.view(np.uint8))[0]
-    return _Seen(index, found, window, share, mean, _spread(inner), _spread(around))
+    return _Seen(index, found, window, share, mean, within, _spread(around, AROUND))
 
 
 def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectDistance:
     return ObjectDistance(name=found.name, index=index, valid_share=share, unknown=reason)
 
 
-def _spread(chosen: Indices) -> Indices:
-    """Return SAMPLE of some pixels, evenly spread, or _NONE of them."""
-    return chosen[_EVEN * len(chosen) // SAMPLE] if len(chosen) else _NONE
+def _spread(chosen: Indices, count: int) -> Indices:
+    """Return so many of some pixels, evenly spread, or _NONE of them."""
+    return chosen[_EVEN[count] * len(chosen) // count] if len(chosen) else _NONE
+
+
+def _filled(wanted: Indices, there: Indices) -> Indices:
+    """Return SAMPLE pixels with readings, instead of some that may have none; both ascending.
+
+    Readings are lost at edges and in shadows: without those beside them what is there would not count.
+    """
+    after = np.searchsorted(there, wanted)
+    nexts, lasts = there[np.minimum(after, len(there) - 1)], there[np.maximum(after - 1, 0)]
+    to_next, to_last = np.abs(nexts - wanted), np.abs(wanted - lasts)
+    nearest = np.where(to_next <= to_last, nexts, lasts)[np.minimum(to_next, to_last) <= REACH]
+    return _spread(nearest if len(nearest) >= FILLED else there, SAMPLE)
 
 
 def _in_image(pixels: Sequence[Indices], seen: Sequence[_Seen], width: int) -> Indices:
@@ -149,7 +172,10 @@ def _measured(seen: Sequence[_Seen], view: View) -> Iterator[ObjectDistance]:
     own = foreground(z, np.sort(around, axis=1))
     axial = _medians(z, own)
     spread = _SIGMA * _medians(np.abs(z - axial[:, np.newaxis]), own)
-    euclidean, places = _placed(z, at, own, view)
+    solid = own & on_surface(z)
+    scattered = ~solid.any(axis=1)
+    solid[scattered] = own[scattered]
+    euclidean, places = _placed(z, at, own, solid, view)
     for row, each in enumerate(seen):
         yield ObjectDistance(
             name=each.found.name,
@@ -159,7 +185,7 @@ def _measured(seen: Sequence[_Seen], view: View) -> Iterator[ObjectDistance]:
                 axial_m=float(axial[row]),
                 euclidean_m=euclidean[row],
                 mean_m=each.mean_m,
-                nearest_m=float(z[row, own[row]][int(own[row].sum() * _NOISE)]),
+                nearest_m=float(z[row, solid[row]][int(solid[row].sum() * _NOISE)]),
                 spread_m=float(spread[row]),
                 places=places[row],
             ),
@@ -176,17 +202,17 @@ def _medians(values: NDArray[Any], own: NDArray[np.bool_]) -> NDArray[Any]:
 
 
 def _placed(
-    z: NDArray[Any], at: Indices, own: NDArray[np.bool_], view: View
+    z: NDArray[Any], at: Indices, own: NDArray[np.bool_], solid: NDArray[np.bool_], view: View
 ) -> tuple[list[float | None], list[list[Place]]]:
-    """Return each object's straight distance, and the middle of its readings in each frame."""
+    """Return each object's straight distance, and the middle of its solid readings in each frame."""
     names = [view.frame_id, *(frame.frame_id for frame in view.frames)]
     if isinstance(view.camera, str):
         return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
     x, y = (plane[at] for plane in view.camera.rays(*view.depth_m.shape).reshape(2, -1))
-    own = own & np.isfinite(x)
+    own, solid = own & np.isfinite(x), solid & np.isfinite(x)
     straight = _medians(z * view.camera.lengths(*view.depth_m.shape).ravel()[at], own)
-    weights = np.where(own, z, 0.0) / np.maximum(own.sum(axis=1, keepdims=True), 1)
-    middles = np.stack([np.sum(np.where(own, ray, 0) * weights, axis=1) for ray in (x, y, 1)], axis=1)
+    weights = np.where(solid, z, 0.0) / np.maximum(solid.sum(axis=1, keepdims=True), 1)
+    middles = np.stack([np.sum(np.where(solid, ray, 0) * weights, axis=1) for ray in (x, y, 1)], axis=1)
     places = [_in_frame(view.frame_id, middles, np.identity(4))]
     places += [_in_frame(frame.frame_id, middles, frame.from_camera) for frame in view.frames]
     seen = np.isfinite(straight)

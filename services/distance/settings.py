@@ -27,7 +27,7 @@ class DistanceSettings(SharingSettings, BusSettings):
     min_pixels: Annotated[
         int, Field(ge=1, le=100_000, description="readings that an object needs for its distance to be known")
     ] = 30
-    edge_pixels: Annotated[int, Field(ge=0, le=20, description="pixels taken off at the edges of masks")] = 1
+    edge_pixels: Annotated[int, Field(ge=0, le=20, description="pixels taken off at the edges of masks")] = 0
     nearest_m: Annotated[float, Field(ge=0, description="what is nearer is no reading")] = 0.1
     farthest_m: Annotated[float, Field(gt=0, le=10_000, description="what is farther is no reading")] = 20.0
     tolerance_ms: Annotated[

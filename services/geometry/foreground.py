@@ -15,14 +15,14 @@ _GAP_M: Final = 0.06
 _GAP_SHARE: Final = 0.02
 """How close that is: so many metres, and so much of the depth itself."""
 
-_FOREIGN: Final = 6.0
+_FOREIGN: Final = 12.0
 """A surface that has a greater share of what is around the mask than of the mask itself is foreign when another one is
 so many times as much the mask's own."""
 
 _SUPPORT: Final = 0.2
 """The share of the mask that such another one has at least."""
 
-_FAINT: Final = 0.05
+_FAINT: Final = 0.02
 """A share around the mask that says nothing."""
 
 
@@ -33,32 +33,55 @@ def foreground(within: Depths, around: Depths) -> Bools:
     each row ascending, NaN where there are fewer.
 
     Where readings lie dense is a surface. One that is more around the mask than in it is something behind or before the
-    object, if there is another one that may be the object; what is on no surface is where a sensor sees two at once.
+    object, if there is another one that may be the object; then what is on no surface is left out too.
     """
-    near = max(1, round(within.shape[1] * _NEIGHBOURS))
-    starts = within[:, :-near]
-    dense = within[:, near:] - starts <= _GAP_M + _GAP_SHARE * starts
+    dense = _dense(within)
     own = np.ones(within.shape, np.bool_)
     for row in np.flatnonzero(~dense.all(axis=1)):
-        own[row] = _own(within[row], dense[row], near, around[row])
+        own[row] = _own(within[row], dense[row], around[row])
     return own
 
 
-def _own(within: Depths, dense: Bools, near: int, around: Depths) -> Bools:
+def on_surface(within: Depths) -> Bools:
+    """Return which of each row's ascending readings, n x m, lie dense; where a sensor sees two surfaces they do not."""
+    dense = _dense(within)
+    starts = np.zeros((len(within), within.shape[1] + 1), np.int32)
+    near = within.shape[1] - dense.shape[1]
+    starts[:, 1 : dense.shape[1] + 1] = np.cumsum(dense, axis=1)
+    starts[:, dense.shape[1] + 1 :] = starts[:, dense.shape[1], np.newaxis]
+    before = np.maximum(np.arange(within.shape[1]) - near, 0)
+    return np.asarray(starts[:, 1:] > starts[:, before])
+
+
+def _dense(within: Depths) -> Bools:
+    """Return where each row has a surface's share of readings close behind a reading; not of its last ones."""
+    near = max(1, round(within.shape[1] * _NEIGHBOURS))
+    starts = within[:, :-near]
+    return np.asarray(within[:, near:] - starts <= _GAP_M + _GAP_SHARE * starts)
+
+
+def _own(within: Depths, dense: Bools, around: Depths) -> Bools:
     edges = (np.flatnonzero(dense[1:] != dense[:-1]) + 1).tolist()
     edges = [*([0] if dense[0] else []), *edges, *([len(dense)] if dense[-1] else [])]
     own = np.ones(len(within), np.bool_)
     if not edges:
         return own
-    first, last = np.array(edges[::2]), np.array(edges[1::2]) + (near - 1)
+    first, last = np.array(edges[::2]), np.array(edges[1::2]) + (len(within) - len(dense) - 1)
+    kept = _kept(within, first, last, around)
+    if kept.all():
+        return own
+    own[:] = False
+    for start, end in zip(first[kept], last[kept], strict=True):
+        own[start : end + 1] = True
+    return own
+
+
+def _kept(within: Depths, first: NDArray[np.intp], last: NDArray[np.intp], around: Depths) -> Bools:
+    """Return which surfaces, from their first to their last reading, are the object's."""
     inside = (last - first + 1) / len(within)
     slack = _GAP_M + _GAP_SHARE * within[first]
     ends = np.searchsorted(around, np.stack([within[first] - slack, within[last] + slack]))
     outside = (ends[1] - ends[0]) / max(1, np.count_nonzero(around > 0))
     owned = inside / (outside + _FAINT)
     most = owned[inside >= _SUPPORT].max(initial=0)
-    kept = (inside >= outside) | (owned * _FOREIGN >= most)
-    own[:] = False
-    for start, end in zip(first[kept], last[kept], strict=True):
-        own[start : end + 1] = True
-    return own
+    return np.asarray((inside >= outside) | (owned * _FOREIGN >= most))

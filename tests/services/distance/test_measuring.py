@@ -9,7 +9,7 @@ from services.geometry.errors import CalibrationError
 from services.simulator.world import Camera, Drive, generate, render
 from tests.services.detector.views import NEAR_VIEWS
 from tests.services.detector.views import View as Near
-from tests.services.distance.scenes import FRAME, found, mask, wall
+from tests.services.distance.scenes import FRAME, HEIGHT, WIDTH, found, mask, wall
 from tests.services.geometry.cameras import LENSES, camera
 
 ROWS, COLUMNS = slice(10, 30), slice(20, 50)
@@ -87,6 +87,23 @@ def test_a_deep_object_is_measured_in_its_middle() -> None:
     assert measured.axial_m == pytest.approx(2.5, abs=0.02)
     assert measured.nearest_m == pytest.approx(2.0, abs=0.04)
     assert measured.spread_m == pytest.approx(1.4826 / 4, abs=0.02)
+
+
+@pytest.mark.parametrize(("lost", "axial_m"), [(1, 3), (2, 3), (4, 3), (5, 2)])
+def test_readings_that_are_lost_count_as_those_beside_them(lost: int, axial_m: float) -> None:
+    depth = wall(6.0)
+    depth[ROWS, 20:33] = 2.0
+    depth[ROWS, 33:50] = 3.0
+    for first in range(34, 50, lost + 1):
+        depth[ROWS, first : first + lost] = NAN
+    assert known(measure(found(mask(ROWS, COLUMNS)), view(depth), Criteria())[0]).axial_m == axial_m
+
+
+def test_a_few_readings_of_a_large_object_are_enough() -> None:
+    depth = np.full((HEIGHT, WIDTH), NAN)
+    depth[20:23, 20:30] = 2.0
+    whole = mask(slice(0, HEIGHT), slice(0, WIDTH))
+    assert known(measure(found(whole), view(depth), Criteria(min_pixels=30))[0]).axial_m == 2
 
 
 def test_places_in_further_frames() -> None:

@@ -7,7 +7,7 @@ from services.distance.settings import DistanceSettings
 def test_what_is_measured_unless_told_otherwise() -> None:
     settings = DistanceSettings()
     assert settings.frames == ["base_link", "map"]
-    assert (settings.criteria.min_pixels, settings.criteria.edge) == (30, 1)
+    assert (settings.criteria.min_pixels, settings.criteria.edge) == (30, 0)
     assert (settings.limits.nearest_m, settings.limits.farthest_m) == (0.1, 20.0)
     assert settings.tolerance_ns is None
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.geometry.foreground import foreground
+from services.geometry.foreground import foreground, on_surface
 
 Depths = NDArray[np.float64]
 RNG = np.random.default_rng(3)
@@ -52,3 +52,20 @@ def test_objects_are_judged_each_by_itself() -> None:
     within = np.concatenate([seen((2.0, 512)), seen((2.0, 256), (4.0, 256))])
     around = np.concatenate([seen((2.0, 512)), seen((4.0, 512))])
     assert foreground(within, around).sum(axis=1).tolist() == [512, 256]
+
+
+def test_what_is_sparse_counts_where_nothing_is_foreign() -> None:
+    sparse = np.sort(np.concatenate([seen((2.0, 400), (2.6, 92))[0], RNG.uniform(2.1, 2.5, 20)]))[np.newaxis]
+    assert foreground(sparse, seen((6.0, 512))).all()
+
+
+def test_what_lies_between_surfaces_is_on_none() -> None:
+    within = np.sort(np.concatenate([seen((2.0, 400), (5.0, 92))[0], RNG.uniform(2.2, 4.7, 20)]))[np.newaxis]
+    solid = within[0, on_surface(within)[0]]
+    assert len(solid) == 492
+    assert not ((solid > 2.1) & (solid < 4.9)).any()
+
+
+@pytest.mark.parametrize("count", [1, 2, 512])
+def test_equal_readings_are_all_on_a_surface(count: int) -> None:
+    assert on_surface(np.full((2, max(count, 2)), 3.0)).all()

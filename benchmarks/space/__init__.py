@@ -1,0 +1,1 @@
+"""How exactly, and how fast, distances and object clouds are measured."""

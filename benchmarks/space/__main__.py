@@ -1,0 +1,153 @@
+"""How exactly distances and object clouds are measured in the simulated warehouse, and how fast.
+
+Each view is of a scene whose seed no training run takes, drawn as the training's views are; a drive is two stretches
+of 2.5 m through another such scene. What is measured goes the way that it goes in the services' workers, with their
+default settings, without the bus. Masks are the model's, found as a detector finds them, each compared with the object
+of its class that it has an IoU of at least 0.5 with, unless something else is said. All figures are over objects of
+which at least 200 pixels are visible, within 8 m. A distance that is said to be unknown is no wrong one: how often that
+is so is `unknown_distance` in `spread`.
+
+    distance_mae_rel          mean of |measured - true| / true along the optical axis; distance_p99_rel: the 99th
+                              percentile; ..._gt_masks: with true masks; ..._unregistered: with depth of another camera
+                              of 848x480 pixels, 1.5 cm beside colour
+    guide_distance_mae_rel    the guide's formula for the same depth and masks, its millimetres taken for what they are;
+                              ..._metres: for the same depth as 32FC1, where what is missing is NaN
+    centroid_excess_m         the worst of: how far a cloud's centroid is from that of the visible surface, less 5 cm
+                              and 1 % of its distance; ..._p95: of 95 % of the objects
+    box_extent_rel            mean error of a box's extents along the faces that are seen well: with at least 15 % of
+                              the object's visible pixels, at no more than 60 degrees from their normals
+    foreign_points            mean share of a cloud's points that are of pixels of something else, or whose depth is off
+                              by more than the sensor's error explains: 4 standard deviations and 5 cm
+    map_spread_m              mean over objects of the median way from their places in the map to the middle of these,
+                              seen from 10 places along 2.5 m of a drive
+    ..._ms_p50                640x480, 20 objects, the guide's steps in turn with ours; ..._cpu_ms_p50: processor time
+
+Centroids, boxes and foreign points are with true masks: what the services make of masks. `spread` has the same with
+the model's, how often clouds are missing and objects missed, how far the middle of what is visible moves in the map
+in truth, and the percentiles of everything.
+"""
+
+import argparse
+import contextlib
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+
+from benchmarks.machine import machine, versions
+from benchmarks.progress import note
+from benchmarks.space.drives import FRAMES, spreads
+from benchmarks.space.errors import Samples, add_view
+from benchmarks.space.report import report
+from benchmarks.space.speed import crowded_views
+from benchmarks.space.speed import measure as measure_speed
+from benchmarks.space.views import seeds, view_of
+from services.detector.model import ModelError
+from services.detector.settings import SHIPPED_MODEL
+from services.simulator.training.evaluation.looking import CONFIDENCE
+from services.toolbox.train.inference import open_weights
+
+DRIVES_FIRST: Final = 220_000
+"""The number, among a run's held-out scenes, of the first that is driven through."""
+
+VIEWS: Final = 200
+DRIVES: Final = 8
+ROUNDS: Final = 30
+CROWDED: Final = 5
+REPORT_EVERY: Final = 10
+PACKAGES: Final = ("numpy", "opencv-python-headless", "msgspec", "ultralytics-opencv-headless", "torch")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Measure and print. Bad weights end it with one line and the exit code 2."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.space", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--weights", type=Path, default=SHIPPED_MODEL, help="the model (default: the shipped one)")
+    parser.add_argument("--views", type=_count, default=VIEWS, help="how many scenes (default: %(default)s)")
+    parser.add_argument(
+        "--drives", type=_count, default=DRIVES, help="how many more to drive in (default: %(default)s)"
+    )
+    parser.add_argument("--frames", type=_count, default=FRAMES, help="of each stretch (default: %(default)s)")
+    parser.add_argument("--crowded", type=_count, default=CROWDED, help="views that are timed (default: %(default)s)")
+    parser.add_argument("--rounds", type=_count, default=ROUNDS, help="times that each is timed (default: %(default)s)")
+    arguments = parser.parse_args(argv)
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            found = measure(arguments.weights, _size(arguments))
+    except (ModelError, OSError) as error:
+        parser.exit(2, f"{parser.prog}: {' '.join(str(error).split())}\n")
+    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """How much is measured: views, drives and the frames of a stretch of them, views that are timed, and how often."""
+
+    views: int
+    drives: int
+    frames: int
+    crowded: int
+    rounds: int
+
+
+def _size(arguments: argparse.Namespace) -> Size:
+    return Size(arguments.views, arguments.drives, arguments.frames, arguments.crowded, arguments.rounds)
+
+
+def measure(weights: Path, size: Size) -> dict[str, Any]:
+    """Load the model, look, measure.
+
+    Raises:
+        ModelError: the weights cannot be measured.
+        OSError: there are no such weights.
+    """
+    began = time.monotonic()
+    view_seeds, drive_seeds = seeds(size.views), seeds(size.drives, DRIVES_FIRST)
+    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+        look = open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=Path(folder))
+        samples = Samples(list)
+        for done, seed in enumerate(view_seeds, start=1):
+            view = view_of(seed)
+            add_view(view, look(view.image), samples)
+            _progress("views", done, size.views)
+        for done, seed in enumerate(drive_seeds, start=1):
+            for measured, true in spreads(seed, look, size.frames):
+                samples["map_spread"].append(measured)
+                samples["map_spread_true"].append(true)
+            _progress("drives", done, size.drives)
+    note("times")
+    wall_ms, cpu_ms = measure_speed(crowded_views(size.crowded), size.rounds)
+    return {
+        **report(samples, wall_ms, cpu_ms),
+        "seconds": round(time.monotonic() - began, 1),
+        "size": asdict(size),
+        "seeds": {"views": [view_seeds[0], view_seeds[-1]], "drives": [drive_seeds[0], drive_seeds[-1]]},
+        "weights": weights.name,
+        "threads": {"opencv": cv2.getNumThreads(), "model": 1},
+        "machine": machine(),
+        "versions": versions(PACKAGES),
+    }
+
+
+def _progress(stage: str, done: int, total: int) -> None:
+    if done == total or not done % REPORT_EVERY:
+        note(f"{stage} {done}/{total}")
+
+
+def _count(text: str) -> int:
+    count = int(text)
+    if count < 1:
+        raise argparse.ArgumentTypeError(f"{text} is less than 1")
+    return count
+
+
+if __name__ == "__main__":
+    main()

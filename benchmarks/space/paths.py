@@ -1,0 +1,81 @@
+"""What the workers of the distance and cloud services do with what they receive, without the bus."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from benchmarks.space.messages import cloud_of, depth_of, detections_of, header, info_of, transforms_of
+from benchmarks.space.views import DEPTH_CAMERA, SpaceView
+from schemas.camera_info import CameraInfo
+from schemas.detections import Detection, Detections
+from schemas.distances import ObjectDistance
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey
+from schemas.objects import ObjectClouds
+from schemas.points import PointCloud
+from schemas.transforms import Transforms
+from services.cloud.account import Account
+from services.cloud.cutting import Job, cut
+from services.cloud.measuring import Limits
+from services.cloud.waiting import Waiting
+from services.distance.measuring import Criteria, View, measure, unknown
+from services.distance.sensed import DEPTH_IMAGE, Sensed
+from services.distance.views import Limits as Readings
+from services.distance.views import Views
+from services.geometry.errors import GeometryError
+from services.geometry.joining import Joiner
+from services.simulator.placement import BASE, COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, MAP
+
+TARGET: Final = BASE
+CRITERIA: Final = Criteria()
+LIMITS: Final = Limits()
+
+
+class DistancePath:
+    """One camera at a distance worker, with its default settings."""
+
+    def __init__(self, info: CameraInfo, depth_info: CameraInfo | None = None) -> None:
+        self.sensed = Sensed((BASE, MAP), Joiner(DEPTH_IMAGE), info=info, depth_info=depth_info)
+        self._views = Views(Readings())
+
+    def measure(self, found: Detections, depth: ImageFrame) -> list[ObjectDistance]:
+        """Join detections with depth and measure them."""
+        self.sensed.depths.keep(depth.header.stamp_ns, depth, depth.data.nbytes)
+        moment = self.sensed.at(found)
+        if isinstance(moment.instant, str):
+            return unknown(found.objects, moment.instant)
+        try:
+            metres, model = self._views.view(moment.instant)
+            return measure(found.objects, View(metres, found.header.frame_id, model, moment.frames), CRITERIA)
+        except GeometryError as error:
+            return unknown(found.objects, str(error))
+
+
+class CloudPath:
+    """One camera at a cloud worker, with its default settings."""
+
+    def __init__(self, info: CameraInfo, transforms: Transforms) -> None:
+        self._waiting = Waiting(Account(CameraKey("r1", "camera")), target=TARGET)
+        self._waiting.info = info
+        self._waiting.transforms(transforms, static=True)
+
+    def cut(self, found: Detections, points: PointCloud) -> ObjectClouds:
+        """Cut what was found out of points of the same instant."""
+        return cut(Job.of(found, points, self._waiting, TARGET), LIMITS, "w").clouds
+
+
+def distances(view: SpaceView, found: Sequence[Detection], *, registered: bool = True) -> list[ObjectDistance]:
+    """Measure what was found, with depth registered to colour or as a camera beside it sends it."""
+    info = info_of(view.camera, header(COLOR_OPTICAL))
+    own_info = None if registered else info_of(DEPTH_CAMERA, header(DEPTH_OPTICAL))
+    path = DistancePath(info, own_info)
+    path.sensed.transforms.take(transforms_of(view.joints()), static=True)
+    depth = depth_of(view.depth, info.header) if own_info is None else depth_of(view.own_depth, own_info.header)
+    return path.measure(detections_of(found, view.camera, info.header), depth)
+
+
+def clouds(view: SpaceView, found: Sequence[Detection], *, lidar: bool = False) -> ObjectClouds:
+    """Cut what was found out of the organised cloud of registered depth, or out of a lidar's turn."""
+    info = info_of(view.camera, header(COLOR_OPTICAL))
+    points = cloud_of(view.sweep, header(LIDAR)) if lidar else cloud_of(view.points, info.header)
+    path = CloudPath(info, transforms_of(view.joints()))
+    return path.cut(detections_of(found, view.camera, info.header), points)
