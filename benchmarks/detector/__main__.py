@@ -23,9 +23,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.detector.feeding import frames, overheads_ms
-from benchmarks.gateway.processes import Process, module, note, running
+from benchmarks.gateway.processes import Process, module, running
 from benchmarks.machine import machine, versions
 from benchmarks.peers.views import views
+from benchmarks.progress import note
 from benchmarks.targets import at_least, at_most
 from bus import Bus, BusSettings, open_bus
 from services.toolbox.demo.ports import free_ports

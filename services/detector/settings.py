@@ -37,7 +37,7 @@ class DetectorSettings(SharingSettings, BusSettings):
     ] = []
     runtime: Annotated[
         Literal["auto", "torch", "onnx", "openvino", "tensorrt"],
-        Field(description="what computes; auto takes the fastest that is installed, by measuring once"),
+        Field(description="what computes; auto takes the fastest that is installed, by measuring once a week"),
     ] = "auto"
     tracker: Annotated[
         Literal["off", "bytetrack", "botsort"], Field(description="how objects are followed from frame to frame")
