@@ -41,7 +41,7 @@ class DetectorSettings(SharingSettings, BusSettings):
     ] = "auto"
     tracker: Annotated[
         Literal["off", "bytetrack", "botsort"], Field(description="how objects are followed from frame to frame")
-    ] = "bytetrack"
+    ] = "botsort"
     image_size: Annotated[
         int | None, Field(ge=32, le=4096, description="longer side that images are scaled to; as trained unless given")
     ] = None
