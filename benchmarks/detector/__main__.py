@@ -1,4 +1,4 @@
-"""A detector worker against a bare loop over its model, side by side in one run of about five minutes.
+"""A detector worker against a bare loop over its model, side by side in one run.
 
     worker   `fleetsight detector`, a process of its own, fed raw 640x480 rgb8 frames over Zenoh's shared memory by four
              cameras, each of which sends its next frame when it has had the last one's detections, masks and tracks

@@ -52,7 +52,7 @@ def test_only_who_looks_at_the_image_follows_when_the_camera_swings(
         (number,) = tracker.update([Detection(name="box", score=0.9, box=box)], frame)
         return number
 
-    numbers = [seen(step, swung) for step, swung in enumerate((0, 60, 150, 100, 30))]
+    numbers = [seen(step, swung) for step, swung in enumerate(range(0, 250, 50))]
     assert (set(numbers) == {1}) is followed
 
 
