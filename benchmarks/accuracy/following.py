@@ -57,7 +57,7 @@ def sighting(seen: Sequence[Seen], detections: Sequence[Detection]) -> Sighting:
     tracked = np.array([each.track is not None for each in detections], np.bool_)
     matched = {column for _, column in assigned(np.where(tracked, _close(overlap), 0.0))}
     others = _overlap([each for each in seen if not each.asked_for], detections, regions=True)
-    ignored = _close(others).any(axis=0)
+    ignored = np.any(_close(others), axis=0).tolist()
     counted = [n for n in np.flatnonzero(tracked).tolist() if n in matched or not ignored[n]]
     tracks = [track for n in counted if (track := detections[n].track) is not None]
     frame = Frame([each.identity for each in asked], tracks, overlap[:, counted])

@@ -31,7 +31,7 @@ def bare(runtime: str, options: dict[str, Any], threads: int, folder: Path) -> A
         weights = YOLO(weights).export(
             format=FORMATS[runtime], dynamic=True, imgsz=options["imgsz"], device="cpu", verbose=False
         )
-    model = YOLO(weights, task="segment")
+    model: Any = YOLO(weights, task="segment")
     model.predict(views()[0], **options)
     torch.set_num_threads(threads)  # predict leaves it at cores - 1
     backend = model.predictor.model.backend

@@ -29,14 +29,14 @@ LOOKED_AT: Final = 160
 than half the time."""
 
 
-class CameraMotion(GMC):  # type: ignore[misc]  # Ultralytics is untyped
+class CameraMotion(GMC):
     """How the image moves because the camera does, by sparse optical flow in a small copy of it."""
 
     def __init__(self) -> None:
         super().__init__("sparseOptFlow", downscale=1)
         self._size: tuple[int, ...] = ()
 
-    def apply(self, raw_frame: NDArray[np.uint8], detections: object = None) -> NDArray[np.float64]:
+    def apply(self, raw_frame: NDArray[Any], detections: NDArray[Any] | list[Any] | None = None) -> NDArray[np.float64]:
         """Return the last image's way to this one as a matrix of 2 x 3; an image of another size is the first one."""
         scale = min(1.0, LOOKED_AT / raw_frame.shape[1])
         small = cv2.resize(raw_frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
