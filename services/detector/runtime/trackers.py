@@ -24,6 +24,9 @@ NUMBER: Final = 4
 INDEX: Final = 7
 """Places in a tracker's rows: left, top, right, bottom, number, score, class, index of the object."""
 
+AT_FEW_FRAMES: Final = {"match_thresh": 0.9, "fuse_score": False, "new_track_thresh": 0.5}
+"""What differs from Ultralytics' settings: at 5 Hz boxes overlap little, and few unsure ones are objects."""
+
 LOOKED_AT: Final = 160
 """The width in pixels at which images are compared: objects are followed as well as at half the camera's own, in less
 than half the time."""
@@ -49,10 +52,11 @@ class CameraMotion(GMC):
 
 
 class UltralyticsTracker:
-    """Follows the objects of one camera with Ultralytics' own settings."""
+    """Follows the objects of one camera."""
 
     def __init__(self, kind: Kind) -> None:
-        self._tracker = CLASSES[kind](IterableSimpleNamespace(**YAML.load(check_yaml(f"{kind}.yaml"))))
+        settings = {**YAML.load(check_yaml(f"{kind}.yaml")), **AT_FEW_FRAMES}
+        self._tracker = CLASSES[kind](IterableSimpleNamespace(**settings))
         self._looks = kind == "botsort"
         if self._looks:
             self._tracker.gmc = CameraMotion()
