@@ -45,7 +45,7 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
     score: confidence, 0 to 1. mask: absent when the model does not segment. label: the model's own number of the class.
     track: equal in the frames of a camera that show the same object; no two objects ever share one, whatever
     their camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent when nothing is tracked, and of what was seen
-    but once or is unsure.
+    but once.
     """
 
     name: Label

@@ -24,9 +24,6 @@ NUMBER: Final = 4
 INDEX: Final = 7
 """Places in a tracker's rows: left, top, right, bottom, number, score, class, index of the object."""
 
-AT_FEW_FRAMES: Final = {"match_thresh": 0.9, "fuse_score": False, "new_track_thresh": 0.5}
-"""What differs from Ultralytics' settings: at 5 Hz boxes overlap little, and few unsure ones are objects."""
-
 LOOKED_AT: Final = 160
 """The width in pixels at which images are compared: objects are followed as well as at half the camera's own, in less
 than half the time."""
@@ -52,11 +49,10 @@ class CameraMotion(GMC):
 
 
 class UltralyticsTracker:
-    """Follows the objects of one camera."""
+    """Follows the objects of one camera with Ultralytics' own settings."""
 
     def __init__(self, kind: Kind) -> None:
-        settings = {**YAML.load(check_yaml(f"{kind}.yaml")), **AT_FEW_FRAMES}
-        self._tracker = CLASSES[kind](IterableSimpleNamespace(**settings))
+        self._tracker = CLASSES[kind](IterableSimpleNamespace(**YAML.load(check_yaml(f"{kind}.yaml"))))
         self._looks = kind == "botsort"
         if self._looks:
             self._tracker.gmc = CameraMotion()
