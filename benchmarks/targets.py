@@ -1,4 +1,7 @@
-"""What was aimed at, beside what was measured. Pure."""
+"""What was aimed at, beside what was measured. Pure.
+
+A figure that could not be measured, None, meets no target.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,18 +9,35 @@ from typing import Any
 Targets = dict[str, dict[str, Any]]
 
 
-def at_least(found: Mapping[str, Any], name: str, other: str, limit: float, ceiling: str | None = None) -> Targets:
-    """Return whether one figure is at least `limit` times another. ceiling: the figure that none can pass."""
-    ratio = round(found[name] / found[other], 3)
-    target: dict[str, Any] = {"ratio": ratio, "at_least": limit, "met": ratio >= limit}
+def at_least(
+    found: Mapping[str, Any], name: str, limit: float, other: str | None = None, ceiling: str | None = None
+) -> Targets:
+    """Return whether a figure is at least `limit`, or `limit` times another. ceiling: the figure that none can pass."""
+    value = _value(found, name, other)
+    target = {**_named(value, other), "at_least": limit, "met": value is not None and value >= limit}
     if ceiling is not None:
-        target["ceiling"] = round(found[ceiling] / found[other], 3)
-    return {f"{name} / {other}": target}
+        target["ceiling"] = _value(found, ceiling, other)
+    return {_title(name, other): target}
 
 
 def at_most(found: Mapping[str, Any], name: str, limit: float, other: str | None = None) -> Targets:
     """Return whether a figure is at most `limit`, or `limit` times another."""
-    if other is None:
-        return {name: {"value": found[name], "at_most": limit, "met": found[name] <= limit}}
-    ratio = round(found[name] / found[other], 3)
-    return {f"{name} / {other}": {"ratio": ratio, "at_most": limit, "met": ratio <= limit}}
+    value = _value(found, name, other)
+    return {
+        _title(name, other): {**_named(value, other), "at_most": limit, "met": value is not None and value <= limit}
+    }
+
+
+def _value(found: Mapping[str, Any], name: str, other: str | None) -> float | None:
+    value: float | None = found[name]
+    if other is None or value is None:
+        return value
+    return None if not found[other] else round(value / found[other], 3)
+
+
+def _named(value: float | None, other: str | None) -> dict[str, Any]:
+    return {"value" if other is None else "ratio": value}
+
+
+def _title(name: str, other: str | None) -> str:
+    return name if other is None else f"{name} / {other}"

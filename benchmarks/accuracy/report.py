@@ -2,31 +2,51 @@
 
 from typing import Any, Final
 
+from benchmarks.accuracy.following import Followed
+from benchmarks.targets import Targets, at_least
 from services.simulator.training.evaluation.class_lists import ListFigures
 from services.simulator.training.evaluation.held_out import HeldOutScore
 from services.simulator.training.evaluation.precision import Precision
 
 CONFIDENCES: Final = tuple(round(0.05 * step, 2) for step in range(1, 19))
-TARGETS: Final = {"mask_map50": 0.90, "mask_map50_95": 0.65, "classes_exact": 0.95}
+TARGETS: Final = {"mask_map50": 0.90, "mask_map50_95": 0.65, "classes_exact": 0.95, "idf1": 0.85}
 
 
-def report(score: HeldOutScore, confidence: float) -> dict[str, Any]:
+def report(score: HeldOutScore, followed: Followed, confidence: float) -> dict[str, Any]:
     """Return the figures, the class lists' at a detector's default confidence, and whether each target is met."""
     masks, lists = score.masks.figures(), score.lists.figures(confidence)
     found = {
         **_precision(masks.overall),
         "classes_exact": _rounded(lists.share),
+        "idf1": _rounded(followed.identities.idf1),
+        "idp": _rounded(followed.identities.idp),
+        "idr": _rounded(followed.identities.idr),
+        "id_switches": followed.identities.switches,
+        "following": _following(followed),
         "confidence": confidence,
         "per_class": {name: _precision(each) for name, each in masks.per_class.items()},
         "per_size": {name: _precision(each) for name, each in masks.per_size.items()},
         "wrong_pictures": _wrong(lists),
         "by_confidence": [_at(score.lists.figures(each)) for each in CONFIDENCES],
     }
-    return {"targets": {name: _target(found[name], limit) for name, limit in TARGETS.items()}, **found}
+    targets: Targets = {}
+    for name, limit in TARGETS.items():
+        targets |= at_least(found, name, limit)
+    return {"targets": targets, **found}
 
 
-def _target(value: float | None, limit: float) -> dict[str, Any]:
-    return {"value": value, "at_least": limit, "met": value is not None and value >= limit}
+def _following(followed: Followed) -> dict[str, Any]:
+    """Return what limits IDF1, in object-frames: what is not found, without a track, wrong, or of another identity."""
+    found = followed.identities
+    return {
+        "frames": followed.frames,
+        "asked_for": found.true,
+        "detected": followed.detected,
+        "tracked": found.matched,
+        "rightly_tracked": found.rightly,
+        "wrong_tracks": found.tracked - found.matched,
+        "f1_without_identities": _rounded(found.matched_f1),
+    }
 
 
 def _precision(precision: Precision) -> dict[str, Any]:

@@ -1,13 +1,15 @@
-"""A detector worker against a bare loop over its model, side by side in one run of about eight minutes.
+"""A detector worker against a bare loop over its model, side by side in one run.
 
     worker   `fleetsight detector`, a process of its own, fed raw 640x480 rgb8 frames over Zenoh's shared memory by four
              cameras, each of which sends its next frame when it has had the last one's detections, masks and tracks
     bare     a process that calls Ultralytics' own `predict` (with masks in the image's resolution, as the worker has
-             them; without encoding them) on the same pictures in memory, one after the other
+             them; without encoding them) on the same pictures in memory, one after the other, with as many threads as
+             the worker, not pinned to cores either
 
-each under torch and under the runtime that `--runtime auto` chooses, at the longer side that the shipped model was
-trained at and at 640. The four are measured in turn, the repeats too; figures are medians. The cameras' own work is on
-the same cores, which the bare loop has for itself.
+each under the runtime that `--runtime auto` chooses for the shipped model (worker_fps and bare_fps; auto_fps is the
+same figure as worker_fps) and under torch (torch_fps and bare_torch_fps), on the processor, at the model's own input
+size. The four are measured in turn, the repeats too; figures are medians. The cameras' own work is on the same cores,
+which the bare loop has for itself. Runtimes are exported and chosen anew for each run.
 
 overhead is from just before a frame is put on the bus (a gateway would have received it then) to its class list at a
 subscriber, less the model's call, at 5 Hz. Memory is the worker's after so many frames, less before them.
@@ -16,23 +18,27 @@ subscriber, less the model's call, at 5 Hz. Memory is the worker's after so many
 import argparse
 import asyncio
 import json
-import statistics
 import sys
+import tempfile
 from contextlib import AsyncExitStack, ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.detector.feeding import frames, overheads_ms
-from benchmarks.gateway.processes import Process, module, note, running
+from benchmarks.detector.feeding import Pictures, frames, overheads_ms
+from benchmarks.detector.report import medians, overhead, targets
+from benchmarks.gateway.processes import PeerError, Process, module, running
 from benchmarks.machine import machine, versions
 from benchmarks.peers.views import views
-from benchmarks.targets import at_least, at_most
+from benchmarks.progress import note
 from bus import Bus, BusSettings, open_bus
 from services.toolbox.demo.ports import free_ports
 
 HZ: Final = 5.0
 WARM_UP_FRAMES: Final = 100
-RUNTIMES: Final = ("auto", "torch")
+NAMES: Final = {"auto": ("worker_fps", "bare_fps"), "torch": ("torch_fps", "bare_torch_fps")}
+"""What the speeds of the worker and of the bare loop are called, by runtime."""
+PACKAGES: Final = ("torch", "ultralytics-opencv-headless", "onnxruntime", "openvino", "eclipse-zenoh")
 
 
 def main() -> None:
@@ -45,11 +51,8 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=2000, help="frames for the worker's memory (default: 2000)")
     parser.add_argument("--calls", type=int, default=200, help="frames for the overhead (default: 200)")
     parser.add_argument("--repeats", type=int, default=3, help="how often each is measured (default: 3)")
-    parser.add_argument("--only-own-side", action="store_true", help="leave 640 pixels out")
     arguments = parser.parse_args()
-    plan = Plan(
-        arguments.seconds, arguments.repeats, arguments.frames, arguments.calls, only_own_side=arguments.only_own_side
-    )
+    plan = Plan(arguments.seconds, arguments.repeats, arguments.frames, arguments.calls)
     found = asyncio.run(measure(plan))
     print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
 
@@ -62,108 +65,78 @@ class Plan:
     repeats: int
     frames: int
     calls: int
-    only_own_side: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Worker:
+    """A running worker and the bus that it is on."""
+
+    bus: Bus
+    process: Process
 
 
 async def measure(plan: Plan) -> dict[str, Any]:
-    """Measure everything."""
+    """Measure everything.
+
+    Raises:
+        PeerError: a process ended that was still needed.
+    """
     pictures = views()
-    side = await asyncio.to_thread(_own_side)
-    found: dict[str, Any] = {"side": side}
-    for size in (side,) if plan.only_own_side or side == 640 else (side, 640):
-        ending = "" if size == side else f"_{size}"
-        with ExitStack() as stack:
-            async with AsyncExitStack() as buses:
-                workers = {name: await _worker(name, size, stack, buses) for name in RUNTIMES}
-                for bus, _ in workers.values():  # exports are made and runtimes chosen by now, and nobody does it twice
-                    await frames(bus, pictures, frames=WARM_UP_FRAMES)
-                bares = {name: stack.enter_context(running(_bare(name, size, plan.seconds), "")) for name in RUNTIMES}
-                found |= await _speeds(workers, bares, pictures, plan, ending)
-                if size == side:
-                    bus, process = workers["auto"]
-                    note("overhead")
-                    found |= _overhead(await overheads_ms(bus, pictures, hz=HZ, number=plan.calls))
-                    note("memory")
-                    await frames(bus, pictures, frames=WARM_UP_FRAMES)
-                    before = process.rss_bytes()
-                    await frames(bus, pictures, frames=plan.frames)
-                    found["rss_growth_mb"] = round((process.rss_bytes() - before) / 1e6, 2)
-                    found["rss_frames"] = plan.frames
-    packages = ["torch", "ultralytics-opencv-headless", "onnxruntime", "openvino", "eclipse-zenoh"]
-    return {"targets": _targets(found), **found, "machine": machine(), "versions": versions(packages)}
+    with ExitStack() as stack:
+        cache = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleetsight-")))
+        async with AsyncExitStack() as buses:
+            workers = {name: await _worker(name, cache, pictures, stack, buses) for name in NAMES}
+            bares = {name: stack.enter_context(running(_bare(name, cache, plan.seconds))) for name in NAMES}
+            found = await _speeds(workers, bares, pictures, plan)
+            found |= await _alone(workers["auto"], pictures, plan)
+    return {"targets": targets(found), **found, "machine": machine(), "versions": versions(PACKAGES)}
 
 
-def _own_side() -> int:
-    """Return the longer side that the shipped model was trained at."""
-    import tempfile  # noqa: PLC0415
-    from pathlib import Path  # noqa: PLC0415
-
-    from services.detector.runtime.offline import keep_offline  # noqa: PLC0415
-    from services.detector.settings import SHIPPED_MODEL  # noqa: PLC0415
-
-    with tempfile.TemporaryDirectory() as folder:
-        keep_offline(Path(folder), download=False)
-        from services.detector.runtime.weights import load_weights  # noqa: PLC0415
-
-        return load_weights(str(SHIPPED_MODEL)).longest
-
-
-async def _worker(runtime: str, side: int, stack: ExitStack, buses: AsyncExitStack) -> tuple[Bus, Process]:
-    """Start a worker on a bus of its own."""
+async def _worker(runtime: str, cache: Path, pictures: Pictures, stack: ExitStack, buses: AsyncExitStack) -> Worker:
+    """Start a worker on a bus of its own; it has chosen and warmed up by then, with nobody else at work."""
+    note(f"worker, --runtime {runtime}")
     endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
     bus = await buses.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint])))
-    options = ["--connect", endpoint, "--runtime", runtime, "--image-size", str(side), "--device", "cpu"]
-    command = [sys.executable, "-m", "services.toolbox", "detector", *options]
-    return bus, stack.enter_context(running(command, ""))
+    options = ["--connect", endpoint, "--runtime", runtime, "--device", "cpu", "--cache", str(cache)]
+    process = stack.enter_context(running([sys.executable, "-m", "services.toolbox", "detector", *options]))
+    try:
+        await frames(bus, pictures, frames=WARM_UP_FRAMES)
+    except TimeoutError as error:
+        raise PeerError(process.last_words()) from error
+    return Worker(bus, process)
 
 
-def _bare(runtime: str, side: int, seconds: float) -> list[str]:
-    return module("bare_model", runtime, str(side), str(seconds))
+def _bare(runtime: str, cache: Path, seconds: float) -> list[str]:
+    return module("bare_model", runtime, str(cache), str(seconds))
 
 
 async def _speeds(
-    workers: dict[str, tuple[Bus, Process]],
-    bares: dict[str, Process],
-    pictures: list[Any],
-    plan: Plan,
-    ending: str,
+    workers: dict[str, Worker], bares: dict[str, Process], pictures: Pictures, plan: Plan
 ) -> dict[str, Any]:
-    speeds: dict[str, list[float]] = {}
-    chosen: dict[str, str] = {}
-    for name in RUNTIMES:
-        chosen[name] = str((await asyncio.to_thread(bares[name].ask))["runtime"])
+    told = {}
+    for name, bare in bares.items():
+        note(f"bare loop, {name}")
+        told[name] = await asyncio.to_thread(bare.ask)
+    speeds: dict[str, list[float]] = {name: [] for names in NAMES.values() for name in names}
     for repeat in range(plan.repeats):
-        for name in RUNTIMES:
-            note(f"[{repeat + 1}/{plan.repeats}] {name} ({chosen[name]}){ending}")
-            speeds.setdefault(f"{name}_fps{ending}", []).append(
-                await frames(workers[name][0], pictures, seconds=plan.seconds)
-            )
-            told = await asyncio.to_thread(bares[name].ask)
-            speeds.setdefault(f"bare_{name}_fps{ending}", []).append(float(str(told["fps"])))
-    medians = {name: round(statistics.median(values), 2) for name, values in speeds.items()}
-    spread = {name: [round(min(values), 2), round(max(values), 2)] for name, values in speeds.items()}
-    return {**medians, f"spread{ending}": spread, f"runtime{ending}": chosen["auto"]}
+        for name, (worker_fps, bare_fps) in NAMES.items():
+            note(f"[{repeat + 1}/{plan.repeats}] {told[name]['runtime']}")
+            speeds[worker_fps].append(await frames(workers[name].bus, pictures, seconds=plan.seconds))
+            speeds[bare_fps].append(float((await asyncio.to_thread(bares[name].ask))["fps"]))
+    found = medians(speeds)
+    chosen = told["auto"]
+    return {**found, "auto_fps": found["worker_fps"], "runtime": chosen["runtime"], "side": chosen["side"]}
 
 
-def _overhead(found: list[float]) -> dict[str, float]:
-    ordered = sorted(found)
-    return {
-        "overhead_p50_ms": round(statistics.median(ordered), 2),
-        "overhead_p99_ms": round(ordered[min(len(ordered) - 1, int(len(ordered) * 0.99))], 2),
-        "overhead_samples": len(ordered),
-    }
-
-
-def _targets(found: dict[str, Any]) -> dict[str, Any]:
-    endings = ("", "_640") if "auto_fps_640" in found else ("",)
-    reached: dict[str, Any] = {}
-    for ending in endings:
-        reached |= at_least(found, f"auto_fps{ending}", f"bare_auto_fps{ending}", 0.9)
-        reached |= at_least(found, f"torch_fps{ending}", f"bare_torch_fps{ending}", 0.9)
-        reached |= at_least(found, f"auto_fps{ending}", f"torch_fps{ending}", 1.3)
-    for name, limit in (("overhead_p50_ms", 6), ("overhead_p99_ms", 25), ("rss_growth_mb", 20)):
-        reached |= at_most(found, name, limit)
-    return reached
+async def _alone(worker: Worker, pictures: Pictures, plan: Plan) -> dict[str, Any]:
+    note("overhead")
+    found: dict[str, Any] = overhead(await overheads_ms(worker.bus, pictures, hz=HZ, number=plan.calls))
+    note("memory")
+    await frames(worker.bus, pictures, frames=WARM_UP_FRAMES)
+    before = worker.process.rss_bytes()
+    await frames(worker.bus, pictures, frames=plan.frames)
+    grown = worker.process.rss_bytes() - before
+    return {**found, "rss_growth_mb": round(grown / 1e6, 2), "rss_frames": plan.frames}
 
 
 if __name__ == "__main__":

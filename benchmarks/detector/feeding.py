@@ -17,6 +17,9 @@ from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 
+Pictures = Sequence[NDArray[np.uint8]]
+"""Height x width x 3 in BGR."""
+
 CAMERAS: Final = 4
 PATIENCE_S: Final = 300.0
 LOST_S: Final = 2.0
@@ -25,7 +28,7 @@ LOST_S: Final = 2.0
 class Camera:
     """Sends the pictures in turn."""
 
-    def __init__(self, key: CameraKey, publisher: Publisher, pictures: Sequence[NDArray[np.uint8]]) -> None:
+    def __init__(self, key: CameraKey, publisher: Publisher, pictures: Pictures) -> None:
         self.key = key
         self.publisher = publisher
         self._pictures = [np.ascontiguousarray(picture[..., ::-1]).tobytes() for picture in pictures]
@@ -57,7 +60,7 @@ class Camera:
 
 
 @asynccontextmanager
-async def cameras(bus: Bus, number: int, pictures: Sequence[NDArray[np.uint8]]) -> AsyncIterator[dict[str, Camera]]:
+async def cameras(bus: Bus, number: int, pictures: Pictures) -> AsyncIterator[dict[str, Camera]]:
     """Have cameras, by the key of what the worker says of them, that are there but send nothing by themselves."""
     async with AsyncExitStack() as stack:
         made = {}
@@ -72,7 +75,7 @@ async def cameras(bus: Bus, number: int, pictures: Sequence[NDArray[np.uint8]]) 
         yield made
 
 
-async def frames(bus: Bus, pictures: Sequence[NDArray[np.uint8]], *, seconds: float = 0, frames: int = 0) -> float:
+async def frames(bus: Bus, pictures: Pictures, *, seconds: float = 0, frames: int = 0) -> float:
     """Keep a worker busy for so long or for so many frames, masks and all; return results per second."""
     async with (
         cameras(bus, CAMERAS, pictures) as sources,
@@ -108,7 +111,7 @@ async def _next(results: Subscription, sources: dict[str, Camera]) -> None:
     sources[f"{found.header.robot}/{found.header.camera}"].send()
 
 
-async def overheads_ms(bus: Bus, pictures: Sequence[NDArray[np.uint8]], *, hz: float, number: int) -> list[float]:
+async def overheads_ms(bus: Bus, pictures: Pictures, *, hz: float, number: int) -> list[float]:
     """Return each frame's way from the gateway that received it to its class list, less the model's call."""
     found = []
     async with (

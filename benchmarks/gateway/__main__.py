@@ -29,9 +29,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.gateway import flow, idle, stall
-from benchmarks.gateway.processes import ROSMASTER, note, ros_master
+from benchmarks.gateway.processes import ROSMASTER, ros_master
 from benchmarks.gateway.report import Run, medians, targets
 from benchmarks.machine import machine, versions
+from benchmarks.progress import note
 
 REPEATS: Final = 3
 HZ: Final = 30

@@ -146,9 +146,3 @@ def _answers(port: int) -> bool:
     with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
         return True
     return False
-
-
-def note(text: str) -> None:
-    """Show how far the run is."""
-    sys.stderr.write(f"{text}\n")
-    sys.stderr.flush()

@@ -61,8 +61,8 @@ def targets(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
             name: target
             for ending in ("", "_no_shm")
             for name, target in {
-                **at_least(found, f"frames_per_s{ending}", f"rospy_naive_frames_per_s{ending}", 3),
-                **at_least(found, f"frames_per_s{ending}", f"zenoh_only_frames_per_s{ending}", 0.8, CEILING),
+                **at_least(found, f"frames_per_s{ending}", 3, f"rospy_naive_frames_per_s{ending}"),
+                **at_least(found, f"frames_per_s{ending}", 0.8, f"zenoh_only_frames_per_s{ending}", CEILING),
                 **at_most(found, f"cpu_ms_per_frame{ending}", 0.3, f"rospy_naive_cpu_ms_per_frame{ending}"),
                 **at_most(found, f"cpu_ms_per_frame_30hz{ending}", 0.4, f"rospy_naive_cpu_ms_per_frame_30hz{ending}"),
                 **at_most(found, f"added_latency_p50_ms{ending}", 1.5),

@@ -25,8 +25,8 @@ import signal
 import sys
 from typing import Any, Final
 
-from benchmarks.gateway.processes import note
 from benchmarks.machine import machine, versions
+from benchmarks.progress import note
 from benchmarks.scaling.scenario import CAMERAS, FRAME_MS, HZ, ROBOTS, WORKERS, Scenario, scenario
 from benchmarks.scaling.targets import targets
 

@@ -6,7 +6,8 @@ from contextlib import ExitStack, contextmanager
 from typing import Any, Final
 
 from benchmarks.gateway.flow import free_endpoint
-from benchmarks.gateway.processes import START_S, PeerError, Process, module, note, running
+from benchmarks.gateway.processes import START_S, PeerError, Process, module, running
+from benchmarks.progress import note
 from benchmarks.scaling.observer import Observer, observing
 from benchmarks.scaling.results import Change, Log
 from bus import BusSettings

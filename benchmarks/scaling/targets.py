@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from benchmarks.scaling.scenario import FRAME_MS, LEASE_S
+from benchmarks.targets import Targets, at_least, at_most
 
 AT_LEAST = {"efficiency_8": 0.95, "useful_fraction": 0.9}
 AT_MOST = {
@@ -20,14 +21,11 @@ AT_MOST = {
 }
 
 
-def targets(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return each target and whether it is met; what could not be measured, None, is not."""
-    least = {
-        name: {"value": found[name], "at_least": limit, "met": found[name] is not None and found[name] >= limit}
-        for name, limit in AT_LEAST.items()
-    }
-    most = {
-        name: {"value": found[name], "at_most": limit, "met": found[name] is not None and found[name] <= limit}
-        for name, limit in AT_MOST.items()
-    }
-    return least | most
+def targets(found: Mapping[str, Any]) -> Targets:
+    """Return each target and whether it is met."""
+    made: Targets = {}
+    for name, limit in AT_LEAST.items():
+        made |= at_least(found, name, limit)
+    for name, limit in AT_MOST.items():
+        made |= at_most(found, name, limit)
+    return made

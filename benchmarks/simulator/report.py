@@ -4,6 +4,8 @@ import statistics
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from benchmarks.targets import at_least
+
 FRAME: Final = ("render", "expose", "depth")
 LEAST_FRAMES_PER_S: Final = 10
 
@@ -18,13 +20,7 @@ def report(times: Sequence[Mapping[str, float]]) -> dict[str, Any]:
     parts["frame_ms"] = frames
     rate = round(1e3 * len(frames) / sum(frames), 1)
     return {
-        "targets": {
-            "frames_per_s_one_core": {
-                "value": rate,
-                "at_least": LEAST_FRAMES_PER_S,
-                "met": rate >= LEAST_FRAMES_PER_S,
-            }
-        },
+        "targets": at_least({"frames_per_s_one_core": rate}, "frames_per_s_one_core", LEAST_FRAMES_PER_S),
         "frames_per_s_one_core": rate,
         "frames_per_s_wall": round(1e3 * len(frames) / sum(view["wall"] for view in times), 1),
         **{name: round(statistics.median(values), 2) for name, values in parts.items()},

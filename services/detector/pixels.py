@@ -1,6 +1,5 @@
 """ROS image encodings to the arrays that models expect."""
 
-import sys
 from typing import Any, Final
 
 import cv2
@@ -10,11 +9,8 @@ from numpy.typing import NDArray
 
 from schemas.compression import ZSTD
 from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
+from services.geometry.errors import PayloadError
+from services.geometry.payload import decompressed
 
 _TO_BGR: Final = {
     "rgb8": cv2.COLOR_RGB2BGR,
@@ -63,16 +59,11 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
 
 
 def _decompressed(frame: ImageFrame) -> ImageFrame:
-    """Return a frame of raw data; no more of it is decompressed than the frame has room for."""
-    size = frame.step * frame.height
-    decoder = zstd.ZstdDecompressor()
     try:
-        data = decoder.decompress(frame.data, size + 1)
-    except zstd.ZstdError as error:
-        raise PictureError(f"a zstd that cannot be decoded: {error}") from error
-    if len(data) != size or not decoder.eof or decoder.unused_data:
-        raise PictureError("a zstd that cannot be decoded")
-    return msgspec.structs.replace(frame, format=RAW, data=memoryview(data))
+        data = decompressed(frame.data, frame.step * frame.height)
+    except PayloadError as error:
+        raise PictureError(str(error)) from error
+    return msgspec.structs.replace(frame, format=RAW, data=data)
 
 
 def _pixels(frame: ImageFrame) -> NDArray[np.uint8]:

@@ -37,11 +37,11 @@ class DetectorSettings(SharingSettings, BusSettings):
     ] = []
     runtime: Annotated[
         Literal["auto", "torch", "onnx", "openvino", "tensorrt"],
-        Field(description="what computes; auto takes the fastest that is installed, by measuring once"),
+        Field(description="what computes; auto takes the fastest that is installed, by measuring once a week"),
     ] = "auto"
     tracker: Annotated[
         Literal["off", "bytetrack", "botsort"], Field(description="how objects are followed from frame to frame")
-    ] = "bytetrack"
+    ] = "botsort"
     image_size: Annotated[
         int | None, Field(ge=32, le=4096, description="longer side that images are scaled to; as trained unless given")
     ] = None

@@ -7,16 +7,21 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 
-@contextmanager
-def bar(title: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show on stderr how much of `total` is done; what is yielded is called once for each piece."""
-    columns = (
+def bars(console: Console) -> Progress:
+    """Return bars for any number of stages, to be entered."""
+    return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
+        console=console,
     )
-    with Progress(*columns, console=Console(stderr=True)) as bars:
-        task = bars.add_task(title, total=total)
-        yield lambda: bars.advance(task)
+
+
+@contextmanager
+def bar(title: str, total: int) -> Iterator[Callable[[], None]]:
+    """Show on stderr how much of `total` is done; what is yielded is called once for each piece."""
+    with bars(Console(stderr=True)) as shown:
+        task = shown.add_task(title, total=total)
+        yield lambda: shown.advance(task)

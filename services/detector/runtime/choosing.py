@@ -33,8 +33,10 @@ FOR_DEVICE: Final[Mapping[str, tuple[Runtime, ...]]] = {
     "cpu": ("openvino", "onnx", "torch"),
     "cuda": ("tensorrt", "torch"),
 }
-ROUNDS: Final = 3
-REPEATS: Final = 3
+ROUNDS: Final = 6
+REPEATS: Final = 2
+KEPT_S: Final = 7 * 24 * 3600
+"""How long a choice is kept: one that was made while something else kept the machine busy is not for ever."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,7 @@ def check_installed(runtime: Runtime) -> None:
 
 
 def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
-    """Return the fastest runtime for a device and the model under it. What was measured once is kept.
+    """Return the fastest runtime for a device and the model under it. What was measured is kept for a week.
 
     blank: a batch to measure with.
 
@@ -119,6 +121,8 @@ def _memory(place: Place, candidates: list[Runtime]) -> Path:
 
 def _recall(memory: Path) -> Runtime | None:
     try:
+        if not 0 <= time.time() - memory.stat().st_mtime < KEPT_S:
+            return None
         text = memory.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError):
         return None

@@ -3,7 +3,9 @@
 import logging
 import shutil
 import tempfile
+import time
 import warnings
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -16,6 +18,10 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 PACKAGE: Final = "ultralytics-opencv-headless"
+MAKING: Final = ".exporting-"
+ABANDONED_S: Final = 24 * 3600
+"""Age at which a folder that was never put in place is that of a process that was killed: exports take minutes."""
+
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
 
 
@@ -45,7 +51,8 @@ def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: i
     from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
 
     folder.parent.mkdir(parents=True, exist_ok=True)
-    making = Path(tempfile.mkdtemp(prefix=f".{folder.name[:16]}-", dir=folder.parent))
+    remove_abandoned(folder.parent, time.time())
+    making = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
     try:
         copy = shutil.copy(weights.path, making / "model.pt")
         with warnings.catch_warnings():
@@ -57,6 +64,14 @@ def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: i
         put_in_place(making, folder)
     finally:
         shutil.rmtree(making, ignore_errors=True)
+
+
+def remove_abandoned(cache: Path, now_s: float) -> None:
+    """Remove what killed processes left behind while they exported; what may still be worked on stays."""
+    for folder in cache.glob(f"{MAKING}*"):
+        with suppress(FileNotFoundError):  # somebody else was quicker
+            if now_s - folder.stat().st_mtime > ABANDONED_S:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def put_in_place(made: Path, folder: Path) -> None:

@@ -15,16 +15,23 @@ _CUDA: Final = "CUDAExecutionProvider"
 ERRORS_ONLY: Final = 3
 
 
+def session_options(threads: int) -> onnxruntime.SessionOptions:
+    """Return the options to compute with so many threads, which do not spin while there is nothing to do."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = ERRORS_ONLY
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    return options
+
+
 class OnnxEngine:
     """Runs an ONNX file on the processor, or on the GPU where the installed ONNX Runtime can."""
 
     def __init__(self, path: Path, threads: int, *, cuda: bool) -> None:
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.log_severity_level = ERRORS_ONLY
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         able = cuda and _CUDA in onnxruntime.get_available_providers()
-        self._session = onnxruntime.InferenceSession(path, options, providers=[_CUDA, _CPU] if able else [_CPU])
+        self._session = onnxruntime.InferenceSession(
+            path, session_options(threads), providers=[_CUDA, _CPU] if able else [_CPU]
+        )
         self._input = self._session.get_inputs()[0].name
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,15 @@ import openvino  # noqa: E402
 DEVICE: Final = "CPU"
 
 
+def hints(threads: int) -> dict[str, Any]:
+    """Return the configuration to compute with so many threads."""
+    return {
+        "PERFORMANCE_HINT": "LATENCY",
+        "INFERENCE_NUM_THREADS": threads,
+        "ENABLE_CPU_PINNING": False,  # a core that somebody else keeps busy would hold up every layer
+    }
+
+
 class OpenVinoEngine:
     """Runs an ONNX file on the processor, in the precision that OpenVINO finds fastest there."""
 
@@ -25,12 +34,7 @@ class OpenVinoEngine:
         pixels.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
         pixels.input().model().set_layout(openvino.Layout("NCHW"))
         pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0)
-        hints = {
-            "PERFORMANCE_HINT": "LATENCY",
-            "INFERENCE_NUM_THREADS": threads,
-            "ENABLE_CPU_PINNING": False,  # a core that somebody else keeps busy would hold up every layer
-        }
-        self._request = core.compile_model(pixels.build(), DEVICE, hints).create_infer_request()
+        self._request = core.compile_model(pixels.build(), DEVICE, hints(threads)).create_infer_request()
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""

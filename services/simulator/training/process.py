@@ -3,16 +3,10 @@
 import asyncio
 import threading
 
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.console import Console
+from rich.progress import TaskID
 
+from services.simulator.bars import bars
 from services.simulator.training.evaluation.looking import Opener
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
@@ -26,14 +20,7 @@ async def run(settings: TrainingSettings, opener: Opener) -> None:
     Raises:
         TrainingError: the work directory belongs to a run with other settings.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns) as bars:
+    with bars(Console()) as shown:
         stages: dict[str, TaskID] = {}
         cancelled = threading.Event()
 
@@ -41,11 +28,11 @@ async def run(settings: TrainingSettings, opener: Opener) -> None:
             if cancelled.is_set():
                 raise asyncio.CancelledError
             if stage not in stages:
-                stages[stage] = bars.add_task(stage, total=total)
-            bars.update(stages[stage], completed=done, total=total)
+                stages[stage] = shown.add_task(stage, total=total)
+            shown.update(stages[stage], completed=done, total=total)
 
         try:
             await asyncio.to_thread(train, settings, progress, opener)
         finally:
             cancelled.set()  # the thread notices where it next reports
-    bars.console.print(f"wrote {settings.output} and its card beside it", highlight=False)
+    shown.console.print(f"wrote {settings.output} and its card beside it", highlight=False)

@@ -1,9 +1,12 @@
 """The detector's own way from a camera's picture to detections, for those who measure it."""
 
-from collections.abc import Sequence
+import asyncio
+from collections.abc import Callable, Iterable, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,8 +14,9 @@ from schemas.detections import Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from services.detector.model import Failed, ModelError, Request
-from services.detector.runtime.loading import load
+from services.detector.model import Failed, ModelError, Outcome, Request
+from services.detector.runtime.loading import load, tracking
+from services.detector.runtime.pipeline import Pipeline
 from services.detector.settings import DetectorSettings
 from services.simulator.training.evaluation.looking import Look
 from services.simulator.training.evaluation.precision import MAX_DETECTIONS
@@ -22,6 +26,9 @@ NAMED: Final = 5
 CAMERA: Final = CameraKey("r1", "camera")
 HEADER: Final = Header(robot="r1", camera="camera", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
 
+Follow = Callable[[Iterable[NDArray[np.uint8]], float], Sequence[Sequence[Detection]]]
+"""Finds and follows the objects in pictures that a camera takes so many of a second: `Look`, with tracks."""
+
 
 def open_weights(weights: Path, *, confidence: float, device: str | None, folder: Path) -> Look:
     """Load `weights` as a detector does, for one thread; see `Opener`.
@@ -29,32 +36,65 @@ def open_weights(weights: Path, *, confidence: float, device: str | None, folder
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
-    settings = DetectorSettings(
-        model=str(weights),
-        confidence=confidence,
-        max_detections=MAX_DETECTIONS,
-        device=device,
-        threads=1,
-        runtime="torch",
-    )
-    model = load(settings, folder)
-    if not model.segments:
-        raise ModelError(f"{weights}: a model that finds no masks")
-    if unknown := sorted(set(model.facts.names.values()).difference(CLASSES)):
-        names = ", ".join(unknown[:NAMED]) + (", ..." if len(unknown) > NAMED else "")
-        raise ModelError(f"{weights}: a model for {names}; the scenes have {', '.join(CLASSES)} alone")
+    settings = _settings(weights, device, confidence=confidence, max_detections=MAX_DETECTIONS)
+    model = _loaded(settings, folder)
 
     def look(image: NDArray[np.uint8]) -> Sequence[Detection]:
         (outcome,) = model.run([Request(CAMERA, framed(image), masks=True)])
-        if isinstance(outcome, Failed):
-            raise ModelError(f"{weights}: {outcome.reason}: {outcome.error}") from outcome.error
-        return outcome.objects
+        return _objects(weights, outcome)
 
     return look
 
 
-def framed(image: NDArray[np.uint8]) -> ImageFrame:
+def open_follower(weights: Path, *, device: str | None, folder: Path) -> Follow:
+    """Load `weights` as a detector does, with a detector's own tracker and confidence, for one thread.
+
+    Raises:
+        ModelError: no model, or none that finds masks of the simulated world's classes.
+    """
+    settings = _settings(weights, device)
+    model = tracking(_loaded(settings, folder), settings.tracker)
+    drives = count()
+
+    def follow(images: Iterable[NDArray[np.uint8]], hz: float) -> list[Sequence[Detection]]:
+        camera = CameraKey(CAMERA.robot, f"camera{next(drives)}")
+        return asyncio.run(_followed(images, hz, camera))
+
+    async def _followed(images: Iterable[NDArray[np.uint8]], hz: float, camera: CameraKey) -> list[Sequence[Detection]]:
+        found = []
+        for seq, image in enumerate(images):
+            header = msgspec.structs.replace(HEADER, seq=seq, received_ns=round(seq * 1e9 / hz))
+            (outcome,) = await model.infer([Request(camera, framed(image, header), masks=True)])
+            found.append(_objects(weights, outcome))
+        return found
+
+    return follow
+
+
+def _settings(weights: Path, device: str | None, **more: float) -> DetectorSettings:
+    return DetectorSettings.model_validate(
+        {"model": str(weights), "device": device, "threads": 1, "runtime": "torch", **more}
+    )
+
+
+def _loaded(settings: DetectorSettings, folder: Path) -> Pipeline:
+    model = load(settings, folder)
+    if not model.segments:
+        raise ModelError(f"{settings.model}: a model that finds no masks")
+    if unknown := sorted(set(model.facts.names.values()).difference(CLASSES)):
+        names = ", ".join(unknown[:NAMED]) + (", ..." if len(unknown) > NAMED else "")
+        raise ModelError(f"{settings.model}: a model for {names}; the scenes have {', '.join(CLASSES)} alone")
+    return model
+
+
+def _objects(weights: Path, outcome: Outcome) -> Sequence[Detection]:
+    if isinstance(outcome, Failed):
+        raise ModelError(f"{weights}: {outcome.reason}: {outcome.error}") from outcome.error
+    return outcome.objects
+
+
+def framed(image: NDArray[np.uint8], header: Header = HEADER) -> ImageFrame:
     """A height x width x 3 RGB picture as a camera would send it."""
     height, width = image.shape[:2]
     data = memoryview(image.tobytes())
-    return ImageFrame(header=HEADER, height=height, width=width, encoding="rgb8", step=3 * width, data=data)
+    return ImageFrame(header=header, height=height, width=width, encoding="rgb8", step=3 * width, data=data)

@@ -9,13 +9,15 @@ from benchmarks.accuracy.__main__ import main
 def test_one_object_on_standard_output_and_progress_elsewhere(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    main(["--json", "--scenes", "1", "--device", "cpu", "--work-dir", str(tmp_path)])
+    sizes = ["--scenes", "1", "--drives", "1", "--drive-frames", "2"]
+    main(["--json", *sizes, "--device", "cpu", "--workers", "1", "--work-dir", str(tmp_path)])
     printed = capfd.readouterr()
     found = json.loads(printed.out)
     assert (found["scenes"], found["seeds"]) == (1, [1_600_000, 1_600_000])
-    assert {"mask_map50", "mask_map50_95", "classes_exact", "machine", "versions"} <= found.keys()
+    assert (found["drives"], found["drive_seeds"], found["following"]["frames"]) == (1, [1_700_000, 1_700_000], 2)
+    assert {"mask_map50", "mask_map50_95", "classes_exact", "idf1", "machine", "versions"} <= found.keys()
     assert len(found["weights"]["sha256"]) == 64
-    assert printed.err.splitlines()[-1] == "look 1/1"
+    assert printed.err.splitlines()[-1] == "follow 1/1"
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,13 @@
 import json
 
+from benchmarks.accuracy.following import Followed
+from benchmarks.accuracy.identities import Identities
 from benchmarks.accuracy.report import CONFIDENCES, report
 from services.simulator.training.evaluation.held_out import HeldOutScore
 from services.simulator.world import CLASSES
 from tests.services.simulator.training.evaluation.pictures import SIZE, found, truth
+
+FOLLOWED = Followed(Identities(true=10, tracked=9, matched=8, rightly=6, switches=2), detected=9, frames=5)
 
 
 def score() -> HeldOutScore:
@@ -16,7 +20,7 @@ def score() -> HeldOutScore:
 
 
 def test_the_figures_by_name() -> None:
-    found = report(score(), 0.35)
+    found = report(score(), FOLLOWED, 0.35)
     assert (found["mask_map50"], found["mask_map50_95"], found["truths"]) == (0.505, 0.505, 2)
     assert (found["classes_exact"], found["confidence"]) == (0.5, 0.35)
     assert found["per_class"]["box"] == {"mask_map50": 0.505, "mask_map50_95": 0.505, "truths": 2}
@@ -27,8 +31,23 @@ def test_the_figures_by_name() -> None:
     assert json.loads(json.dumps(found, allow_nan=False)) == found
 
 
+def test_what_was_followed_and_what_limits_it() -> None:
+    found = report(score(), FOLLOWED, 0.35)
+    assert (found["idf1"], found["idp"], found["idr"], found["id_switches"]) == (0.6316, 0.6667, 0.6, 2)
+    assert found["following"] == {
+        "frames": 5,
+        "asked_for": 10,
+        "detected": 9,
+        "tracked": 8,
+        "rightly_tracked": 6,
+        "wrong_tracks": 1,
+        "f1_without_identities": 0.8421,
+    }
+    assert found["targets"]["idf1"] == {"value": 0.6316, "at_least": 0.85, "met": False}
+
+
 def test_class_lists_at_every_confidence() -> None:
-    found = {each["confidence"]: each for each in report(score(), 0.35)["by_confidence"]}
+    found = {each["confidence"]: each for each in report(score(), FOLLOWED, 0.35)["by_confidence"]}
     assert tuple(found) == CONFIDENCES
     assert found[0.4]["invented"] == {"pallet": 1}
     assert found[0.45]["invented"] == {}
@@ -37,6 +56,8 @@ def test_class_lists_at_every_confidence() -> None:
 
 
 def test_without_objects_no_precision_is_reached() -> None:
-    found = report(HeldOutScore(), 0.35)
+    found = report(HeldOutScore(), Followed(Identities(), 0, 0), 0.35)
     assert found["mask_map50"] is None
+    assert found["idf1"] is None
     assert not found["targets"]["mask_map50"]["met"]
+    assert not found["targets"]["idf1"]["met"]

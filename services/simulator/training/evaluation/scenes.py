@@ -1,9 +1,7 @@
 """The held-out pictures and what is truly in them: rendered once, kept in a folder."""
 
 import hashlib
-import multiprocessing
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from services.simulator import world
 from services.simulator.training import framing, viewpoints
 from services.simulator.training.dataset import holdout_seed
-from services.simulator.training.errors import TrainingError
+from services.simulator.training.evaluation.keeping import kept
 from services.simulator.training.evaluation.truths import Truth, truths_of
 from services.simulator.training.framing import draw_view
 from services.simulator.training.progress import Progress
@@ -53,20 +51,9 @@ def draw_held_out(seed: int) -> HeldOutView:
 
 
 def held_out_views(folder: Path, seeds: Sequence[int], workers: int, progress: Progress) -> Iterator[HeldOutView]:
-    """Yield the view of each scene, in order, after all were rendered; those that are in `folder` are taken from there.
-
-    Raises:
-        TrainingError: a file there is damaged.
-    """
-    kept = folder / f"scenes-{generator_digest()[:12]}"
-    kept.mkdir(parents=True, exist_ok=True)
-    files = [kept / f"{seed:09d}.msgpack" for seed in seeds]
-    missing = [(file, seed) for file, seed in zip(files, seeds, strict=True) if not file.exists()]
-    progress("render scenes", len(seeds) - len(missing), len(seeds))
-    for done, _ in enumerate(_written(missing, workers), start=len(seeds) - len(missing) + 1):
-        progress("render scenes", done, len(seeds))
-    for file in files:
-        yield _read(file)
+    """Yield the view of each scene, rendered once; see `kept`."""
+    kind = folder / f"scenes-{generator_digest()[:12]}"
+    return kept(kind, seeds, draw_held_out, HeldOutView, workers=workers, report=progress)
 
 
 def generator_digest() -> str:
@@ -77,26 +64,3 @@ def generator_digest() -> str:
     for source in (*sources, *own, Path(__file__), Path(__file__).with_name("truths.py")):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())
     return digest.hexdigest()
-
-
-def _written(jobs: Sequence[tuple[Path, int]], workers: int) -> Iterator[None]:
-    if workers == 1 or len(jobs) < 2:
-        yield from map(_write, jobs)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-        yield from pool.map(_write, jobs, chunksize=4)
-
-
-def _write(job: tuple[Path, int]) -> None:
-    file, seed = job
-    partial = file.with_suffix(".part")
-    partial.write_bytes(msgspec.msgpack.encode(draw_held_out(seed)))
-    partial.replace(file)
-
-
-def _read(file: Path) -> HeldOutView:
-    try:
-        return msgspec.msgpack.decode(file.read_bytes(), type=HeldOutView)
-    except msgspec.DecodeError as error:
-        raise TrainingError(f"{file} is damaged, remove it: {error}") from error

@@ -1,4 +1,5 @@
 import logging
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError
-from services.detector.runtime.choosing import Place, Runtime, choose
+from services.detector.runtime.choosing import KEPT_S, Place, Runtime, choose
 from services.detector.runtime.engine import Engine
 from services.detector.runtime.postprocess import Output
 
@@ -53,6 +54,20 @@ def test_the_fastest_is_chosen_and_remembered_for_these_weights(tmp_path: Path) 
     other: list[Runtime] = []
     choose(maker(other), place(tmp_path, "d2"), BLANK)
     assert set(other) == set(first)
+
+
+@pytest.mark.parametrize(("age_s", "measured"), [(KEPT_S - 60, 1), (KEPT_S + 1, 3), (-60, 3)])
+def test_what_was_remembered_is_measured_again_after_a_week_or_a_clock_set_back(
+    tmp_path: Path, age_s: float, measured: int
+) -> None:
+    choose(maker([]), place(tmp_path), BLANK)
+    (memory,) = tmp_path.glob("choice-*")
+    then = time.time() - age_s
+    os.utime(memory, (then, then))
+    asked: list[Runtime] = []
+    choose(maker(asked), place(tmp_path), BLANK)
+    assert len(asked) == measured
+    assert abs(time.time() - memory.stat().st_mtime) < (60 if measured == 3 else age_s + 60)
 
 
 def test_what_does_not_run_is_said_and_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

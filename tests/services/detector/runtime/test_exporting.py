@@ -1,9 +1,10 @@
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from services.detector.runtime.exporting import put_in_place
+from services.detector.runtime.exporting import ABANDONED_S, MAKING, put_in_place, remove_abandoned
 
 
 def made(folder: Path, content: str) -> Path:
@@ -32,3 +33,20 @@ def test_any_number_at_once(tmp_path: Path) -> None:
 def test_a_place_that_cannot_be_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No such file"):
         put_in_place(made(tmp_path / "one", "first"), tmp_path / "nowhere" / "place")
+
+
+def test_what_a_killed_process_left_behind_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    names = (f"{MAKING}old", f"{MAKING}new", ".somebody-elses", "abc-onnx")
+    folders = {name: made(tmp_path / name, "") for name in names}
+    now_s = folders[f"{MAKING}old"].stat().st_mtime
+    for name in names:
+        age_s = ABANDONED_S - 1 if name.endswith("new") else ABANDONED_S + 1
+        os.utime(folders[name], (now_s - age_s, now_s - age_s))
+    remove_abandoned(tmp_path, now_s)
+    assert {folder.name for folder in tmp_path.iterdir()} == set(names[1:])
+    assert (folders[".somebody-elses"] / "model.onnx").exists()
+
+
+def test_a_cache_with_nothing_left_behind_stays_as_it_is(tmp_path: Path) -> None:
+    remove_abandoned(tmp_path / "absent", 0)
+    assert not list(tmp_path.iterdir())

@@ -13,7 +13,7 @@ from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.simulator.training.evaluation.looking import CONFIDENCE, Look
 from services.simulator.world import CLASSES
-from services.toolbox.train.inference import framed, open_weights
+from services.toolbox.train.inference import framed, open_follower, open_weights
 from tests.services.detector.requests import request
 from tests.services.simulator.views import near_view
 
@@ -77,3 +77,14 @@ def test_a_model_for_something_else_is_refused(
 ) -> None:
     with pytest.raises(ModelError, match=reason):
         opened(untrained(architecture, tmp_path, *names), tmp_path)
+
+
+def test_objects_are_followed_from_picture_to_picture_of_a_drive_and_never_into_the_next(tmp_path: Path) -> None:
+    follow = open_follower(SHIPPED_MODEL, device="cpu", folder=tmp_path)
+    rgb = np.ascontiguousarray(near_view()[..., ::-1])
+    first, second = follow([rgb, rgb], 5.0)
+    (other,) = follow([rgb], 5.0)
+    tracks = [{each.track for each in found} - {None} for found in (first, second, other)]
+    assert tracks[0]
+    assert tracks[0] == tracks[1]
+    assert tracks[0].isdisjoint(tracks[2])
