@@ -23,6 +23,8 @@ from tests.schemas.frames import header, image
 from tests.schemas.pictures import compressed, file_of
 from tests.schemas.results import action, alert, cloud, clouds, distances, known, unknown
 
+LEAVE_ALL_OPEN = (Tuning,)
+
 DETECTIONS = Detections(
     header=header(),
     height=4,
@@ -186,13 +188,24 @@ def test_size_is_checked_before_content(monkeypatch: pytest.MonkeyPatch) -> None
 
 @pytest.mark.parametrize(
     "payload",
-    [b"", b"\xc1", b"\x91" * 50_000, b"\x81\xa1x" + b"\x91" * 50_000, b"\xdf\xff\xff\xff\xff", b"\x80", b"\xa1\xff"],
-    ids=["empty", "invalid", "deep", "deep unknown field", "huge map", "no fields", "not utf-8"],
+    [b"", b"\xc1", b"\x91" * 50_000, b"\x81\xa1x" + b"\x91" * 50_000, b"\xdf\xff\xff\xff\xff", b"\xa1\xff"],
+    ids=["empty", "invalid", "deep", "deep unknown field", "huge map", "not utf-8"],
 )
 @pytest.mark.parametrize("schema", list(codec.MAX_BYTES))
 def test_garbage_is_a_schema_error(schema: type[Message], payload: bytes) -> None:
     with pytest.raises(SchemaError, match=f"not a {schema.__name__}"):
         codec.decode(schema, payload, codec.encoding(schema))
+
+
+@pytest.mark.parametrize("schema", [schema for schema in codec.MAX_BYTES if schema not in LEAVE_ALL_OPEN])
+def test_a_message_without_its_fields_is_a_schema_error(schema: type[Message]) -> None:
+    with pytest.raises(SchemaError, match=f"not a {schema.__name__}"):
+        codec.decode(schema, b"\x80", codec.encoding(schema))
+
+
+@pytest.mark.parametrize("schema", LEAVE_ALL_OPEN)
+def test_a_request_may_leave_every_field_open(schema: type[Message]) -> None:
+    assert codec.decode(schema, b"\x80", codec.encoding(schema)) == schema()
 
 
 def test_a_wrong_layout_is_a_schema_error_on_the_wire_too() -> None:
