@@ -23,7 +23,6 @@ from tests.schemas.frames import header, image
 from tests.schemas.pictures import compressed, file_of
 from tests.schemas.results import action, alert, cloud, clouds, distances, known, unknown
 
-
 DETECTIONS = Detections(
     header=header(),
     height=4,
