@@ -27,7 +27,8 @@ one command:
 
     {command}
 
-- Seed {seed}; {images} images of 640x480, two of each scene, {epochs} epochs, batch {batch}.
+- Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}: {coarse_epochs} epochs at half
+  the size and {epochs} at the whole.
 - The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering included, with
   {workers} workers on device {device}.
 - Python {python}, {versions}.
@@ -117,7 +118,9 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> 
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
-        **settings.model_dump(include={"imgsz", "seed", "images", "epochs", "batch", "workers", "holdout"}),
+        **settings.model_dump(
+            include={"imgsz", "seed", "images", "coarse_epochs", "epochs", "batch", "workers", "holdout"}
+        ),
     )
 
 
