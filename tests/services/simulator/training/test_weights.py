@@ -50,7 +50,7 @@ def test_tensors_are_not_searched() -> None:
 def test_the_shipped_model_is_what_the_detector_expects(model: Any) -> None:
     assert model.task == "segment"
     assert tuple(model.names.values()) == CLASSES
-    assert model.overrides["imgsz"] == 320
+    assert model.overrides["imgsz"] == 640
 
 
 def test_the_shipped_file_is_small_and_says_nothing_about_its_maker() -> None:
