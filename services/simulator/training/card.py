@@ -49,9 +49,10 @@ By visible size, in pixels, over all classes:
 |---|---|---|---|
 {size_rows}
 
-At a confidence of {confidence:.2f} the list of classes was right in {exact:.1%} of these pictures: it had every class
-with an object of which at least {visibility:.0%} is visible, on at least {required:.1%} of the picture, and none
-without an object that is visible on more than {visible:.2%} of it.
+At a confidence of {confidence:.2f}, the detector's default, the list of classes was right in {exact:.1%} of these
+pictures: it had every class with an object of which at least {visibility:.0%} is visible, on at least {required:.1%}
+of the picture, and none without an object that is visible on more than {visible:.2%} of it. That default was chosen
+with a look at pictures like these.
 
 | class | pictures where it was missed | pictures where it was invented |
 |---|---|---|
