@@ -45,7 +45,7 @@ def foreground(depth: Floats, across: Floats) -> Selection:
     nearest = float(depth.min())
     steps = (np.log(depth / np.float32(nearest)) * np.float32(1 / np.log1p(STEP))).astype(np.int32)
     counts = np.bincount(steps)
-    starts, ends = _runs(counts > NOISE * len(depth))
+    starts, ends = _runs(counts > min(NOISE * len(depth), counts.max() - 1))  # the fullest steps are never empty
     until = np.cumsum(counts)
     weights = until[ends - 1] - until[starts] + counts[starts]
     first = int(np.argmax(weights >= SUBSTANTIAL * weights.max()))

@@ -83,3 +83,10 @@ def test_two_together_are_outliers_and_three_are_not() -> None:
 @pytest.mark.parametrize("count", [1, 3])
 def test_points_in_one_place_are_each_others_neighbours(count: int) -> None:
     assert crowded(np.ones((3, count), np.float32)).tolist() == [count >= 3] * count
+
+
+def test_depths_that_are_spread_over_every_step_have_a_foreground_too() -> None:
+    rng = np.random.default_rng(1)
+    depth = np.exp(rng.uniform(np.log(0.05), np.log(9000), 20_000)).astype(np.float32)
+    across = rng.normal(0, 1, (2, 20_000)).astype(np.float32)
+    assert foreground(depth, across).any()
