@@ -1,10 +1,8 @@
 """What became of one camera's detections and points. Pure."""
 
-from collections import Counter
 from typing import Final
 
-from schemas.keys import CameraKey
-from schemas.status import CameraLoad
+from bus.sharing.tally import Tally
 
 REPLACED: Final = "replaced by newer detections"
 DOUBLE: Final = "the same detections again"
@@ -19,26 +17,5 @@ FAILED: Final = "failed"
 UNWANTED: Final = "no longer wanted"
 
 
-class Account:
+class Account(Tally):
     """Counts every message of detections once: measured, or dropped for a reason; and what else was of no use."""
-
-    def __init__(self, camera: CameraKey) -> None:
-        self._camera = camera
-        self.measured = 0
-        self.dropped: Counter[str] = Counter()
-
-    def add(self, what: str, dropped: Counter[str]) -> None:
-        """Note what became of things of a kind, by reason, and forget it there."""
-        for reason, count in dropped.items():
-            self.dropped[f"{what}: {reason}"] += count
-        dropped.clear()
-
-    def load(self, *, serving: bool) -> CameraLoad:
-        """Return the counts as a message."""
-        return CameraLoad(
-            robot=self._camera.robot,
-            camera=self._camera.camera,
-            inferred=self.measured,
-            dropped={reason: count for reason, count in self.dropped.items() if count},
-            serving=serving,
-        )
