@@ -34,14 +34,16 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.accuracy.drives import drive_seeds, held_out_drives
 from benchmarks.accuracy.following import followed
 from benchmarks.accuracy.report import report
+from benchmarks.arguments import at_least_one
 from benchmarks.machine import machine, versions
-from benchmarks.progress import note
+from benchmarks.progress import note, note_step
 from services.detector.model import ModelError
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.simulator.training.errors import TrainingError
@@ -50,8 +52,8 @@ from services.simulator.training.evaluation.looking import LOWEST_CONFIDENCE
 from services.simulator.training.evaluation.scenes import generator_digest, held_out_seeds, held_out_views
 from services.toolbox.train.inference import open_follower, open_weights
 
-SEED: Final = 1
 REPORT_EVERY: Final = 20
+SEED: Final = 1
 DEFAULT_CONFIDENCE: Final[float] = DetectorSettings.model_fields["confidence"].default
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "lapx", "pycocotools", "numpy", "opencv-python-headless")
 
@@ -63,11 +65,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--weights", type=Path, default=SHIPPED_MODEL, help="the model (default: the shipped one)")
-    parser.add_argument("--scenes", type=_count, default=300, help="how many (default: 300)")
-    parser.add_argument("--drives", type=_count, default=8, help="how many (default: 8)")
-    parser.add_argument("--drive-frames", type=_count, default=50, help="frames of each (default: 50)")
+    parser.add_argument("--scenes", type=at_least_one, default=300, help="how many (default: 300)")
+    parser.add_argument("--drives", type=at_least_one, default=8, help="how many (default: 8)")
+    parser.add_argument("--drive-frames", type=at_least_one, default=50, help="frames of each (default: 50)")
     parser.add_argument("--device", help="cpu, cuda:0, ...; the best there is unless given")
-    parser.add_argument("--workers", type=_count, default=os.cpu_count(), help="processes that render (default: cores)")
+    parser.add_argument(
+        "--workers", type=at_least_one, default=os.cpu_count(), help="processes that render (default: cores)"
+    )
     parser.add_argument(
         "--work-dir", type=Path, default=Path("runs/accuracy"), help="keeps scenes (default: %(default)s)"
     )
@@ -107,10 +111,11 @@ def measure(plan: Plan) -> dict[str, Any]:
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
         look = open_weights(plan.weights, confidence=LOWEST_CONFIDENCE, device=plan.device, folder=Path(folder))
-        views = held_out_views(plan.work_dir, seeds, plan.workers, _progress)
-        score = scored(views, look, lambda done: _progress("look", done, plan.scenes))
+        progress = partial(note_step, every=REPORT_EVERY)
+        views = held_out_views(plan.work_dir, seeds, plan.workers, progress)
+        score = scored(views, look, lambda done: progress("look", done, plan.scenes))
         follow = open_follower(plan.weights, device=plan.device, folder=Path(folder))
-        drives = held_out_drives(plan.work_dir, ways, plan.drive_frames, plan.workers, _progress)
+        drives = held_out_drives(plan.work_dir, ways, plan.drive_frames, plan.workers, progress)
         ids = followed(drives, follow, lambda done: note(f"follow {done}/{plan.drives}"))
     return {
         **report(score, ids, DEFAULT_CONFIDENCE),
@@ -124,18 +129,6 @@ def measure(plan: Plan) -> dict[str, Any]:
         "machine": machine(),
         "versions": versions(PACKAGES),
     }
-
-
-def _progress(stage: str, done: int, total: int) -> None:
-    if done == total or not done % REPORT_EVERY:
-        note(f"{stage} {done}/{total}")
-
-
-def _count(text: str) -> int:
-    count = int(text)
-    if count < 1:
-        raise argparse.ArgumentTypeError(f"{text} is less than 1")
-    return count
 
 
 if __name__ == "__main__":

@@ -40,8 +40,9 @@ from typing import Any, Final
 
 import cv2
 
+from benchmarks.arguments import at_least_one
 from benchmarks.machine import machine, versions
-from benchmarks.progress import note
+from benchmarks.progress import note, note_step
 from benchmarks.space.drives import FRAMES, spreads
 from benchmarks.space.errors import Samples, add_view
 from benchmarks.space.report import report
@@ -71,13 +72,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--weights", type=Path, default=SHIPPED_MODEL, help="the model (default: the shipped one)")
-    parser.add_argument("--views", type=_count, default=VIEWS, help="how many scenes (default: %(default)s)")
+    parser.add_argument("--views", type=at_least_one, default=VIEWS, help="how many scenes (default: %(default)s)")
     parser.add_argument(
-        "--drives", type=_count, default=DRIVES, help="how many more to drive in (default: %(default)s)"
+        "--drives", type=at_least_one, default=DRIVES, help="how many more to drive in (default: %(default)s)"
     )
-    parser.add_argument("--frames", type=_count, default=FRAMES, help="of each stretch (default: %(default)s)")
-    parser.add_argument("--crowded", type=_count, default=CROWDED, help="views that are timed (default: %(default)s)")
-    parser.add_argument("--rounds", type=_count, default=ROUNDS, help="times that each is timed (default: %(default)s)")
+    parser.add_argument("--frames", type=at_least_one, default=FRAMES, help="of each stretch (default: %(default)s)")
+    parser.add_argument(
+        "--crowded", type=at_least_one, default=CROWDED, help="views that are timed (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--rounds", type=at_least_one, default=ROUNDS, help="times that each is timed (default: %(default)s)"
+    )
     arguments = parser.parse_args(argv)
     try:
         with contextlib.redirect_stdout(sys.stderr):
@@ -117,12 +122,12 @@ def measure(weights: Path, size: Size) -> dict[str, Any]:
         for done, seed in enumerate(view_seeds, start=1):
             view = view_of(seed)
             add_view(view, look(view.image), samples)
-            _progress("views", done, size.views)
+            note_step("views", done, size.views, REPORT_EVERY)
         for done, seed in enumerate(drive_seeds, start=1):
             for measured, true in spreads(seed, look, size.frames):
                 samples["map_spread"].append(measured)
                 samples["map_spread_true"].append(true)
-            _progress("drives", done, size.drives)
+            note_step("drives", done, size.drives, REPORT_EVERY)
     note("times")
     wall_ms, cpu_ms = measure_speed(crowded_views(size.crowded), size.rounds)
     return {
@@ -135,18 +140,6 @@ def measure(weights: Path, size: Size) -> dict[str, Any]:
         "machine": machine(),
         "versions": versions(PACKAGES),
     }
-
-
-def _progress(stage: str, done: int, total: int) -> None:
-    if done == total or not done % REPORT_EVERY:
-        note(f"{stage} {done}/{total}")
-
-
-def _count(text: str) -> int:
-    count = int(text)
-    if count < 1:
-        raise argparse.ArgumentTypeError(f"{text} is less than 1")
-    return count
 
 
 if __name__ == "__main__":
