@@ -59,6 +59,7 @@ async def test_a_worker_that_joins_takes_over_what_falls_to_it_and_leaves_it_aga
         await until(lambda: a.serves == set(CAMERAS))
         async with Worker(there, B).running() as b:
             await until(lambda: (a.serves, b.serves) == (OF_A, OF_B))
+            await asyncio.sleep(0.1)  # b hears that a serves them no longer, so it waits for a when it leaves
         assert b.serves == set()
         assert a.serves == set(CAMERAS)
 
