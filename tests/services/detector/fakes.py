@@ -35,6 +35,7 @@ class FakeModel:
         self.may_answer = threading.Event()
         self.may_answer.set()
         self.called = threading.Semaphore(0)
+        self._turn = asyncio.Lock()
 
     def tune(self, tuning: Tuning) -> None:
         """See `Model.tune`."""
@@ -51,7 +52,8 @@ class FakeModel:
         """See `Model.infer`."""
         if self.broken:
             raise ModelError("no memory")
-        return await asyncio.to_thread(lambda: [self._look(request) for request in batch])
+        async with self._turn:
+            return await asyncio.to_thread(lambda: [self._look(request) for request in batch])
 
     def _look(self, request: Request) -> Outcome:
         try:
