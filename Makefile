@@ -4,7 +4,7 @@ BIN := .venv/bin
 SECONDS ?=
 ROBOTS ?= 3
 
-.PHONY: demo test lint types tests ros postgresql bench fuzz clean help
+.PHONY: demo test lint types tests ros postgresql chromium bench fuzz clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -12,7 +12,7 @@ help:  ## list the targets
 demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
 	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
 
-test: .venv/.test ros postgresql lint types tests  ## install what the tests need and run every check
+test: .venv/.test ros postgresql chromium lint types tests  ## install what the tests need and run every check
 
 lint:
 	@echo "[check] format, lint"
@@ -32,6 +32,9 @@ ros:
 
 postgresql:
 	@tests/integration/install-postgresql.sh
+
+chromium:
+	@tests/integration/install-chromium.sh
 
 bench: .venv/.test ros  ## measure the gateway against a rospy one, side by side
 	@$(BIN)/python -m benchmarks.gateway
