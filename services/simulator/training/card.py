@@ -28,7 +28,7 @@ one command:
     {command}
 
 - Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}: {coarse_epochs} epochs at half
-  the size and {epochs} at the whole.
+  the size, {epochs} at the whole and {polish_epochs} more with the learning rate raised once again.
 - The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering included, with
   {workers} workers on device {device}.
 - Python {python}, {versions}.
@@ -120,13 +120,13 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> 
         confidence=CONFIDENCE,
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
         **settings.model_dump(
-            include={"imgsz", "seed", "images", "coarse_epochs", "epochs", "batch", "workers", "holdout"}
+            include={"imgsz", "seed", "images", "coarse_epochs", "epochs", "polish_epochs", "batch", "workers", "holdout"}
         ),
     )
 
 
 def _command(settings: TrainingSettings) -> str:
-    asked = {"seed", "images", "holdout", "coarse_epochs", "epochs", "imgsz", "batch"}
+    asked = {"seed", "images", "holdout", "coarse_epochs", "epochs", "polish_epochs", "imgsz", "batch"}
     options = settings.model_dump(include=asked, exclude_defaults=True)
     return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {value}" for name, value in options.items())])
 

@@ -73,7 +73,7 @@ def _claim(work_dir: Path, settings: TrainingSettings) -> None:
     work_dir.mkdir(parents=True, exist_ok=True)
     note = work_dir / "settings.json"
     wanted = settings.model_dump_json(
-        include={"seed", "images", "holdout", "coarse_epochs", "epochs", "imgsz", "batch"}
+        include={"seed", "images", "holdout", "coarse_epochs", "epochs", "polish_epochs", "imgsz", "batch"}
     )
     if note.exists() and note.read_text() != wanted:
         raise TrainingError(f"{work_dir} holds a run with other settings: choose another work_dir or remove it")

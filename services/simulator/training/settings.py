@@ -17,6 +17,9 @@ class TrainingSettings(BaseModel):
     holdout: PositiveInt = Field(default=300, description="Images of other scenes to evaluate on, never trained on.")
     coarse_epochs: int = Field(default=4, ge=0, description="First passes over the images, at half the size.")
     epochs: PositiveInt = Field(default=2, description="Passes over the images at their whole size.")
+    polish_epochs: int = Field(
+        default=3, ge=0, description="Last passes at the whole size, the learning rate raised once more to fall slowly."
+    )
     imgsz: PositiveInt = Field(default=640, multiple_of=32, description="Longer side of the model's input in pixels.")
     batch: PositiveInt = Field(default=8, description="Images per step.")
     workers: PositiveInt = Field(default=2, description="Processes that render, and threads that train without a GPU.")

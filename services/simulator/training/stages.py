@@ -1,4 +1,8 @@
-"""The stages of a training run: first small pictures, which teach most for their time, then whole ones. Pure."""
+"""The stages of a training run: small pictures, which teach most for their time, whole ones, and whole ones again.
+
+Pure. The last stage begins at a higher rate than the one before it ended with (a warm restart: Loshchilov and Hutter,
+"SGDR", 2017), and lets it fall over all its epochs.
+"""
 
 import math
 from dataclasses import dataclass
@@ -37,4 +41,5 @@ def stages_of(settings: TrainingSettings) -> tuple[Stage, ...]:
     half = -(-settings.imgsz // 64) * 32
     coarse = Stage("coarse", half, settings.coarse_epochs, 2e-3, 5e-4)
     fine = Stage("fine", settings.imgsz, settings.epochs, 1.5e-3, 3e-5, hold=1)
-    return (coarse, fine) if settings.coarse_epochs else (fine,)
+    polish = Stage("polish", settings.imgsz, settings.polish_epochs, 8e-4, 1e-5, hold=0)
+    return tuple(stage for stage in (coarse, fine, polish) if stage.epochs)

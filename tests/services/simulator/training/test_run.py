@@ -45,6 +45,7 @@ def small(folder: Path) -> TrainingSettings:
         holdout=1,
         coarse_epochs=1,
         epochs=2,
+        polish_epochs=1,
         imgsz=64,
         batch=2,
         workers=1,
@@ -55,7 +56,7 @@ def small(folder: Path) -> TrainingSettings:
 
 
 def fine(settings: TrainingSettings) -> Stage:
-    return stages_of(settings)[-1]
+    return stages_of(settings)[-2]
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +81,7 @@ def resumed(interrupted: TrainingSettings) -> Recorder:
 def test_a_run_goes_on_after_the_last_whole_epoch(resumed: Recorder) -> None:
     assert resumed.of("train coarse") == []
     assert resumed.of("train fine") == [BATCHES + 1, 2 * BATCHES]
+    assert resumed.of("train polish") == [1, BATCHES]
     assert resumed.of("render")[-1] == 3
     stage, done, total = resumed.reports[-1]
     assert (stage, done) == ("drive", total)

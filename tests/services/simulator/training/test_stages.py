@@ -7,10 +7,11 @@ from services.simulator.training.stages import Stage, stages_of
 
 
 def test_small_pictures_come_first_unless_there_are_no_passes_for_them() -> None:
-    coarse, fine = stages_of(TrainingSettings(coarse_epochs=2, epochs=3, imgsz=640))
+    coarse, fine, polish = stages_of(TrainingSettings(coarse_epochs=2, epochs=3, polish_epochs=4, imgsz=640))
     assert (coarse.name, coarse.imgsz, coarse.epochs) == ("coarse", 320, 2)
     assert (fine.name, fine.imgsz, fine.epochs) == ("fine", 640, 3)
-    assert stages_of(TrainingSettings(coarse_epochs=0, epochs=3)) == (fine,)
+    assert (polish.name, polish.imgsz, polish.epochs) == ("polish", 640, 4)
+    assert stages_of(TrainingSettings(coarse_epochs=0, epochs=3, polish_epochs=0)) == (fine,)
 
 
 @pytest.mark.parametrize(("imgsz", "half"), [(640, 320), (96, 64), (32, 32)])
@@ -20,7 +21,7 @@ def test_half_the_size_is_one_that_the_model_takes(imgsz: int, half: int) -> Non
 
 def test_each_stage_has_a_checkpoint_of_its_own() -> None:
     names = {stage.checkpoint(Path("w")) for stage in stages_of(TrainingSettings())}
-    assert names == {Path("w/coarse.pt"), Path("w/fine.pt")}
+    assert names == {Path("w/coarse.pt"), Path("w/fine.pt"), Path("w/polish.pt")}
 
 
 @pytest.mark.parametrize(("epochs", "share"), [(0, 1), (1, 1), (2, 0.51), (3, 0.02), (4, 0.02)])
