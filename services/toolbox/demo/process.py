@@ -11,6 +11,7 @@ from rich.console import Console
 
 from bus import BusSettings, open_bus
 from bus.clock import clock_id
+from schemas.printing import printable
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
@@ -93,7 +94,7 @@ async def _show_until_over(
 
     def say(line: str) -> None:
         if not ending.is_set():  # then each misses the others, as it should
-            console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
+            console.print(printable(line), markup=False, highlight=False, soft_wrap=True, style="dim")
 
     note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
     async with asyncio.TaskGroup() as group:
