@@ -3,6 +3,8 @@ SHELL := /bin/bash
 BIN := .venv/bin
 SECONDS ?=
 ROBOTS ?= 3
+BENCHMARKS ?=
+REPEAT ?= 1
 
 .PHONY: demo test lint types tests ros postgresql chromium bench fuzz clean help
 
@@ -36,8 +38,8 @@ postgresql:
 chromium:
 	@tests/integration/install-chromium.sh
 
-bench: .venv/.test ros  ## measure the gateway against a rospy one, side by side
-	@$(BIN)/python -m benchmarks.gateway
+bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMARKS="gateway space", REPEAT=3)
+	@$(BIN)/python -m benchmarks $(BENCHMARKS) --repeat $(REPEAT); done=$$?; $(BIN)/python -m benchmarks.plots && exit $$done
 
 fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000000 for more)
 	@$(BIN)/python -m tests.fuzz --inputs $(or $(INPUTS),1000000)

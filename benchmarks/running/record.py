@@ -64,7 +64,7 @@ def middle(value: Any) -> float:
     Raises:
         ValueError: it is no figure.
     """
-    found = value.get("median") if isinstance(value, Mapping) else value
+    found: Any = value.get("median") if isinstance(value, Mapping) else value
     if not _is_number(found):
         raise ValueError(f"no figure: {str(value)[:80]}")
     return float(found)

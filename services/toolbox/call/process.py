@@ -24,7 +24,7 @@ async def run(settings: CallSettings) -> int:
             return _fail(str(error))
     if response.success is False:
         return _fail(f"{settings.service} did not succeed: {response.message or 'it does not say why'}")
-    sys.stdout.write(f"{printable(response.message) or 'done'}\n")
+    sys.stdout.write(f"{printable(response.message or 'done')}\n")
     return 0
 
 
