@@ -38,7 +38,7 @@ async def latched(bus: Bus) -> AsyncIterator[Latched]:
 
 async def kept(bus: Bus, count: int) -> set[str]:
     """Return what a late subscriber gets."""
-    async with bus.subscribe(KEY, QUEUE(MAX_PUBLISHERS + 1)) as late, asyncio.timeout(10):
+    async with bus.subscribe(KEY, QUEUE(MAX_PUBLISHERS + 1)) as late, asyncio.timeout(60):
         return {codec.decode(Text, (await anext(late)).payload, ENCODING).text for _ in range(count)}
 
 

@@ -87,7 +87,7 @@ async def frame_from(rig: Rig, topic: str) -> ImageFrame:
         publication.publish(b"garbage")
         await until(lambda: rig.offers.streams()[0].received > before, "the garbage has come")
         publication.publish(message(0))
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             sample = await anext(frames)
     return codec.decode(ImageFrame, sample.payload, sample.encoding)
 
@@ -198,7 +198,7 @@ async def test_points_and_the_picture_in_them_share_a_subscription(rig: Rig) -> 
         await until(lambda: publication.subscriber_count == 1, "it is subscribed once")
         await until(lambda: all(status.publishers == 1 for status in rig.offers.streams()), "both are connected")
         publication.publish(bytes(colored().data))
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             picture, cloud = await anext(pictures), await anext(clouds)
         frame = codec.decode(ImageFrame, picture.payload, picture.encoding)
         about = codec.decode(PointCloud, cloud.payload, cloud.encoding).header

@@ -93,13 +93,13 @@ class Rig:
 
 
 async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while not condition():  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.005)
 
 
 async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         sample = await anext(subscription)
     return codec.decode(schema, sample.payload, sample.encoding)
 

@@ -23,6 +23,7 @@ from tests.schemas.pictures import compressed, file_of
 from tests.services.detector.fakes import FakeModel
 
 ME = WorkerAlive("detector", "w1")
+PATIENCE_S = 60
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")
 
 
@@ -48,17 +49,18 @@ class Rig:
             yield publisher
 
     async def model_called(self) -> None:
-        await asyncio.to_thread(self.model.called.acquire, timeout=5)
+        """Wait until a frame is with the model, which has been waited for as often as this was called before."""
+        assert await asyncio.to_thread(self.model.called.acquire, timeout=PATIENCE_S)
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while not condition():  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.005)
 
 
 async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         sample = await anext(subscription)
     return codec.decode(schema, sample.payload, sample.encoding)
 
@@ -157,6 +159,7 @@ async def test_a_bad_frame_is_counted_and_harms_no_other(rig: Rig) -> None:
         for bad in (b"garbage", codec.encode(other), codec.encode(frame(2, color=FakeModel.FATAL))):
             front.put(bad)
             await asyncio.sleep(0.02)
+        await rig.model_called()
         front.put(codec.encode(frame(3)))
         assert (await receive(classes, ClassList)).header.seq == 3
         rear.put(codec.encode(frame(0, REAR)))
@@ -175,7 +178,7 @@ async def test_a_depth_image_is_refused_for_what_it_is(rig: Rig) -> None:
         await until(lambda: camera.wanted)
         for seq, encoding in enumerate(("16UC1", "32FC1")):
             camera.put(codec.encode(msgspec.structs.replace(frame(seq), width=4, encoding=encoding)))
-            await asyncio.sleep(0.02)
+            await rig.model_called()
         camera.put(codec.encode(frame(2)))
         assert (await receive(classes, ClassList)).header.seq == 2
         assert (await loads_after(statuses, inferred=1))["front"].dropped == {DEPTH: 2}
@@ -191,7 +194,7 @@ async def test_a_compressed_picture_is_decoded_and_a_damaged_one_is_malformed(ri
     ):
         await until(lambda: camera.wanted)
         camera.put(codec.encode(compressed(file[:40], "rgb8", 18)))
-        await asyncio.sleep(0.02)
+        await rig.model_called()
         camera.put(codec.encode(msgspec.structs.replace(compressed(file, "rgb8", 18), header=header(seq=1))))
         await receive(classes, ClassList)
         assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}
@@ -275,7 +278,11 @@ async def test_the_worker_is_present_and_says_goodbye(rig: Rig) -> None:
 
 
 async def test_it_says_where_a_cameras_frames_go_while_it_wants_them(rig: Rig) -> None:
-    async with rig.camera(FRONT) as camera, rig.bus.watch(keys.every_wanted("r1")) as watch, asyncio.timeout(5):
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.watch(keys.every_wanted("r1")) as watch,
+        asyncio.timeout(PATIENCE_S),
+    ):
         async with rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)):
             token = await anext(watch)
             assert keys.parse_wanted(token.key) == Wanted(StreamKey(FRONT, Stream.COLOR), clock_id(), "w1")
@@ -295,7 +302,7 @@ async def test_zstd_data_is_inferred_from_and_damaged_data_is_malformed(rig: Rig
         for seq, sent in enumerate((data[:-1], data)):
             about = header(seq=seq)
             camera.put(codec.encode(msgspec.structs.replace(raw, header=about, format="zstd", data=memoryview(sent))))
-            await asyncio.sleep(0.02)
+            await rig.model_called()
         await receive(classes, ClassList)
         assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}
     assert [tuple(image[3, 5]) for image in rig.model.seen] == [(1, 2, 3)]

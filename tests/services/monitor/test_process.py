@@ -23,6 +23,7 @@ from tests.schemas.results import distances, known
 FRONT = CameraKey("r1", "front")
 SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")
 GATEWAY = GatewayStatus(robot="r1", boot_id="b", clock_id="clock", sent_ns=1)
+STATUSES = (keys.gateway_status("r1"), keys.worker_status("detector", "w1"))
 WORKER = WorkerStatus(service="detector", worker="w1", model="m", sent_ns=1)
 
 
@@ -37,7 +38,9 @@ async def bus(fleet: Fleet) -> AsyncIterator[Bus]:
     network = FakeNetwork()
     async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
         watching = group.create_task(watch_fleet(ours, fleet))
-        await asyncio.sleep(0.01)
+        for key in (FRONT.stream(Stream.DISTANCES), FRONT.stream(Stream.CLASSES), *STATUSES):
+            async with theirs.publisher(key, QoS.RESULT, encoding="") as publisher:
+                await until(lambda publisher=publisher: publisher.wanted)  # type: ignore[misc]
         yield theirs
         watching.cancel()
 
@@ -52,7 +55,7 @@ async def send(bus: Bus, key: str, payload: bytes, encoding: str) -> None:
 
 
 async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         while not condition():  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.005)
 
