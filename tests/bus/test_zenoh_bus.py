@@ -252,7 +252,6 @@ async def test_a_process_that_hangs_is_gone_after_the_lease_and_comes_back() -> 
 
 async def test_a_router_that_hangs_holds_nobody_up(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, logger="asyncio")
-    asyncio.get_running_loop().slow_callback_duration = 3
     endpoint = free_endpoint()
     async with running(ROUTER, endpoint, "30") as hub:
         here_settings = BusSettings(connect=[endpoint], lease_s=30, shared_memory=False)

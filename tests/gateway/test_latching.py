@@ -78,7 +78,7 @@ async def test_a_publisher_more_than_there_is_room_for_is_told_so(
     assert await kept(bus, MAX_PUBLISHERS) == names
     latched.forget("0")
     assert latched.put("one more", text("x"), 1)
-    assert [record.name for record in caplog.records].count("gateway.latching") == 1  # asyncio may say that it was slow
+    assert [record.name for record in caplog.records].count("gateway.latching") == 1
 
 
 async def test_what_is_kept_is_bounded_together_and_an_old_message_never_outlives_a_newer_one(
