@@ -12,8 +12,9 @@ from bus.sharing.asking import Asked
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from schemas.header import MAX_LABEL
-from schemas.keys import CameraKey, Stream, WorkerAlive
+from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_STREAMS, WorkerStatus
+from schemas.worker_keys import WorkerAlive
 from services.detector.account import Account, open_account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving

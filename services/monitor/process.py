@@ -10,7 +10,7 @@ from rich.console import Console
 
 from bus import QUEUE, Bus, Sample, open_bus
 from bus.clock import clock_id
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.detections import ClassList
 from schemas.distances import Distances
 from schemas.errors import SchemaError
@@ -82,7 +82,7 @@ async def watch_fleet(
         keys.every_stream(Stream.CLASSES): lambda sample: told(_class_list(fleet, sample)),
         keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
-        keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
+        worker_keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
     }
     cameras = keys.every_stream_alive(Stream.COLOR)
     async with answer_inventory(bus, fleet.inventory), asyncio.TaskGroup() as group:
@@ -154,7 +154,7 @@ def _gateway_status(fleet: Fleet, sample: Sample) -> None:
 
 def _worker_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(WorkerStatus, sample.payload, sample.encoding)
-    if (status.service, status.worker) != keys.parse_worker(sample.key):
+    if (status.service, status.worker) != worker_keys.parse_worker(sample.key):
         raise SchemaError(f"status of {status.service}/{status.worker}")
     fleet.worker_status(status)
 

@@ -167,7 +167,11 @@ def bus_threads() -> list[str]:
 
 
 def warnings_in(caplog: pytest.LogCaptureFixture) -> list[str]:
-    return [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+    return [
+        record.getMessage()
+        for record in caplog.records
+        if record.levelno == logging.WARNING and record.name.startswith("bus.")
+    ]
 
 
 async def test_a_client_waits_for_its_router(caplog: pytest.LogCaptureFixture) -> None:

@@ -12,7 +12,7 @@ from typing import Final
 import msgspec
 
 from bus import Bus, NotServedError, RefusedError, RequestError, open_bus
-from schemas import codec, keys
+from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
 from schemas.printing import printable
@@ -68,7 +68,7 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
         reason: RequestError = NotServedError(f"no detector worker was seen within {settings.timeout_s:g} s")
         for worker in random.sample(workers, len(workers)):
             try:
-                reply = await bus.request(keys.infer(worker), image, timeout_s=settings.timeout_s)
+                reply = await bus.request(worker_keys.infer(worker), image, timeout_s=settings.timeout_s)
             except RefusedError as error:
                 if BUSY not in str(error):
                     raise
@@ -95,11 +95,11 @@ async def _workers(bus: Bus, patience_s: float) -> list[str]:
 
 
 async def _appearing(bus: Bus) -> AsyncIterator[str]:
-    async with bus.watch(keys.every_worker_alive(SERVICE)) as watch:
+    async with bus.watch(worker_keys.every_worker_alive(SERVICE)) as watch:
         async for presence in watch:
             with suppress(SchemaError):
                 if presence.alive:
-                    yield keys.parse_worker_alive(presence.key).worker
+                    yield worker_keys.parse_worker_alive(presence.key).worker
 
 
 def _draw(found: Detections, image: bytes, output: Path) -> None:

@@ -15,7 +15,8 @@ from schemas import codec, keys
 from schemas.budget import RateBudget
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, WorkerAlive
+from schemas.keys import CameraKey, Stream
+from schemas.worker_keys import WorkerAlive
 from services.detector.worker import Worker
 from tests.contract.waiting import next_of, until
 from tests.schemas.frames import header, image

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from bus import Bus, QoS
 from bus.fake import FakeNetwork
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.codec import Message
 from schemas.detections import ClassCount, ClassList
 from schemas.inventory import InventoryAnswer
@@ -23,7 +23,7 @@ from tests.schemas.results import distances, known
 FRONT = CameraKey("r1", "front")
 SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")
 GATEWAY = GatewayStatus(robot="r1", boot_id="b", clock_id="clock", sent_ns=1)
-STATUSES = (keys.gateway_status("r1"), keys.worker_status("detector", "w1"))
+STATUSES = (keys.gateway_status("r1"), worker_keys.worker_status("detector", "w1"))
 WORKER = WorkerStatus(service="detector", worker="w1", model="m", sent_ns=1)
 
 
@@ -83,7 +83,7 @@ async def test_distances_reach_the_inventory_and_programs_may_ask(bus: Bus, flee
 
 async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     await publish(bus, keys.gateway_status("r1"), GATEWAY)
-    await publish(bus, keys.worker_status("detector", "w1"), WORKER)
+    await publish(bus, worker_keys.worker_status("detector", "w1"), WORKER)
     await until(lambda: fleet.gateways and fleet.workers)
     assert fleet.gateways == {"r1": GATEWAY}
     assert fleet.workers == {("detector", "w1"): WORKER}

@@ -12,7 +12,7 @@ import pytest
 
 from bus import BusSettings, open_bus
 from schemas.detections import Box, Detection, Detections
-from schemas.keys import WorkerAlive
+from schemas.worker_keys import WorkerAlive
 from services.detector.requests import answering
 from services.toolbox.demo.ports import free_ports
 from services.toolbox.detect.process import run, table
