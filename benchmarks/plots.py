@@ -1,4 +1,4 @@
-"""Draws the pictures that README and docs show, each from one benchmark's kept JSON file alone.
+"""Draws the pictures that README and docs show, each from one kept JSON file alone.
 
 The same file gives the same bytes. A picture whose benchmark was never run is left out; one that lacks a figure stays
 as it was, is named, and makes the exit code 1.
@@ -23,12 +23,12 @@ def draw(results: Path, plots: Path) -> list[str]:
     """
     wrong = []
     for name, picture in PICTURES.items():
-        kept = results / f"{name}.json"
+        kept = results / f"{picture.benchmark}.json"
         if not kept.exists():
-            sys.stderr.write(f"{name}: not in {results}\n")
+            sys.stderr.write(f"{name}: {kept} is not there\n")
             continue
         try:
-            drawn = svg(picture(Figures(json.loads(kept.read_bytes()))))
+            drawn = svg(picture.draw(Figures(json.loads(kept.read_bytes()))))
         except (NoFigureError, ValueError) as error:
             wrong.append(f"{kept}: {error}")
             continue

@@ -53,6 +53,29 @@ class Figures:
         """
         return self.bar(*path).value
 
+    def table(self, name: str) -> list["Figures"]:
+        """Return the rows of a figure that is a list of objects.
+
+        Raises:
+            NoFigureError: there is none.
+        """
+        rows = self._at(name)
+        if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
+            raise NoFigureError(f"{self._named((name,))}: no table")
+        return [Figures({**self.record, "figures": row}) for row in rows]
+
+    def has(self, name: str) -> bool:
+        """Whether a figure could be measured."""
+        return self.record.get("figures", {}).get(name) is not None
+
+    def text(self, name: str) -> str:
+        """Return a figure that is a word.
+
+        Raises:
+            NoFigureError: there is none.
+        """
+        return str(self._at(name))
+
     def limit(self, target: str) -> float:
         """Return what was aimed at.
 

@@ -1,6 +1,7 @@
 """The pictures that README and docs show. Each is of one benchmark's record."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 from matplotlib.figure import Figure
@@ -39,7 +40,7 @@ SETS: Final = {
     "guide_sets_per_s_torch": ("the guide's pipeline, torch", OTHERS),
 }
 AGES: Final = {
-    "fleetsight_age_p50_ms_1hz": ("fleetsight, torch", OURS),
+    "fleetsight_age_p50_ms_1hz": ("fleetsight, quickest runtime", OURS),
     "guide_age_p50_ms_1hz": ("the guide's pipeline, torch", OTHERS),
 }
 
@@ -106,11 +107,31 @@ def guide(found: Figures) -> Figure:
     return figure
 
 
-PICTURES: Final[Mapping[str, Callable[[Figures], Figure]]] = {
-    "gateway": gateway,
-    "scaling": scaling,
-    "space": space,
-    "detector": detector,
-    "guide": guide,
+def hops(found: Figures) -> Figure:
+    """Where the milliseconds of one image's way go, hop by hop, beside what each cannot be quicker than."""
+    known = [row for row in found.table("hops") if row.has("ms")]
+    with picture("One image's way through fleetsight, at 1 Hz", found.source(), len(known)) as (figure, (way,)):
+        rows = [(row.text("hop"), row.bar("ms"), OURS) for row in known]
+        bars(
+            way, "median, ms", rows, "{:.2f}", [row.value("limit_ms") if row.has("limit_ms") else None for row in known]
+        )
+    return figure
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture and the benchmark that it is of."""
+
+    benchmark: str
+    draw: Callable[[Figures], Figure]
+
+
+PICTURES: Final[Mapping[str, Picture]] = {
+    "gateway": Picture("gateway", gateway),
+    "scaling": Picture("scaling", scaling),
+    "space": Picture("space", space),
+    "detector": Picture("detector", detector),
+    "guide": Picture("guide", guide),
+    "hops": Picture("guide", hops),
 }
-"""By the name of the benchmark, and of the file."""
+"""By the name of the file."""

@@ -56,7 +56,7 @@ def picture(title: str, source: str, rows: int, panels: int = 1) -> Iterator[tup
         figure.supxlabel(source, x=0.01, ha="left", fontsize=7)
 
 
-def bars(axes: Axes, title: str, rows: Sequence[Row], form: str, limits: Sequence[float] = ()) -> None:
+def bars(axes: Axes, title: str, rows: Sequence[Row], form: str, limits: Sequence[float | None] = ()) -> None:
     """Draw bars from the top down, each with its value, a line from its least to its greatest, and its limit."""
     values = [bar.value for _, bar, _ in rows]
     axes.barh(range(len(rows)), values, 0.62, color=[color for *_, color in rows])
@@ -66,11 +66,12 @@ def bars(axes: Axes, title: str, rows: Sequence[Row], form: str, limits: Sequenc
     for place, (_, bar, _) in enumerate(rows):
         if bar.least < bar.greatest:
             axes.plot([bar.least, bar.greatest], [place, place], color=INK, linewidth=0.8, marker="|", markersize=5)
-        aimed = limits[place : place + 1]
+        aimed = [limit for limit in limits[place : place + 1] if limit is not None]
         text = ", limit ".join(form.format(value) for value in (bar.value, *aimed))
         _label(axes, text, max([bar.greatest, *aimed]), place)
-    if limits:
-        axes.scatter(limits, range(len(limits)), marker="|", s=230, linewidths=2, color=LIMIT, zorder=3)
+    if any(limit is not None for limit in limits):
+        known = [(limit, place) for place, limit in enumerate(limits) if limit is not None]
+        axes.scatter(*zip(*known, strict=True), marker="|", s=230, linewidths=2, color=LIMIT, zorder=3)
         axes.margins(x=0.6)
 
 

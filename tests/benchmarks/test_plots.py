@@ -20,7 +20,7 @@ def test_what_was_measured_is_drawn_and_the_rest_named(tmp_path: Path, capfd: py
     (tmp_path / "gateway.json").write_text(json.dumps(kept("gateway")))
     assert drawn(tmp_path, tmp_path / "new" / "plots") == 0
     assert [path.name for path in (tmp_path / "new" / "plots").iterdir()] == ["gateway.svg"]
-    assert f"scaling: not in {tmp_path}" in capfd.readouterr().err
+    assert f"scaling: {tmp_path / 'scaling.json'} is not there" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

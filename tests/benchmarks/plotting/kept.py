@@ -33,6 +33,11 @@ FIGURES: dict[str, dict[str, Any]] = {
         "guide_sets_per_s_torch": 1.7,
         "fleetsight_age_p50_ms_1hz": 150,
         "guide_age_p50_ms_1hz": 901,
+        "hops": [
+            {"hop": "model", "ms": {"min": 50, "median": 52.25, "max": 55}, "limit": "a bare call", "limit_ms": 48.5},
+            {"hop": "tracking", "ms": 1.5, "limit": None, "limit_ms": None},
+            {"hop": "monitor", "ms": None, "limit": None, "limit_ms": None},
+        ],
     },
 }
 

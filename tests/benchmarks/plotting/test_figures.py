@@ -15,6 +15,7 @@ FOUND = Figures(
             "alone": 4,
             "often": {"min": 1, "median": 2.5, "max": 9},
             "name": "torch",
+            "hops": [{"hop": "model", "ms": 2}, {"hop": "link", "ms": None}],
             "spread": {"fast": [2, 5], "often": [0, 99], "deep": {"p50": 0.5}},
         },
     }
@@ -26,6 +27,13 @@ def test_a_figure_has_the_spread_of_its_run_or_of_all_runs() -> None:
     assert FOUND.bar("alone") == Bar(4, 4, 4)
     assert FOUND.bar("often") == Bar(2.5, 1, 9)
     assert FOUND.value("spread", "deep", "p50") == 0.5
+
+
+def test_the_rows_of_a_table() -> None:
+    assert [(row.text("hop"), row.has("ms")) for row in FOUND.table("hops")] == [("model", True), ("link", False)]
+    assert FOUND.table("hops")[0].bar("ms") == Bar(2, 2, 2)
+    with pytest.raises(NoFigureError, match="speed: fast: no table"):
+        FOUND.table("fast")
 
 
 def test_limits_of_both_kinds() -> None:
