@@ -15,4 +15,4 @@ async def test_it_hears_itself() -> None:
                 await asyncio.sleep(0.01)
         running.cancel()
         await asyncio.wait([running])
-    assert health.problem == "the bus is closed"
+    assert str(health.problem) == "the bus is closed"

@@ -1,4 +1,5 @@
 import asyncio
+from collections.abc import Iterator
 
 import pytest
 
@@ -21,7 +22,7 @@ async def test_it_is_made_once_for_all_who_ask_and_again_when_it_is_old() -> Non
 
 
 async def test_what_fails_is_tried_again() -> None:
-    tries = iter([ValueError("no"), 7])
+    tries: Iterator[int | ValueError] = iter([ValueError("no"), 7])
 
     async def make() -> int:
         found = next(tries)

@@ -46,7 +46,8 @@ async def test_pages_are_whole_together(web: Web) -> None:
     for number in range(5):
         web.monitor.fleet.robot_presence(f"r{number}", alive=True)
     async with await web.program() as program:
-        found, after = [], {}
+        found: list[list[str]] = []
+        after: dict[str, str] = {}
         while True:
             page = (await program.get("/api/v1/robots", params={"limit": 2, **after})).json()
             found.append([each["name"] for each in page["items"]])

@@ -65,11 +65,12 @@ async def test_a_session_is_kept_over_a_restart_and_ends_when_it_is_not_used(tmp
     access = access_to(tmp_path, clock)
     assert access.visitor(session, Kind.SESSION) is None
     await access.look()
+    visitor = access.visitor(session, Kind.SESSION)
+    assert visitor is not None
     for _ in range(3):  # each use moves its end
         clock.ns += HOUR_NS * 2 // 3
         await access.look()
-        visitor = access.visitor(session, Kind.SESSION)
-        assert visitor is not None
+        assert access.visitor(session, Kind.SESSION) is not None
         await access.look()
     clock.ns += HOUR_NS
     assert (visitor.may_look, access.visitor(session, Kind.SESSION)) == (False, None)
