@@ -153,6 +153,12 @@ def parse_service(key: str) -> tuple[str, str]:
     raise SchemaError(f"not a service's key: {key[:200]!r}")
 
 
+def monitor_pulse(monitor: str) -> str:
+    """Return the key under which a monitor sends to itself, to know that it can hear."""
+    check_name("monitor", monitor)
+    return f"services/monitor/{monitor}/pulse"
+
+
 def budget(camera: CameraKey) -> str:
     """Return the key of the RateBudgets of a camera's consumers."""
     return f"fleet/{camera}/{BUDGET}"

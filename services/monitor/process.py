@@ -3,8 +3,8 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
 
 from rich.console import Console
 
@@ -21,11 +21,15 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.answering import answer_inventory
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
+from services.monitor.health import Health
+from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
+from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
+from services.monitor.web.process import Web
 
 log = logging.getLogger(__name__)
 
@@ -42,29 +46,53 @@ async def run(settings: MonitorSettings) -> None:
 
     Raises:
         RuleFileError: the rule file cannot be used.
+        WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
     """
+    web = Web.of(settings) if settings.web else None
     fleet = Fleet(clock_id(), settings.limits())
+    async with open_bus(settings) as bus, running(settings, bus, fleet) as monitor, asyncio.TaskGroup() as group:
+        if web is not None:
+            group.create_task(web.run(monitor))
+
+        def problems() -> list[str]:
+            return [*monitor.problems(), *([] if web is None else web.notes())]
+
+        notes = [_how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
+        group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
+
+
+@asynccontextmanager
+async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIterator[Monitor]:
+    """Watch the fleet, keep its history and raise alerts until leaving.
+
+    Raises:
+        RuleFileError: the rule file cannot be used.
+    """
     rules = RuleFile(settings.rules)
     await rules.load()
     alerting = Alerting(rules, fleet.inventory)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
 
     def told(changes: Sequence[Change]) -> None:
         if changes:
             history.take(changes)
             alerting.take(changes)
 
-    def problems() -> list[str]:
-        not_kept = history.status.problem
-        return [f"history is not being kept: {not_kept}"] * bool(not_kept) + [rules.problem] * bool(rules.problem)
-
-    async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        await history.restore()
-        group.create_task(history.run())
-        group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads))
-        group.create_task(watch_fleet(bus, fleet, told, alerting.measured))
-        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings), problems=problems))
+    await history.restore()
+    async with asyncio.TaskGroup() as group:
+        tasks = [
+            group.create_task(history.run()),
+            group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads)),
+            group.create_task(watch_fleet(bus, fleet, told, alerting.measured)),
+            group.create_task(monitor.health.run()),
+        ]
+        try:
+            yield monitor
+        finally:
+            for task in tasks:
+                task.cancel()
 
 
 def _nobody(_: object) -> None:
@@ -149,14 +177,14 @@ def _gateway_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
     if status.robot != keys.parse_robot(sample.key):
         raise SchemaError(f"status of {status.robot}")
-    fleet.gateway_status(status)
+    fleet.gateway_status(status, sample.received_ns)
 
 
 def _worker_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(WorkerStatus, sample.payload, sample.encoding)
     if (status.service, status.worker) != worker_keys.parse_worker(sample.key):
         raise SchemaError(f"status of {status.service}/{status.worker}")
-    fleet.worker_status(status)
+    fleet.worker_status(status, sample.received_ns)
 
 
 def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:
