@@ -3,6 +3,8 @@
 from fastapi import FastAPI
 
 from services.monitor.monitor import Monitor
+from services.monitor.page.chart import Charts
+from services.monitor.page.inventory import add_inventory
 from services.monitor.page.overview import add_overview
 from services.monitor.page.shared import Shared
 
@@ -10,4 +12,5 @@ from services.monitor.page.shared import Shared
 def add_pages(app: FastAPI, monitor: Monitor) -> None:  # noqa: ARG001 - nicegui's pages find their application themselves
     """Add every page. Whoever gets to one is logged in: the server sees to it."""
     shared = Shared(monitor)
-    add_overview(monitor, shared)
+    add_overview(shared, monitor)
+    add_inventory(shared, Charts(monitor.archive), monitor)
