@@ -3,8 +3,11 @@
 from fastapi import FastAPI
 
 from services.monitor.monitor import Monitor
+from services.monitor.page.alerts import add_alerts
 from services.monitor.page.chart import Charts
+from services.monitor.page.health import add_health
 from services.monitor.page.inventory import add_inventory
+from services.monitor.page.kept_alerts import KeptAlerts
 from services.monitor.page.overview import add_overview
 from services.monitor.page.shared import Shared
 
@@ -14,3 +17,5 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:  # noqa: ARG001 - nicegui
     shared = Shared(monitor)
     add_overview(shared, monitor)
     add_inventory(shared, Charts(monitor.archive), monitor)
+    add_alerts(monitor, KeptAlerts(monitor.archive))
+    add_health(shared, monitor)

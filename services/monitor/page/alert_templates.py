@@ -4,9 +4,7 @@ from typing import Final
 
 from services.monitor.page.templates import WHEN
 
-SEVERITY: Final = """
-<span :class="'fs-severity fs-' + props.row.severity">{{ props.row.severity }}</span>
-"""
+SEVERITY: Final = """<span :class="'fs-severity fs-' + props.row.severity">{{ props.row.severity }}</span>"""
 
 WHERE: Final = """
 <a v-if="props.row.camera" class="fs-link"
@@ -48,8 +46,8 @@ ENDED_BODY: Final = f"""
 
 CARD: Final = f"""
 <div class="fs-card" :data-alert="props.row.id">
-  <div class="fs-top"><span>{SEVERITY} <span class="fs-muted fs-small">{{{{ props.row.state }}}}</span></span
-    ><span class="fs-muted fs-small">{{{{ props.row.ended || props.row.raised }}}}</span></div>
+  <div class="fs-top"><span>{SEVERITY} <span class="fs-muted fs-small">{{{{ props.row.state }}}}</span></span>
+    <span class="fs-muted fs-small">{{{{ props.row.ended || props.row.raised }}}}</span></div>
   <div>{SAID}</div>
   <div class="fs-top"><span>{WHERE}</span></div>
   <div v-if="props.row.deeds.length">{DEEDS}</div>

@@ -118,9 +118,7 @@ class _Alerts:
         self._count(every, found)
         shown = sorted_alerts(found, window.sort, descending=window.descending)[window.begin : window.end]
         now_ns, may_act = time.time_ns(), leads and self._visitor.may_act
-        return [
-            alert_row(each, self._monitor.acts_of(each.id), now_ns, may_act=may_act) for each in shown
-        ], len(found)
+        return [alert_row(each, self._monitor.acts_of(each.id), now_ns, may_act=may_act) for each in shown], len(found)
 
     async def _load_ended(self, window: Window) -> tuple[Rows, int]:
         ended = await self._kept.ended()
@@ -128,9 +126,9 @@ class _Alerts:
         self._no_history.set_visibility(not ended.alerts)
         now_ns = time.time_ns()
         shown = sorted_alerts(ended.alerts, window.sort, descending=window.descending)[window.begin : window.end]
-        return [
-            alert_row(each, ended.acts.get(each.id, ()), now_ns, may_act=False) for each in shown
-        ], len(ended.alerts)
+        return [alert_row(each, ended.acts.get(each.id, ()), now_ns, may_act=False) for each in shown], len(
+            ended.alerts
+        )
 
     def _count(self, every: Sequence[Alert], found: Sequence[Alert]) -> None:
         counts = Counter(alert.severity for alert in every)
@@ -138,7 +136,9 @@ class _Alerts:
             tile.show(f"{counts[severity]:,}", on=severity is self._severity)
         self._tiles[Severity.CRITICAL].color("fs-bad" if counts[Severity.CRITICAL] else "")
         self._tiles[Severity.WARNING].color("fs-warn" if counts[Severity.WARNING] else "")
-        self._unseen.show(f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}")
+        self._unseen.show(
+            f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}"
+        )
         self._found.set_text(f"{len(found):,} of {len(every):,}" if len(found) != len(every) else "")
         self._calm.set_visibility(not every)
         self._none.set_visibility(bool(every) and not found)
@@ -172,4 +172,7 @@ def _what_raises(monitor: Monitor) -> Sequence[str]:
     rules = len(monitor.rules.book.rules)
     if rules:
         return (f"{rules} rules are in force.",)
-    return ("No rules are in force, so nothing raises any.", "Write some and start the monitor with --rules rules.yaml.")
+    return (
+        "No rules are in force, so nothing raises any.",
+        "Write some and start the monitor with --rules rules.yaml.",
+    )

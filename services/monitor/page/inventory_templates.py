@@ -6,10 +6,8 @@ from services.monitor.page.templates import WHEN
 
 CHOOSE: Final = "$parent.$emit('choose', [props.row.robot, props.row.camera, props.row.name])"
 
-LIVE_VIEW: Final = """
-<a class="fs-link" :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(props.row.camera)"
-  >{{ props.row.camera }}</a>
-"""
+LIVE_VIEW: Final = """<a class="fs-link"
+  :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(props.row.camera)">{{ props.row.camera }}</a>"""
 
 SIGHTING_BODY: Final = f"""
 <q-tr :props="props" :class="props.row.available ? '' : 'fs-stale'" :data-sighting="props.row.id">
@@ -22,8 +20,7 @@ SIGHTING_BODY: Final = f"""
   <q-td key="nearest" :props="props">{{{{ props.row.nearest }}}}</q-td>
   <q-td key="first" :props="props" {WHEN.format(at="props.row.first_at")}>{{{{ props.row.first }}}}</q-td>
   <q-td key="last" :props="props" {WHEN.format(at="props.row.last_at")}>{{{{ props.row.last }}}}</q-td>
-  <q-td key="worker" :props="props" class="fs-wide">{{{{ props.row.worker }}}}
-    <span class="fs-muted">{{{{ props.row.model }}}}</span></q-td>
+  <q-td key="worker" :props="props" class="fs-wide">{{{{ props.row.worker }}}} <span class="fs-muted">{{{{ props.row.model }}}}</span></q-td>
 </q-tr>
 """
 
@@ -33,7 +30,7 @@ SIGHTING_CARD: Final = f"""
     >{{{{ props.row.name }}}}</button></span><span class="fs-small">{{{{ props.row.nearest }}}}</span></div>
   <div class="fs-top"><span><strong>{{{{ props.row.robot }}}}</strong> {LIVE_VIEW}</span
     ><span class="fs-muted fs-small">{{{{ props.row.last }}}}</span></div>
-  <div class="fs-muted fs-small">{{{{ props.row.score }}}}, first seen {{{{ props.row.first }}}}, {{{{ props.row.worker }}}}
-    {{{{ props.row.model }}}}</div>
+  <div class="fs-muted fs-small">{{{{ props.row.score }}}}, first seen {{{{ props.row.first }}}},
+    {{{{ props.row.worker }}}} {{{{ props.row.model }}}}</div>
 </div>
 """

@@ -46,13 +46,13 @@ class LiveTable:
         self._load = load
         self._pagination = {"page": 1, "rowsPerPage": ROWS, "rowsNumber": 0, "sortBy": sort, "descending": False}
         self.table = ui.table(
-            columns=[_column(column) for column in columns],
+            columns=[_column(column, row_key) for column in columns],
             rows=[],
             row_key=row_key,
             pagination=dict(self._pagination),
         ).classes("fs-table")
         self.table.props(
-            f':rows-per-page-options="{list(CHOICES)}" flat dense binary-state-sort hide-no-data rows-per-page-label=Rows '
+            f':rows-per-page-options="{list(CHOICES)}" rows-per-page-label=Rows flat dense binary-state-sort hide-no-data '
             ':grid="Quasar.Screen.width < 821"'
         )
         self.table.add_slot("body", body)
@@ -92,10 +92,11 @@ class LiveTable:
         await self.refresh()
 
 
-def _column(column: Column) -> dict[str, Any]:
+def _column(column: Column, field: str) -> dict[str, Any]:
+    """Return it as Quasar takes it; the templates look up what they show, so any field will do."""
     return {
         "name": column.name,
-        "field": column.name,
+        "field": field,
         "label": column.label,
         "sortable": column.sortable,
         "align": column.align,

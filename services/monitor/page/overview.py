@@ -86,7 +86,9 @@ class _Overview:
         every = len(survey.picture.robots)
         for state, tile in self._tiles.items():
             count = survey.counts.get(state, 0)
-            tile.show(f"{count:,}", f"of {every:,}" if state is RobotState.ONLINE else "", on=self._wanted.state is state)
+            tile.show(
+                f"{count:,}", f"of {every:,}" if state is RobotState.ONLINE else "", on=self._wanted.state is state
+            )
             tile.color({RobotState.OFFLINE: "fs-bad", RobotState.ONLINE: ""}.get(state, "fs-warn") if count else "")
         self._cameras.show(f"{survey.live_cameras:,}", f"of {len(survey.picture.cameras):,}")
         self._rate.show(f"{survey.rate_hz:,.0f}", "/s")

@@ -1,12 +1,13 @@
 """Robots as rows of the overview's table. Pure."""
 
-from typing import Any
+from typing import Any, Final
 
+from services.monitor.page.health_rows import dropped_cells
 from services.monitor.page.robots import Robot, RobotState
-from services.monitor.page.words import age_text, ago, brief, iso, plural, rate_text
+from services.monitor.page.words import age_text, ago, iso, plural, rate_text
 from services.monitor.picture import CameraLine
 
-MAX_CAMERAS = 8
+MAX_CAMERAS: Final = 8
 """Cameras of one robot that are shown."""
 
 
@@ -21,8 +22,7 @@ def robot_row(robot: Robot, now_ns: int) -> dict[str, Any]:
         "seen_at": iso(line.last_ns) if robot.state in (RobotState.OFFLINE, RobotState.SILENT) else "",
         "cameras": [_camera(camera) for camera in robot.cameras[:MAX_CAMERAS]],
         "more": f"and {plural(more, 'camera')} more" if more > 0 else "",
-        "dropped": brief(sum(line.dropped.values())) if line.dropped else "",
-        "reasons": [[count, reason] for reason, count in sorted(line.dropped.items(), key=lambda item: -item[1])],
+        **dropped_cells(line.dropped),
     }
 
 

@@ -6,7 +6,8 @@ WHEN: Final = """:title="{at} ? new Date({at}).toLocaleString() : ''\""""
 """An attribute that says when something was, in the browser's own zone."""
 
 STATE: Final = """
-<span :class="'fs-state fs-' + props.row.state"><span :class="'fs-dot fs-' + props.row.state"></span>{{ props.row.state }}</span>
+<span :class="'fs-state fs-' + props.row.state"
+  ><span :class="'fs-dot fs-' + props.row.state"></span>{{ props.row.state }}</span>
 <div class="fs-why" v-if="props.row.why">{{ props.row.why }}</div>
 """
 
@@ -50,10 +51,12 @@ ROBOT_BODY: Final = f"""
 
 ROBOT_CARD: Final = f"""
 <div class="fs-card" :data-robot="props.row.robot">
-  <div class="fs-top"><strong>{{{{ props.row.robot }}}}</strong><span class="fs-muted fs-small">{{{{ props.row.seen }}}}</span></div>
+  <div class="fs-top"><strong>{{{{ props.row.robot }}}}</strong
+    ><span class="fs-muted fs-small">{{{{ props.row.seen }}}}</span></div>
   <div>{STATE}</div>
   <div v-for="camera in props.row.cameras" :class="camera.live ? 'fs-camera' : 'fs-camera fs-stale'">
-    <div class="fs-top"><span>{CAMERA}</span><span class="fs-small">{{{{ camera.age }}}} &middot; {{{{ camera.rate }}}}</span></div>
+    <div class="fs-top"><span>{CAMERA}</span
+      ><span class="fs-small">{{{{ camera.age }}}} &middot; {{{{ camera.rate }}}}</span></div>
     <div>{IN_VIEW}</div>
   </div>
   <div class="fs-why" v-if="props.row.more">{{{{ props.row.more }}}}</div>
