@@ -7,7 +7,6 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from typing import Any, Final
 
 from bus import Bus, BusSettings, QoS, open_bus
-from bus.clock import clock_id
 from schemas import codec, keys
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances
@@ -23,6 +22,8 @@ from tests.services.monitor.web.serving import monitor_on
 
 PERIOD_S: Final = 0.2
 MODEL: Final = "warehouse-n-seg"
+CLOCK: Final = "clock"
+"""The clock of the monitor that `monitor_on` makes: robots are on its machine."""
 
 
 class Robot:
@@ -95,7 +96,7 @@ class Robot:
         return GatewayStatus(
             robot=self.key.robot,
             boot_id="b",
-            clock_id=clock_id(),
+            clock_id=CLOCK,
             sent_ns=time.time_ns(),
             waiting_for=self.waiting_for,
             streams=[color],
