@@ -126,8 +126,7 @@ def _links(here: Place | None) -> ui.label:
                 ui.icon(place.icon)
                 ui.label(place.name)
                 if place is ALERTS:
-                    count = ui.label()
-                    count.set_visibility(False)
+                    count = ui.label().classes("fs-count")
     return count
 
 
@@ -136,9 +135,8 @@ def _count(labels: list[ui.label], alerts: Sequence[Alert]) -> None:
     by_severity = Counter(alert.severity for alert in alerts)
     worst = next((each for each in reversed(Severity) if by_severity[each]), Severity.INFO)
     for label in labels:
-        label.set_text(str(by_severity.total()))
+        label.set_text(str(by_severity.total() or ""))
         label.classes(replace=f"fs-count fs-{worst}")
-        label.set_visibility(bool(by_severity))
 
 
 def _theme_button() -> None:
