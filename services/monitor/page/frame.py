@@ -120,13 +120,14 @@ def _tabs(here: Place | None) -> ui.label:
 
 def _links(here: Place | None) -> ui.label:
     """Make the links to every place; return the label that says how many alerts are open."""
+    count = ui.label().classes("fs-count")
     with ui.element("nav").classes("fs-nav").props('aria-label="Pages"'):
         for place in PLACES:
-            with ui.link(target=place.path).classes("fs-here" if place is here else ""):
+            with ui.link(target=place.path).classes("fs-here" if place is here else "") as link:
                 ui.icon(place.icon)
                 ui.label(place.name)
                 if place is ALERTS:
-                    count = ui.label().classes("fs-count")
+                    count.move(link)
     return count
 
 
