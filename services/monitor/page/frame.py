@@ -11,6 +11,7 @@ from nicegui import ui
 
 from schemas.alerts import Alert, Severity
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
@@ -97,6 +98,13 @@ def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> None:
             ui.label(line)
         if command:
             ui.label(command).classes("fs-code")
+
+
+def export_link(monitor: Monitor, what: str) -> None:
+    """Offer what the history has of the last day, as a file. what: sightings or alerts."""
+    if monitor.settings.history != NONE:
+        link = ui.link("Last day as CSV", f"/api/v1/history/export?what={what}")
+        link.classes("fs-link fs-small").props("download")
 
 
 def _bar(visitor: Visitor, here: Place | None) -> ui.label:

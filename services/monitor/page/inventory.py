@@ -10,7 +10,7 @@ from nicegui import events, ui
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
-from services.monitor.page.frame import INVENTORY, REFRESH_S, nothing_yet, page_frame
+from services.monitor.page.frame import INVENTORY, REFRESH_S, export_link, nothing_yet, page_frame
 from services.monitor.page.inventory_rows import as_csv, sighting_row
 from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
@@ -41,7 +41,7 @@ def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
     @ui.page(INVENTORY.path)
     async def inventory() -> None:
         with page_frame(monitor, "Inventory", INVENTORY):
-            view = _Inventory(shared, charts)
+            view = _Inventory(shared, charts, monitor)
             await view.refresh()
             await view.draw()
 
@@ -49,8 +49,9 @@ def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
 class _Inventory:
     """One browser's view of the inventory."""
 
-    def __init__(self, shared: Shared, charts: Charts) -> None:
+    def __init__(self, shared: Shared, charts: Charts, monitor: Monitor) -> None:
         self._shared = shared
+        self._monitor = monitor
         self._charts = charts
         self._filters = Filters()
         self._subject = Subject()
@@ -85,6 +86,7 @@ class _Inventory:
                     self._about = ui.label()
                 self._all = ui.button("Whole fleet", icon="close", on_click=self._choose_all).props("flat dense")
                 ui.element("div").classes("fs-spring")
+                export_link(self._monitor, "sightings")
                 ui.toggle(list(RANGES), value="1 h", on_change=self._over).props("dense flat no-caps")
             self._chart = chart()
             self._why_not = ui.label().classes("fs-empty")
