@@ -3,6 +3,7 @@
 import time
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from typing import Final
 
 from nicegui import events, ui
@@ -62,7 +63,7 @@ class _Alerts:
             banner("Another monitor raises the alerts. Those below are from the shared history; act on them there.")
         with ui.element("div").classes("fs-tiles"):
             self._tiles = {
-                severity: Tile(severity.capitalize(), on_click=lambda severity=severity: self._only(severity))
+                severity: Tile(severity.capitalize(), on_click=partial(self._only, severity))
                 for severity in reversed(Severity)
             }
             self._unseen = Tile("Nobody looks after")

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from nicegui import events, ui
@@ -132,7 +133,7 @@ class _Inventory:
         if shown != list(self._tiles):
             self._totals.clear()
             with self._totals:
-                self._tiles = {name: Tile(name, on_click=lambda name=name: self._only(name)) for name in shown}
+                self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
         for name, tile in self._tiles.items():
             tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
         self._found.set_text(plural(len(found), "sighting"))
