@@ -149,8 +149,8 @@ class _Inventory:
         self._filters = replace(self._filters, text=(event.value or "")[:100])
         await self._table.begin()
 
-    async def _in_view(self, event: events.ValueChangeEventArguments[bool]) -> None:
-        self._filters = replace(self._filters, in_view=event.value)
+    async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
+        self._filters = replace(self._filters, in_view=bool(event.value))
         await self._table.begin()
 
     async def _over(self, event: events.ValueChangeEventArguments[str]) -> None:
