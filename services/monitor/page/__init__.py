@@ -1,17 +1,21 @@
 """The page that people look at, made with nicegui."""
 
-from fastapi import FastAPI, Request
-from nicegui import ui
+from fastapi import FastAPI
 
 from services.monitor.monitor import Monitor
-from services.monitor.web.auth.visitor import visitor_of
+from services.monitor.page.alerts import add_alerts
+from services.monitor.page.chart import Charts
+from services.monitor.page.health import add_health
+from services.monitor.page.inventory import add_inventory
+from services.monitor.page.kept_alerts import KeptAlerts
+from services.monitor.page.overview import add_overview
+from services.monitor.page.shared import Shared
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:  # noqa: ARG001 - nicegui's pages find their application themselves
     """Add every page. Whoever gets to one is logged in: the server sees to it."""
-
-    @ui.page("/", title="fleetsight")
-    async def overview(request: Request) -> None:
-        picture = await monitor.picture()
-        visitor = visitor_of(request)
-        ui.label(f"{visitor.name}: {len(picture.robots)} robots, {len(picture.cameras)} cameras")
+    shared = Shared(monitor)
+    add_overview(shared, monitor)
+    add_inventory(shared, Charts(monitor.archive), monitor)
+    add_alerts(monitor, KeptAlerts(monitor.archive))
+    add_health(shared, monitor)
