@@ -20,9 +20,13 @@ KEY = StreamKey(CameraKey("r1", "front"), Stream.OVERLAY_DETECTION)
 @asynccontextmanager
 async def monitor_and_detector() -> AsyncIterator[tuple[Bus, Publisher, asyncio.TaskGroup]]:
     network = FakeNetwork()
-    async with network.open_bus() as ours, network.open_bus() as theirs, asyncio.TaskGroup() as group:
-        async with theirs.publisher(str(KEY), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as publisher:
-            yield ours, publisher, group
+    async with (
+        network.open_bus() as ours,
+        network.open_bus() as theirs,
+        asyncio.TaskGroup() as group,
+        theirs.publisher(str(KEY), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as publisher,
+    ):
+        yield ours, publisher, group
 
 
 async def until(condition: Callable[[], object]) -> None:
