@@ -123,7 +123,11 @@ COMMANDS: Final = (
         "centrally: show what every robot sees, live",
         "services.monitor.settings:MonitorSettings",
         "services.monitor.process:run",
-        refusals=("bus:BusError", "services.monitor.rules.loading:RuleFileError"),
+        refusals=(
+            "bus:BusError",
+            "services.monitor.rules.loading:RuleFileError",
+            "services.monitor.web.errors:WebError",
+        ),
         extra="monitor",
     ),
     Command(

@@ -121,7 +121,7 @@ class Inventory:
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
         """Yield what is or was in view, by robot, camera and class; of one of them if it is named."""
         since_ns = now_ns - self.limits.stale_ns
-        for key in sorted(self._cameras):
+        for key in sorted(self._cameras, key=lambda key: (key.robot, key.camera)):
             if robot in ("", key.robot) and camera in ("", key.camera):
                 view = self._cameras[key]
                 available = self.speaks(view, now_ns)
