@@ -4,15 +4,19 @@ import asyncio
 from contextlib import AsyncExitStack, suppress
 from typing import Final
 
+from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
 from schemas.compression import JPEG, PNG
+from schemas.errors import SchemaError
 from schemas.image import ImageFrame
-from schemas.keys import StreamKey
-from services.monitor.looking.newest import Newest, Pictures
+from schemas.keys import CameraKey, Stream, StreamKey
+from services.monitor.looking.newest import OVERLAYS, Newest, Pictures
 from services.monitor.looking.shared import CrowdedError
+from services.monitor.web.auth.visitor import Visitor, visitor_of
 
+PATH: Final = "/pictures/{robot}/{camera}/{stream:path}"
 BOUNDARY: Final = "frame"
 KINDS: Final = {JPEG: "image/jpeg", PNG: "image/png"}
 
@@ -39,42 +43,47 @@ START: Final[Message] = {
 }
 
 
-class MotionPicture:
-    """Answers a request with a camera's overlay, for as long as the browser takes it. An ASGI application.
+class MotionPictures:
+    """Answers requests for a camera's overlay, each for as long as the browser takes it. An ASGI application.
 
-    The overlay is looked at from the request to the end of the connection. A slow browser gets fewer frames, never
-    older ones.
+    The route's parameters are robot, camera and stream. The overlay is looked at from the request to the end of the
+    connection. A slow browser gets fewer frames, never older ones.
     """
 
-    def __init__(
-        self, pictures: Pictures, key: StreamKey, *, repeat_s: float = REPEAT_S, gone_s: float = GONE_S
-    ) -> None:
+    def __init__(self, pictures: Pictures, *, repeat_s: float = REPEAT_S, gone_s: float = GONE_S) -> None:
         self._pictures = pictures
-        self._key = key
         self._repeat_s = repeat_s
         self._gone_s = gone_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send frames until the browser is gone."""
+        """Send frames until the browser is gone, or its user logged out."""
+        visitor = visitor_of(Request(scope))
         async with AsyncExitStack() as stack:
             try:
-                newest = await stack.enter_async_context(self._pictures.hold(self._key))
+                newest = await stack.enter_async_context(self._pictures.hold(_overlay(**scope["path_params"])))
+            except SchemaError as error:
+                await PlainTextResponse(str(error), 404)(scope, receive, send)
+                return
             except CrowdedError as error:
                 await PlainTextResponse(str(error), 503)(scope, receive, send)
                 return
-            async with asyncio.TaskGroup() as group:
-                sending = group.create_task(self._send_frames(newest, send))
-                listening = group.create_task(_until_disconnected(receive))
+            sending = asyncio.create_task(self._send_frames(newest, visitor, send))
+            listening = asyncio.create_task(_until_disconnected(receive))
+            try:
                 await asyncio.wait((sending, listening), return_when=asyncio.FIRST_COMPLETED)
+            finally:
                 sending.cancel()
                 listening.cancel()
+                await asyncio.wait((sending, listening))
+            if not sending.cancelled():
+                sending.result()
 
-    async def _send_frames(self, newest: Newest[ImageFrame], send: Send) -> None:
-        """Send until a part is not taken in time."""
+    async def _send_frames(self, newest: Newest[ImageFrame], visitor: Visitor, send: Send) -> None:
+        """Send until a part is not taken in time, or whoever looks may not any more."""
         parts = [START, _body(f"--{BOUNDARY}\r\n".encode() + _part("image/gif", NOTHING))]
         shown = 0
         with suppress(TimeoutError):
-            while True:
+            while visitor.may_look:
                 async with asyncio.timeout(self._gone_s):
                     for part in parts:
                         await send(part)
@@ -87,6 +96,17 @@ class MotionPicture:
             async with asyncio.timeout(self._repeat_s):
                 await newest.after(shown)
         return newest.number
+
+
+def path_of(key: StreamKey) -> str:
+    """Return where a browser finds an overlay; names of robots and cameras are safe in URLs."""
+    return f"/pictures/{key.camera.robot}/{key.camera.camera}/{key.stream}"
+
+
+def _overlay(robot: str, camera: str, stream: str) -> StreamKey:
+    if stream not in OVERLAYS:
+        raise SchemaError(f"{stream[:64]!r} is not a picture; there are {', '.join(OVERLAYS)}")
+    return StreamKey(CameraKey(robot, camera), Stream(stream))
 
 
 def picture_part(frame: ImageFrame | None) -> bytes:

@@ -48,14 +48,14 @@ Clouds = Shared[StreamKey, Newest[ObjectClouds]]
 OVERLAYS: Final = (Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 
 
-def pictures(bus: Bus, group: asyncio.TaskGroup) -> Pictures:
+def pictures(bus: Bus) -> Pictures:
     """Return the overlays that people look at; each is subscribed to, and so drawn, while at least one does."""
-    return Shared(group, _nothing, lambda key, newest: follow(bus, key, ImageFrame, newest), MOST_STREAMS)
+    return Shared(_nothing, lambda key, newest: follow(bus, key, ImageFrame, newest), MOST_STREAMS)
 
 
-def clouds(bus: Bus, group: asyncio.TaskGroup) -> Clouds:
+def clouds(bus: Bus) -> Clouds:
     """Return the object clouds that people look at; each is subscribed to, and so cut out, while at least one does."""
-    return Shared(group, _nothing, lambda key, newest: follow(bus, key, ObjectClouds, newest), MOST_STREAMS)
+    return Shared(_nothing, lambda key, newest: follow(bus, key, ObjectClouds, newest), MOST_STREAMS)
 
 
 def _nothing(_: StreamKey) -> Newest[M]:

@@ -24,18 +24,12 @@ class _Holding(Generic[S]):
 class Shared(Generic[K, S]):
     """States that are kept up to date while somebody holds them, by key. To be used on the event loop's thread.
 
-    make: makes a key's state. follow: keeps it up to date for ever; what it raises ends the group. most: how many keys
-    are held at once.
+    make: makes a key's state. follow: keeps it up to date for ever. most: how many keys are held at once.
     """
 
     def __init__(
-        self,
-        group: asyncio.TaskGroup,
-        make: Callable[[K], S],
-        follow: Callable[[K, S], Coroutine[None, None, None]],
-        most: int,
+        self, make: Callable[[K], S], follow: Callable[[K, S], Coroutine[None, None, None]], most: int
     ) -> None:
-        self._group = group
         self._make = make
         self._follow = follow
         self._most = most
@@ -57,6 +51,7 @@ class Shared(Generic[K, S]):
 
         Raises:
             CrowdedError: too many other keys are held.
+            Exception: what ended `follow`; to whoever leaves last.
         """
         holding = self._holdings.get(key) or self._begin(key)
         holding.holders += 1
@@ -68,11 +63,13 @@ class Shared(Generic[K, S]):
                 del self._holdings[key]
                 holding.task.cancel()
                 await asyncio.wait([holding.task])
+                if not holding.task.cancelled():
+                    holding.task.result()
 
     def _begin(self, key: K) -> _Holding[S]:
         if len(self._holdings) >= self._most:
             raise CrowdedError(f"{self._most} are looked at already; close another view first")
         state = self._make(key)
-        holding = _Holding(state, self._group.create_task(self._follow(key, state)))
+        holding = _Holding(state, asyncio.create_task(self._follow(key, state)))
         self._holdings[key] = holding
         return holding

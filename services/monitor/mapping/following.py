@@ -22,9 +22,9 @@ DEPTH: Final = 1_000
 Robots = Shared[str, Whereabouts]
 
 
-def robots(bus: Bus, group: asyncio.TaskGroup) -> Robots:
+def robots(bus: Bus) -> Robots:
     """Return where the robots are that people look at; each one's transforms are subscribed to while anybody does."""
-    return Shared(group, lambda _: Whereabouts(), lambda robot, where: follow(bus, robot, where), MOST_ROBOTS)
+    return Shared(lambda _: Whereabouts(), lambda robot, where: follow(bus, robot, where), MOST_ROBOTS)
 
 
 async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:

@@ -4,18 +4,19 @@ from contextlib import asynccontextmanager
 
 import cv2
 import numpy as np
-from starlette.types import Message
+import pytest
+from starlette.types import Message, Scope
 
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
-from services.monitor.looking.motion import BOUNDARY, NOTHING, MotionPicture, picture_part
+from services.monitor.looking.motion import BOUNDARY, NOTHING, MotionPictures, path_of, picture_part
 from services.monitor.looking.newest import Newest, Pictures
 from services.monitor.looking.shared import Shared
+from services.monitor.web.auth.visitor import STATE, Role, Visitor
 from tests.schemas.frames import image
 from tests.schemas.pictures import compressed, file_of
 
 KEY = StreamKey(CameraKey("r1", "front"), Stream.OVERLAY_DETECTION)
-OTHER = StreamKey(CameraKey("r1", "rear"), Stream.OVERLAY_DETECTION)
 JPEG = file_of(np.zeros((4, 6, 3), np.uint8), ".jpg")
 FRAME = compressed(JPEG, "rgb8", 18, kind="jpeg")
 
@@ -53,16 +54,30 @@ class Browser:
         self._left.set()
 
 
+class Door:
+    """Whether a visitor may still look."""
+
+    def __init__(self) -> None:
+        self.role: Role | None = Role.VIEWER
+
+
+def scope(camera: str = "front", stream: str = "overlay/detection", door: Door | None = None) -> Scope:
+    visitor = Visitor("ann", lambda: (door or Door()).role)
+    return {"type": "http", STATE: visitor, "path_params": {"robot": "r1", "camera": camera, "stream": stream}}
+
+
 @asynccontextmanager
-async def shown(browser: Browser, **options: float) -> AsyncIterator[tuple[Pictures, asyncio.Task[None]]]:
-    async with asyncio.TaskGroup() as group:
-        overlays: Pictures = Shared(group, lambda _: Newest(), idle, most=1)
-        picture = MotionPicture(overlays, KEY, **options)
-        showing = asyncio.create_task(picture({"type": "http"}, browser.receive, browser.send))
-        await browser.until(2)
-        yield overlays, showing
-        browser.leave()
-        await showing
+async def shown(
+    browser: Browser, door: Door | None = None, **options: float
+) -> AsyncIterator[tuple[Pictures, asyncio.Task[None]]]:
+    overlays: Pictures = Shared(lambda _: Newest(), idle, most=1)
+    picture = MotionPictures(overlays, **options)
+    showing = asyncio.create_task(picture(scope(door=door), browser.receive, browser.send))
+    await browser.until(2)
+    yield overlays, showing
+    browser.leave()
+    await asyncio.wait([showing])
+    assert overlays.keys == []
 
 
 async def test_frames_are_parts_and_leaving_ends_it() -> None:
@@ -101,12 +116,39 @@ async def test_a_browser_that_takes_nothing_has_gone() -> None:
         assert overlays.keys == []
 
 
+async def test_who_is_logged_out_sees_no_more() -> None:
+    browser, door = Browser(), Door()
+    async with shown(browser, door, repeat_s=0.01) as (overlays, showing):
+        door.role = None
+        await showing
+        assert overlays.keys == []
+
+
+async def test_a_request_that_is_cancelled_leaves_nothing() -> None:
+    browser = Browser()
+    async with shown(browser) as (overlays, showing):
+        showing.cancel()
+        await asyncio.wait([showing])
+        assert overlays.keys == []
+        assert showing.cancelled()
+
+
 async def test_too_many_views_are_refused_with_a_reason() -> None:
     browser, second = Browser(), Browser()
     async with shown(browser) as (overlays, _):
-        await MotionPicture(overlays, OTHER)({"type": "http"}, second.receive, second.send)
+        await MotionPictures(overlays)(scope(camera="rear"), second.receive, second.send)
         assert second.got[0]["status"] == 503
         assert second.got[1]["body"].startswith(b"1 are looked at already")
+
+
+@pytest.mark.parametrize(
+    ("camera", "stream"), [("front", "color"), ("ros", "overlay/detection"), ("a*", "overlay/detection")]
+)
+async def test_what_is_no_overlay_of_a_camera_is_not_found(camera: str, stream: str) -> None:
+    browser = Browser()
+    overlays: Pictures = Shared(lambda _: Newest(), idle, most=1)
+    await MotionPictures(overlays)(scope(camera, stream), browser.receive, browser.send)
+    assert browser.got[0]["status"] == 404
 
 
 def test_a_part_is_a_file_and_the_boundary_after_it() -> None:
@@ -121,3 +163,7 @@ def test_a_part_is_a_file_and_the_boundary_after_it() -> None:
 def test_what_browsers_do_not_show_is_shown_as_nothing() -> None:
     assert NOTHING in picture_part(image())
     assert NOTHING in picture_part(None)
+
+
+def test_a_browser_finds_an_overlay_by_its_names() -> None:
+    assert path_of(KEY) == "/pictures/r1/front/overlay/detection"

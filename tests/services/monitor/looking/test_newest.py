@@ -18,15 +18,14 @@ KEY = StreamKey(CameraKey("r1", "front"), Stream.OVERLAY_DETECTION)
 
 
 @asynccontextmanager
-async def monitor_and_detector() -> AsyncIterator[tuple[Bus, Publisher, asyncio.TaskGroup]]:
+async def monitor_and_detector() -> AsyncIterator[tuple[Bus, Publisher]]:
     network = FakeNetwork()
     async with (
         network.open_bus() as ours,
         network.open_bus() as theirs,
-        asyncio.TaskGroup() as group,
         theirs.publisher(str(KEY), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as publisher,
     ):
-        yield ours, publisher, group
+        yield ours, publisher
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -36,8 +35,8 @@ async def until(condition: Callable[[], object]) -> None:
 
 
 async def test_an_overlay_is_wanted_while_somebody_looks() -> None:
-    async with monitor_and_detector() as (bus, detector, group):
-        overlays = pictures(bus, group)
+    async with monitor_and_detector() as (bus, detector):
+        overlays = pictures(bus)
         assert not detector.wanted
         async with overlays.hold(KEY) as newest, overlays.hold(KEY):
             await until(lambda: detector.wanted)
@@ -49,7 +48,7 @@ async def test_an_overlay_is_wanted_while_somebody_looks() -> None:
 
 
 async def test_what_is_no_picture_of_the_camera_is_left_out_and_said() -> None:
-    async with monitor_and_detector() as (bus, detector, group), pictures(bus, group).hold(KEY) as newest:
+    async with monitor_and_detector() as (bus, detector), pictures(bus).hold(KEY) as newest:
         await until(lambda: detector.wanted)
         detector.put(b"no picture")
         await until(lambda: newest.problem)
@@ -78,11 +77,11 @@ async def test_who_is_slow_gets_the_newest() -> None:
 async def test_object_clouds_are_looked_at_the_same_way() -> None:
     network = FakeNetwork()
     key = StreamKey(CameraKey("r1", "front"), Stream.OBJECTS)
-    async with network.open_bus() as ours, network.open_bus() as theirs, asyncio.TaskGroup() as group:
+    async with network.open_bus() as ours, network.open_bus() as theirs:
         encoding = codec.encoding(ObjectClouds)
         async with (
             theirs.publisher(str(key), QoS.IMAGE, encoding=encoding) as worker,
-            clouds(ours, group).hold(key) as newest,
+            clouds(ours).hold(key) as newest,
         ):
             await until(lambda: worker.wanted)
             worker.put(codec.encode(object_clouds()))

@@ -30,19 +30,18 @@ async def settle() -> None:
 
 async def test_it_begins_with_the_first_and_ends_with_the_last() -> None:
     following = Following()
-    async with asyncio.TaskGroup() as group:
-        shared = Shared[str, list[str]](group, lambda _: [], following, most=2)
-        async with shared.hold("a") as one:
-            async with shared.hold("a") as two:
-                await settle()
-                assert one is two is shared.peek("a")
-                assert one == ["a"]
-            assert (following.now, following.begun, shared.keys) == (["a"], 1, ["a"])
-        assert (following.now, shared.keys, shared.peek("a")) == ([], [], None)
-        async with shared.hold("a") as again:
+    shared = Shared[str, list[str]](lambda _: [], following, most=2)
+    async with shared.hold("a") as one:
+        async with shared.hold("a") as two:
             await settle()
-            assert again == ["a"]
-            assert again is not one
+            assert one is two is shared.peek("a")
+            assert one == ["a"]
+        assert (following.now, following.begun, shared.keys) == (["a"], 1, ["a"])
+    assert (following.now, shared.keys, shared.peek("a")) == ([], [], None)
+    async with shared.hold("a") as again:
+        await settle()
+        assert again == ["a"]
+        assert again is not one
 
 
 async def test_a_viewer_that_is_cancelled_leaves() -> None:
@@ -52,22 +51,31 @@ async def test_a_viewer_that_is_cancelled_leaves() -> None:
         async with shared.hold("a"):
             await asyncio.Event().wait()
 
-    async with asyncio.TaskGroup() as group:
-        shared = Shared[str, list[str]](group, lambda _: [], following, most=2)
-        viewer = asyncio.create_task(look(shared))
-        await settle()
-        assert following.now == ["a"]
-        viewer.cancel()
-        await asyncio.wait([viewer])
-        assert following.now == []
+    shared = Shared[str, list[str]](lambda _: [], following, most=2)
+    viewer = asyncio.create_task(look(shared))
+    await settle()
+    assert following.now == ["a"]
+    viewer.cancel()
+    await asyncio.wait([viewer])
+    assert following.now == []
 
 
 async def test_no_more_than_so_many_are_held_at_once() -> None:
-    async with asyncio.TaskGroup() as group:
-        shared = Shared[str, list[str]](group, lambda _: [], Following(), most=1)
-        async with shared.hold("a"), shared.hold("a"):
-            with pytest.raises(CrowdedError, match="1 are looked at already"):
-                async with shared.hold("b"):
-                    pass
-        async with shared.hold("b"):
-            assert shared.keys == ["b"]
+    shared = Shared[str, list[str]](lambda _: [], Following(), most=1)
+    async with shared.hold("a"), shared.hold("a"):
+        with pytest.raises(CrowdedError, match="1 are looked at already"):
+            async with shared.hold("b"):
+                pass
+    async with shared.hold("b"):
+        assert shared.keys == ["b"]
+
+
+async def test_what_ends_the_following_is_raised_to_who_leaves_last() -> None:
+    async def fail(_: str, __: None) -> None:
+        raise ValueError("no such thing")
+
+    shared = Shared[str, None](lambda _: None, fail, most=1)
+    with pytest.raises(ValueError, match="no such thing"):
+        async with shared.hold("a"):
+            await settle()
+    assert shared.keys == []

@@ -26,11 +26,10 @@ async def test_transforms_are_wanted_while_somebody_looks_at_the_map() -> None:
         network.open_bus() as theirs,
         theirs.publisher(str(RobotStreamKey("r1", "tf")), QoS.STATUS, encoding=ENCODING) as moving,
         theirs.publisher(str(RobotStreamKey("r1", "tf_static")), QoS.LATCHED, encoding=ENCODING) as still,
-        asyncio.TaskGroup() as group,
     ):
         still.put(codec.encode(message(transform("map", "odom", 0))))
         assert not moving.wanted
-        async with robots(ours, group).hold("r1") as where:
+        async with robots(ours).hold("r1") as where:
             await until(lambda: moving.wanted)
             moving.put(b"nothing")
             moving.put(codec.encode(message(transform("odom", "base_link", 5, 2.0))))
