@@ -1,17 +1,13 @@
 """The page that people look at, made with nicegui."""
 
-from fastapi import FastAPI, Request
-from nicegui import ui
+from fastapi import FastAPI
 
 from services.monitor.monitor import Monitor
-from services.monitor.web.auth.visitor import visitor_of
+from services.monitor.page.overview import add_overview
+from services.monitor.page.shared import Shared
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:  # noqa: ARG001 - nicegui's pages find their application themselves
     """Add every page. Whoever gets to one is logged in: the server sees to it."""
-
-    @ui.page("/", title="fleetsight")
-    async def overview(request: Request) -> None:
-        picture = await monitor.picture()
-        visitor = visitor_of(request)
-        ui.label(f"{visitor.name}: {len(picture.robots)} robots, {len(picture.cameras)} cameras")
+    shared = Shared(monitor)
+    add_overview(monitor, shared)
