@@ -6,6 +6,7 @@ from typing import Final
 
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
+from services.monitor.fleet import Fleet
 
 STARTS: Final = {
     "detector": "fleetsight detector --connect ...",
@@ -13,8 +14,10 @@ STARTS: Final = {
 }
 """How somebody starts a worker of each service that makes what is looked at."""
 
-WAITING: Final = "Waiting for the first picture"
-PATIENCE: Final = "Asked for it just now; it takes some seconds where a model is still warming up."
+WAITING: Final = "Nothing has come yet"
+PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
+LATE: Final = "Nothing newer comes"
+OVERLOADED: Final = "Its worker or the link to it may have too much to do: health says what was dropped where."
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +30,30 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is known of a camera. serving: workers of the service that look after it. workers: all that are there."""
+    """What is known of a camera. serving: workers of the service that look after it. workers: all that are there.
+
+    came: something was shown before.
+    """
 
     known: bool
     robot_online: bool
     camera_online: bool
     serving: tuple[WorkerStatus, ...] = ()
     workers: tuple[WorkerStatus, ...] = ()
+    came: bool = False
+
+
+def facts_of(fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool) -> Facts:
+    """Return what is known of a camera. workers: those of the service that are there now."""
+    there = tuple(workers)
+    return Facts(
+        known=fleet.inventory.camera(key) is not None,
+        robot_online=fleet.inventory.is_alive(key.robot),
+        camera_online=fleet.inventory.online(key),
+        serving=serving(key, there),
+        workers=there,
+        came=came,
+    )
 
 
 def serving(key: CameraKey, workers: Iterable[WorkerStatus]) -> tuple[WorkerStatus, ...]:
@@ -77,4 +97,4 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
     remarks = [remark for worker in facts.serving for remark in worker.remarks if str(stream) in remark]
     if remarks:
         return Reason("This model cannot do that", "; ".join(remarks))
-    return Reason(WAITING, PATIENCE)
+    return Reason(LATE, OVERLOADED) if facts.came else Reason(WAITING, PATIENCE)

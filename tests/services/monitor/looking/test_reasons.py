@@ -4,7 +4,7 @@ import pytest
 
 from schemas.keys import CameraKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
-from services.monitor.looking.reasons import WAITING, Facts, serving, why_nothing
+from services.monitor.looking.reasons import LATE, WAITING, Facts, serving, why_nothing
 
 FRONT = CameraKey("r1", "front")
 LOAD = CameraLoad(robot="r1", camera="front", inferred=1, serving=True)
@@ -29,6 +29,7 @@ GOOD = Facts(known=True, robot_online=True, camera_online=True, serving=(WORKER,
         (replace(GOOD, serving=()), "No detector serves r1/front", "There is w1"),
         (replace(GOOD, serving=(BOXES_ONLY,)), "This model cannot do that", "has no masks"),
         (GOOD, WAITING, "some seconds"),
+        (replace(GOOD, came=True), LATE, "too much to do"),
     ],
 )
 def test_the_first_thing_in_the_way_is_named_with_what_to_do(facts: Facts, title: str, advice: str) -> None:
