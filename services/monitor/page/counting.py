@@ -23,9 +23,11 @@ def counts_over_time(intervals: Iterable[Interval], since_ns: int, until_ns: int
     """
     moves = defaultdict[str, list[tuple[int, int]]](list)
     for interval in intervals:
-        begin, end = max(since_ns, interval.since_ns), min(until_ns, interval.until_ns)
-        if interval.count and begin < end:
-            moves[interval.name] += [(begin, interval.count), (end, -interval.count)]
+        begin, end = max(since_ns, interval.since_ns), until_ns if interval.open else interval.until_ns
+        if interval.count and begin < min(end, until_ns):
+            moves[interval.name].append((begin, interval.count))
+            if end < until_ns:
+                moves[interval.name].append((end, -interval.count))
     lines = {name: _slotted(_summed(of), since_ns, until_ns) for name, of in moves.items()}
     biggest = sorted(lines, key=lambda name: (-max(count for _, count in lines[name]), name))[:MAX_LINES]
     return {name: lines[name] for name in biggest}

@@ -79,11 +79,11 @@ def page_frame(monitor: Monitor, title: str, here: Place | None = None) -> Itera
     yield visitor
 
 
-def banner(text: str, *, bad: bool = False) -> None:
-    """Say what is wrong."""
+def banner(text: str, *, bad: bool = False) -> ui.label:
+    """Say what is wrong; return where it is said."""
     with ui.element("div").classes(f"fs-banner {'fs-bad' if bad else ''}").props('role="alert"'):
         ui.icon("error" if bad else "warning")
-        ui.label(text)
+        return ui.label(text)
 
 
 def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> None:

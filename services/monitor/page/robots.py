@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
 
-from services.monitor.page.words import NS, lasting
+from services.monitor.page.words import NS, lasting, natural
 from services.monitor.picture import CameraLine, Picture, RobotLine
 
 QUIET_NS: Final = 5 * NS
@@ -55,7 +55,8 @@ class Survey:
         of_robot = defaultdict[str, list[CameraLine]](list)
         for camera in picture.cameras:
             of_robot[camera.key.robot].append(camera)
-        self._robots = [_robot(line, of_robot.get(line.name, ()), picture.now_ns) for line in picture.robots]
+        lines = sorted(picture.robots, key=lambda line: natural(line.name))
+        self._robots = [_robot(line, of_robot.get(line.name, ()), picture.now_ns) for line in lines]
         self._kept: dict[Wanted, Sequence[Robot]] = {}
         self.picture = picture
         self.counts: Mapping[RobotState, int] = Counter(robot.state for robot in self._robots)
@@ -77,7 +78,7 @@ class Survey:
 
 SORTS: Final[Mapping[str, Callable[[Robot], Any]]] = {
     "state": lambda robot: WORST_FIRST[robot.state],
-    "robot": lambda robot: robot.line.name,
+    "robot": lambda robot: natural(robot.line.name),
     "seen": lambda robot: robot.line.last_ns,
     "rate": lambda robot: robot.line.rate_hz,
     "age": lambda robot: float("inf") if robot.line.age_s is None else robot.line.age_s,

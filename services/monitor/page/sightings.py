@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any, Final
 
 from services.monitor.inventory.inventory import Entry
+from services.monitor.page.words import natural
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +22,9 @@ class Filters:
 
 
 SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
-    "robot": attrgetter("sighting.key", "sighting.name"),
-    "camera": attrgetter("sighting.key.camera", "sighting.key.robot", "sighting.name"),
-    "name": attrgetter("sighting.name", "sighting.key"),
+    "robot": lambda entry: natural(entry.sighting.key.robot),
+    "camera": lambda entry: natural(entry.sighting.key.camera),
+    "name": attrgetter("sighting.name"),
     "count": attrgetter("sighting.count"),
     "score": attrgetter("sighting.score"),
     "first": attrgetter("sighting.first_ns"),

@@ -1,6 +1,8 @@
 """Times, counts and ages as the page says them. Pure."""
 
+import re
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Final
 
 from services.monitor.fleet import Age
@@ -13,7 +15,9 @@ NOTHING: Final = "\N{EN DASH}"
 
 def ago(then_ns: int, now_ns: int) -> str:
     """Return how long ago something was, in its largest unit; `never` for 0. What is yet to come is now."""
-    return f"{lasting((now_ns - then_ns) / NS)} ago" if then_ns else NEVER
+    if not then_ns:
+        return NEVER
+    return f"{lasting((now_ns - then_ns) / NS)} ago" if now_ns - then_ns >= NS else "now"
 
 
 def lasting(seconds: float) -> str:
@@ -56,3 +60,9 @@ def iso(at_ns: int) -> str:
 def plural(count: int, one: str, many: str = "") -> str:
     """Return a count and its noun: 1 camera, 2 cameras, 1,200 classes."""
     return f"{count:,} {one if count == 1 else many or one + 's'}"
+
+
+@lru_cache(maxsize=50_000)
+def natural(name: str) -> tuple[tuple[int, str], ...]:
+    """Return what names are sorted by, so that r2 comes before r10."""
+    return tuple((int(digits or -1), text.casefold()) for digits, text in re.findall(r"(\d{1,18})|(\D+)", name))
