@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -10,8 +11,9 @@ from schemas.alerts import Alert, AlertState
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.fleet import Fleet
+from services.monitor.health import Health
 from services.monitor.history.acts import Act
-from services.monitor.history.archive import Archive
+from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import Entry
 from services.monitor.picture import Painting, Picture
@@ -20,6 +22,12 @@ from services.monitor.settings import MonitorSettings
 
 MAX_AGE_S: Final = 0.5
 """How old a picture may be; so many people may look as want to."""
+
+MAX_READ_AGE_S: Final = 2.0
+"""How old what another monitor wrote may be."""
+
+MAX_ALERTS: Final = 10_000
+NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertState.RESOLVED)
 
 AT_ONCE: Final = 100
 """Cameras looked at before other things get their turn."""
@@ -39,13 +47,16 @@ class Monitor:
     alerting: Alerting
     history: HistoryKeeper
     archive: Archive
+    health: Health
     started_ns: int = field(default_factory=time.time_ns)
     _picture: Recent[Picture] = field(init=False, repr=False)
     _inventory: Recent[tuple[Entry, ...]] = field(init=False, repr=False)
+    _others: Recent[Sequence[Alert]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_picture", Recent(self._paint, MAX_AGE_S))
         object.__setattr__(self, "_inventory", Recent(self._list, MAX_AGE_S))
+        object.__setattr__(self, "_others", Recent(self._read_alerts, MAX_READ_AGE_S))
 
     async def picture(self) -> Picture:
         """Return robots, cameras and workers as they are now."""
@@ -58,6 +69,14 @@ class Monitor:
     def alerts(self) -> list[Alert]:
         """Return the alerts that are not resolved; none where another monitor raises them."""
         return self.alerting.alerts()
+
+    async def current_alerts(self) -> Sequence[Alert]:
+        """Return the alerts that are not resolved; where another monitor raises them, those that it wrote down.
+
+        Raises:
+            HistoryError: they cannot be read.
+        """
+        return self.alerts() if self.history.status.leads else await self._others.get()
 
     def acts_of(self, alert_id: str) -> tuple[Act, ...]:
         """Return what people did with an alert that is not resolved, in order."""
@@ -100,3 +119,8 @@ class Monitor:
             if number % AT_ONCE == 0:
                 await asyncio.sleep(0)
         return tuple(found)
+
+    async def _read_alerts(self) -> Sequence[Alert]:
+        found = await self.archive.alerts(Asked(), MAX_ALERTS, states=NOT_RESOLVED)
+        self.history.acts.take(await self.archive.acts([alert.id for alert in found]))
+        return found

@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +21,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.answering import answer_inventory
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
+from services.monitor.health import Health
 from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import InventoryFullError
@@ -29,7 +29,7 @@ from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
-from services.monitor.web.door import open_door, url_of
+from services.monitor.web.process import Web
 
 log = logging.getLogger(__name__)
 
@@ -60,24 +60,22 @@ async def run(settings: MonitorSettings) -> None:
             history.take(changes)
             alerting.take(changes)
 
-    door = open_door(settings) if settings.web else None
+    web = Web.of(settings) if settings.web else None
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
         await history.restore()
-        monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history))
+        monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
         group.create_task(history.run())
         group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads))
         group.create_task(watch_fleet(bus, fleet, told, alerting.measured))
-        notes = [_how_to_join(settings)]
-        if door is not None:
-            notes.append(f"page: {url_of(door, settings)}")
-            group.create_task(_serve(monitor, door))
-        group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=monitor.problems))
+        group.create_task(monitor.health.run())
+        if web is not None:
+            group.create_task(web.run(monitor))
 
+        def problems() -> list[str]:
+            return [*monitor.problems(), *([] if web is None else web.notes())]
 
-async def _serve(monitor: Monitor, door: socket.socket) -> None:
-    from services.monitor.web.server import serve  # noqa: PLC0415 - takes a second and 60 MB, for who serves only
-
-    await serve(monitor, door)
+        notes = [_how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
+        group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
 
 
 def _nobody(_: object) -> None:

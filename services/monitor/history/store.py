@@ -15,7 +15,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history.acts import Act
-from services.monitor.history.engine import engine_of, file_of, translating
+from services.monitor.history.engine import engine_of, file_of, private_file, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.rows import (
@@ -62,7 +62,7 @@ class Store:
         file = file_of(engine)
         async with translating():
             if file is not None:
-                await asyncio.to_thread(file.parent.mkdir, parents=True, exist_ok=True)
+                await asyncio.to_thread(private_file, file)
             store = cls(engine, await engine.connect(), file)
         try:
             async with translating():

@@ -84,7 +84,7 @@ logins: Final = Table(
     Column("digest", String(64), primary_key=True),
     Column("user", NAME, nullable=False),
     Column("kind", String(16), nullable=False),
-    Column("made_ns", BigInteger, nullable=False),
+    Column("user_ns", BigInteger, nullable=False),
     Column("until_ns", BigInteger, nullable=False),
     Index("logins_by_user", "user"),
 )

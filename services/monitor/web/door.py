@@ -22,9 +22,10 @@ def open_door(settings: WebSettings) -> socket.socket:
         family, _, _, _, address = found[0]
         door = socket.create_server((str(address[0]), int(address[1])), family=family)
     except (OSError, UnicodeError) as error:
-        reason = os.strerror(error.errno) if isinstance(error, OSError) and (error.errno or 0) > 0 else str(error)
+        number = error.errno if isinstance(error, OSError) else None
+        reason = os.strerror(number) if number is not None and number > 0 else str(error)
         raise WebError(f"{where}: {reason}; another --web-port, or --no-web, lets it start") from error
-    door.setblocking(False)
+    door.setblocking(False)  # noqa: FBT003 - the standard library's
     return door
 
 

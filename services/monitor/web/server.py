@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from typing import Final
 
 import uvicorn
-from fastapi import FastAPI
 from nicegui import ui
 
 from services.monitor.monitor import Monitor
 from services.monitor.page import add_pages
-from services.monitor.web.auth.middleware import AccessMiddleware
+from services.monitor.web.application import guarded, make_application
+from services.monitor.web.auth.access import Access
 
 STOP_S: Final = 1
 """How long requests may take to end when the monitor stops."""
@@ -32,23 +32,20 @@ class _Server(uvicorn.Server):
         yield
 
 
-async def serve(monitor: Monitor, door: socket.socket) -> None:
+async def serve(monitor: Monitor, door: socket.socket, access: Access) -> None:
     """Serve at a listening socket until cancelled; it is closed then."""
-    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    app = make_application(monitor, access)
     ui.run_with(app, title="fleetsight", favicon=ICON, dark=None, show_welcome_message=False)
     add_pages(app, monitor)
-    await _serve(AccessMiddleware(app), door, monitor)
-
-
-async def _serve(app: AccessMiddleware, door: socket.socket, monitor: Monitor) -> None:
+    settings = monitor.settings
     config = uvicorn.Config(
-        app,
+        guarded(app, access, settings),
         log_config=None,
         log_level="warning",
         access_log=False,
         lifespan="on",
-        limit_concurrency=monitor.settings.web_connections,
-        proxy_headers=monitor.settings.web_url is not None,
+        limit_concurrency=settings.web_connections,
+        proxy_headers=settings.web_url is not None,
         server_header=False,
         timeout_graceful_shutdown=STOP_S,
         ws="websockets-sansio",
