@@ -4,7 +4,7 @@ BIN := .venv/bin
 SECONDS ?=
 ROBOTS ?= 3
 
-.PHONY: demo test lint types tests ros postgresql chromium bench fuzz clean help
+.PHONY: demo test lint types tests ros postgresql chromium screenshots bench fuzz clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -35,6 +35,9 @@ postgresql:
 
 chromium:
 	@tests/integration/install-chromium.sh
+
+screenshots: .venv/.test chromium  ## run the demo and take the pictures that the documentation shows of its page
+	@$(BIN)/python -m tests.integration.screenshots
 
 bench: .venv/.test ros  ## measure the gateway against a rospy one, side by side
 	@$(BIN)/python -m benchmarks.gateway

@@ -20,7 +20,7 @@ from services.monitor.page.gaze import Gaze
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
 from services.monitor.page.words import age_text, ago, rate_text
 
-PATH: Final = "/camera/{robot}/{camera}"
+PATH: Final = "/cameras/{robot}/{camera}"
 REFRESH_S: Final = 0.5
 AGAIN_S: Final = 3.0
 """When a picture that broke off is asked for again."""

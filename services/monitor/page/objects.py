@@ -93,7 +93,7 @@ class _Solids:
             ui.label(str(self._key)).classes("fs-title")
             ui.element("div").classes("fs-spring")
             self._live = ui.switch("Live", value=True).props("dense")
-            with ui.link(target=f"/camera/{self._key}").classes("fs-link"):
+            with ui.link(target=f"/cameras/{self._key}").classes("fs-link"):
                 ui.label("Picture")
 
     def _build_scene(self) -> None:
@@ -164,7 +164,7 @@ class _Solids:
         self._has_looked = True
         x, y, z = (sum(solid.box.centre[axis] for solid in solids) / len(solids) for axis in range(3))
         size = max(max(math.dist(each.box.centre, (x, y, z)), *each.box.size) for each in solids)
-        away = max(NEAREST_LOOK_M, 1.4 * size)
+        away = max(NEAREST_LOOK_M, 2.0 * size)
         far = math.hypot(x, y) or 1.0
         self._scene.move_camera(
             x - away * (x / far + 0.4 * y / far), y - away * (y / far - 0.4 * x / far), z + 0.7 * away, x, y, z

@@ -5,18 +5,20 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from rich.console import Console
 
-from bus import BusSettings, open_bus
 from bus.clock import clock_id
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
-from services.monitor.process import watch_fleet
+from services.monitor.process import Running, monitoring
+from services.monitor.settings import MonitorSettings
 from services.monitor.table import notes_of
 from services.toolbox.demo.children import Child, ChildFailedError, child
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.ports import free_ports, is_free
 from services.toolbox.demo.settings import DemoSettings
 from services.toolbox.demo.summary import Summary, drops
 from services.toolbox.process import EXIT_FAILED
@@ -27,6 +29,7 @@ LAST_WORDS_S: Final = 0.2
 """How long the last messages of stopped processes may take to get here."""
 
 REFRESH_S: Final = 0.5
+RULES: Final = Path(__file__).parent / "rules.yaml"
 
 
 async def run(settings: DemoSettings) -> int:
@@ -40,13 +43,14 @@ async def run(settings: DemoSettings) -> int:
     children: dict[str, Child] = {}
     ended_well = True
     try:
-        async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus, asyncio.TaskGroup() as group:
-            watching = group.create_task(watch_fleet(bus, fleet))
-            try:
-                await _show_until_over(commands, children, fleet, console, settings.seconds)
-            finally:
-                await asyncio.sleep(LAST_WORDS_S)
-                watching.cancel()
+        with TemporaryDirectory(prefix="fleetsight-demo-") as folder:
+            async with monitoring(_central(settings, endpoint, folder), fleet) as running:
+                try:
+                    await _show_until_over(
+                        commands, children, fleet, running, console=console, seconds=settings.seconds
+                    )
+                finally:
+                    await asyncio.sleep(LAST_WORDS_S)
     except* ChildFailedError as failed:
         for error in _leaves(failed):
             log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
@@ -59,11 +63,22 @@ async def run(settings: DemoSettings) -> int:
     return 0 if ended_well and summary.complete else EXIT_FAILED
 
 
+def _central(settings: DemoSettings, endpoint: str, folder: str) -> MonitorSettings:
+    """Return the settings of a monitor that everybody connects to, and that remembers nothing of it afterwards."""
+    return MonitorSettings(
+        listen=[endpoint],
+        history=f"sqlite:///{folder}/history.db",
+        rules=RULES,
+        web_port=settings.web_port if is_free(settings.web_port) else 0,
+    )
+
+
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
     """Return each process's command line by its name; the robots' ROS masters listen at `master_port` and following."""
     model = ["--model", settings.model] if settings.model else []
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
+        *("--warehouses", "1"),  # so that all of them are on one map
         *("--master-port", str(master_port)),
     ]
     gateways = {
@@ -75,7 +90,8 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     }
     # Under torch at once: whatever is quicker is exported first, which takes longer than most demos.
     detector = ["detector", "--connect", endpoint, "--runtime", "torch", *model]
-    return {"simulator": simulator, **gateways, "detector": detector}
+    measuring = {service: [service, "--connect", endpoint] for service in ("distance", "cloud")}
+    return {"simulator": simulator, **gateways, **measuring, "detector": detector}
 
 
 def _robots(settings: DemoSettings) -> list[str]:
@@ -86,6 +102,8 @@ async def _show_until_over(
     commands: Mapping[str, Sequence[str]],
     children: dict[str, Child],
     fleet: Fleet,
+    running: Running,
+    *,
     console: Console,
     seconds: float | None,
 ) -> None:
@@ -95,10 +113,11 @@ async def _show_until_over(
         if not ending.is_set():  # then each misses the others, as it should
             console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
 
-    note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
+    over = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
+    note = "\n".join([over, *running.notes])
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(_keep(name, command, children, say)) for name, command in commands.items()]
-        tasks.append(group.create_task(show(fleet, console, REFRESH_S, note=note)))
+        tasks.append(group.create_task(show(fleet, console, REFRESH_S, note=note, problems=running.problems)))
         try:
             await (asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
         finally:
@@ -123,11 +142,12 @@ def _leaves(group: BaseExceptionGroup[ChildFailedError]) -> Iterator[ChildFailed
 
 def _add_up(settings: DemoSettings, fleet: Fleet, children: Mapping[str, Child], began_s: float) -> Summary:
     output = children["simulator"].output if "simulator" in children else []
+    detectors = [worker for (service, _), worker in fleet.workers.items() if service == "detector"]
     return Summary(
         robots=_robots(settings),
         sent=json.loads(output[-1])["sent"] if output else {},
-        inferred=sum(camera.inferred for worker in fleet.workers.values() for camera in worker.cameras),
-        dropped=drops(fleet.gateways.values(), fleet.workers.values()),
+        inferred=sum(camera.inferred for worker in detectors for camera in worker.cameras),
+        dropped=drops(fleet.gateways.values(), detectors),
         lists=fleet.lists_per_robot(),
         ages_s=tuple(fleet.ages_s),
         first_list_s=None if fleet.first_list_s is None else fleet.first_list_s - began_s,
