@@ -5,7 +5,6 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass
 
 from rich.console import Console
 
@@ -42,65 +41,58 @@ Told = Callable[[Sequence[Change]], None]
 """Is told what changed in the inventory."""
 
 
-@dataclass(frozen=True, slots=True)
-class Running:
-    """A monitor that does its work. web: none where there is to be no page."""
-
-    monitor: Monitor
-    web: Web | None
-
-    @property
-    def notes(self) -> list[str]:
-        """What whoever looks at the terminal should know from the beginning."""
-        return [] if self.web is None else [f"page: {self.web.url}"]
-
-    def problems(self) -> list[str]:
-        """Return what is wrong, or to be done, now."""
-        return [*self.monitor.problems(), *([] if self.web is None else self.web.notes())]
-
-
 async def run(settings: MonitorSettings) -> None:
-    """Show the fleet, keep its history and raise alerts until cancelled; raises as `monitoring` does."""
-    fleet = Fleet(clock_id(), settings.limits())
-    async with monitoring(settings, fleet) as running:
-        note = "\n".join([_how_to_join(settings), *running.notes])
-        await show(fleet, Console(), settings.refresh_s, note=note, problems=running.problems)
-
-
-@asynccontextmanager
-async def monitoring(settings: MonitorSettings, fleet: Fleet) -> AsyncIterator[Running]:
-    """Keep the fleet up to date and its history, raise alerts and serve the page for as long as the context lasts.
+    """Show the fleet, keep its history and raise alerts until cancelled.
 
     Raises:
         RuleFileError: the rule file cannot be used.
         WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
     """
+    web = Web.of(settings) if settings.web else None
+    fleet = Fleet(clock_id(), settings.limits())
+    async with open_bus(settings) as bus, running(settings, bus, fleet) as monitor, asyncio.TaskGroup() as group:
+        if web is not None:
+            group.create_task(web.run(monitor))
+
+        def problems() -> list[str]:
+            return [*monitor.problems(), *([] if web is None else web.notes())]
+
+        notes = [_how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
+        group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
+
+
+@asynccontextmanager
+async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIterator[Monitor]:
+    """Watch the fleet, keep its history and raise alerts until leaving.
+
+    Raises:
+        RuleFileError: the rule file cannot be used.
+    """
     rules = RuleFile(settings.rules)
     await rules.load()
     alerting = Alerting(rules, fleet.inventory)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
 
     def told(changes: Sequence[Change]) -> None:
         if changes:
             history.take(changes)
             alerting.take(changes)
 
-    web = Web.of(settings) if settings.web else None
-    async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        await history.restore()
-        monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
+    await history.restore()
+    async with asyncio.TaskGroup() as group:
         tasks = [
             group.create_task(history.run()),
             group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads)),
             group.create_task(watch_fleet(bus, fleet, told, alerting.measured)),
             group.create_task(monitor.health.run()),
         ]
-        if web is not None:
-            tasks.append(group.create_task(web.run(monitor)))
-        yield Running(monitor, web)
-        for task in tasks:
-            task.cancel()
+        try:
+            yield monitor
+        finally:
+            for task in tasks:
+                task.cancel()
 
 
 def _nobody(_: object) -> None:

@@ -131,6 +131,16 @@ COMMANDS: Final = (
         extra="monitor",
     ),
     Command(
+        "users",
+        "say who may log in to the monitor's page and API",
+        "services.monitor.users.settings:UsersSettings",
+        "services.monitor.users.process:run",
+        refusals=("services.monitor.history.errors:HistoryError", "services.monitor.users.process:UsersError"),
+        extra="monitor",
+        positional=("task", "name"),
+        log_level="error",
+    ),
+    Command(
         "history",
         "write what a monitor has kept into a file: CSV or Parquet",
         "services.monitor.export.settings:ExportSettings",

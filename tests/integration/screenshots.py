@@ -23,13 +23,12 @@ PHONE: Final = (390, 844)
 START_S: Final = 300
 PATIENCE_MS: Final = 120_000
 MOST_BYTES: Final = 300_000
-USER: Final = "ann"
-PASSWORD: Final = "only for the pictures"  # noqa: S105 - of a demo that ends with them
+NOTHING: Final = r"(?!)"
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture. ready: what is to be on the page first. click: what is clicked then. settle_s: before it is taken."""
+    """One picture. ready: what is to be on the page first. click: what is clicked then. settle_s: how long it rests."""
 
     name: str
     path: str
@@ -57,16 +56,25 @@ SHOTS: Final = (
 )
 
 
+@dataclass(frozen=True)
+class Demo:
+    """A demo that runs: where its page is, and who may log in."""
+
+    url: str
+    name: str
+    password: str
+
+
 @asynccontextmanager
-async def demo(hz: float) -> AsyncIterator[str]:
-    """Run `make demo`'s command; give the link that its first user is made with."""
-    command = ("-m", "services.toolbox", "demo", "--robots", "3", "--hz", str(hz), "--web-port", "0")
+async def demo(hz: float) -> AsyncIterator[Demo]:
+    """Run `make demo`'s command."""
+    command = ("-m", "services.toolbox", "demo", "--robots", "3", "--hz", str(hz))
     process = await asyncio.create_subprocess_exec(sys.executable, *command, stdout=PIPE, stderr=STDOUT)
     try:
         async with asyncio.timeout(START_S):
-            link = await _read_until(process, r"first user: (\S+)")
-        reading = asyncio.create_task(_read_until(process, r"$^"))
-        yield link
+            found = await _read_until(process, r"page: (\S+) \(log in as (\S+) with (\S+)\)")
+        reading = asyncio.create_task(_read_until(process, NOTHING))
+        yield Demo(*found)
         reading.cancel()
     finally:
         if process.returncode is None:
@@ -74,25 +82,26 @@ async def demo(hz: float) -> AsyncIterator[str]:
         await process.wait()
 
 
-async def _read_until(process: Process, pattern: str) -> str:
+async def _read_until(process: Process, pattern: str) -> tuple[str, ...]:
     assert process.stdout is not None
     async for line in process.stdout:
         found = re.search(pattern, line.decode(errors="replace"))
         if found:
-            return found[1]
+            return found.groups()
     raise RuntimeError("the demo ended")
 
 
-async def set_up(browser: Browser, link: str) -> BrowserContext:
-    """Make the first user, as a person would; return the window in which they are logged in."""
+async def log_in(browser: Browser, at: Demo) -> BrowserContext:
+    """Log in, as a person would; return the window in which they are."""
     context = await browser.new_context()
+    context.set_default_timeout(PATIENCE_MS)
     page = await context.new_page()
-    await page.goto(link)
-    await page.locator("input[name=name]").fill(USER)
-    await page.locator("input[name=password]").fill(PASSWORD)
-    await page.locator("input[name=again]").fill(PASSWORD)
+    await page.goto(f"{at.url}/login")
+    await page.locator("input[name=name]").fill(at.name)
+    await page.locator("input[name=password]").fill(at.password)
     await page.locator("button").click()
-    await page.locator(".fs-brand").wait_for(timeout=PATIENCE_MS)
+    await page.locator(".fs-brand").wait_for()
+    await page.goto("about:blank")
     return context
 
 
@@ -138,13 +147,12 @@ def _keep(pixels: np.ndarray, path: Path) -> Path:
 async def main(names: list[str], hz: float) -> int:
     """Take the pictures, all unless some are named; return how many could not be taken."""
     failed = 0
-    async with async_playwright() as playwright, demo(hz) as link:
+    async with async_playwright() as playwright, demo(hz) as at:
         browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=list(OPTIONS))
-        logged_in = await set_up(browser, link)
-        url = re.sub(r"(https?://[^/]+).*", r"\1", link)
+        logged_in = await log_in(browser, at)
         for shot in (each for each in SHOTS if not names or each.name in names):
             try:
-                path = await take(browser, logged_in, url, shot)
+                path = await take(browser, logged_in, at.url, shot)
                 sys.stdout.write(f"{path.name}: {path.stat().st_size / 1000:.0f} kB\n")
             except Error as error:
                 failed += 1

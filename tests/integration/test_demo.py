@@ -12,7 +12,7 @@ import pytest
 
 from services.toolbox.process import EXIT_FAILED
 
-DEMO = (sys.executable, "-m", "services.toolbox", "demo", "--robots", "3", "--hz", "1", "--web-port", "0")
+DEMO = (sys.executable, "-m", "services.toolbox", "demo", "--robots", "3", "--hz", "1")
 PATIENCE_S = 60
 
 

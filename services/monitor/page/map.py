@@ -8,7 +8,7 @@ from typing import Final
 from nicegui import ui
 
 from services.monitor.looking.views import Views
-from services.monitor.mapping.drawing import MOST_SHOWN, Bounds, Robot, colours_of, is_fresh, svg_of
+from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, Robot, colour_of, is_fresh, svg_of
 from services.monitor.mapping.following import MOST_ROBOTS
 from services.monitor.mapping.held import HeldRobots
 from services.monitor.mapping.places import Mark
@@ -113,17 +113,16 @@ class _Map:
 
     def _explain(self, marks: list[Mark], now_ns: int) -> None:
         counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
-        colours = colours_of(mark.name for mark in marks)
         self._keys.clear()
         with self._keys:
-            for name, colour in colours.items():
-                _key(colour, f"{counts[name]} {name}")
+            for name in sorted({mark.name for mark in marks}):
+                _key(colour_of(name), f"{counts[name]} {name}")
             if stale := sum(not is_fresh(mark, now_ns) for mark in marks):
-                _key("#9e9e9e", f"{stale} not seen for a while")
+                _key(STALE, f"{stale} not seen for a while")
         self._list.clear()
         with self._list:
             for mark in marks[:MOST_LISTED]:
-                _row(mark, colours[mark.name], now_ns)
+                _row(mark, now_ns)
             if len(marks) > MOST_LISTED:
                 ui.label(f"and {plural(len(marks) - MOST_LISTED, 'more')}").classes("fs-line fs-muted")
 
@@ -134,10 +133,10 @@ def _key(colour: str, text: str) -> None:
         ui.label(text)
 
 
-def _row(mark: Mark, colour: str, now_ns: int) -> None:
+def _row(mark: Mark, now_ns: int) -> None:
     fresh = is_fresh(mark, now_ns)
     with ui.element("div").classes("fs-row" if fresh else "fs-row fs-stale"):
-        ui.element("span").classes("fs-key").style(f"background: {colour if fresh else '#9e9e9e'}")
+        ui.element("span").classes("fs-key").style(f"background: {colour_of(mark.name) if fresh else STALE}")
         ui.label(mark.name)
         ui.label(ago(mark.seen_ns, now_ns)).classes("fs-far")
         ui.label(f"at {mark.x:.1f}, {mark.y:.1f} m, by {mark.robot}/{mark.camera}").classes("fs-more")

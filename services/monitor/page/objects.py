@@ -16,7 +16,7 @@ from services.monitor.looking.reasons import Reason, facts_of, why_nothing
 from services.monitor.looking.shared import CrowdedError
 from services.monitor.looking.solid import Solid, frame_of, rounded, solids_of
 from services.monitor.looking.views import Views
-from services.monitor.mapping.drawing import colours_of
+from services.monitor.mapping.drawing import colour_of
 from services.monitor.monitor import Monitor
 from services.monitor.page.frame import FLEET, page_frame
 from services.monitor.page.gaze import Gaze
@@ -150,14 +150,13 @@ class _Solids:
             self._look_at(solids)
 
     def _draw_boxes(self, solids: list[Solid]) -> None:
-        colours = colours_of(solid.name for solid in solids)
         with self._scene:
             self._boxes += [self._scene.box(wireframe=True) for _ in solids[len(self._boxes) : MOST_BOXES]]
         for number, box in enumerate(self._boxes):
             box.visible(number < len(solids))
         for solid, box in zip(solids, self._boxes, strict=False):
             box.move(*solid.box.centre).rotate_R([list(row) for row in solid.box.rotation])
-            box.scale(*(max(LEAST_M, side) for side in solid.box.size)).material(colours[solid.name])
+            box.scale(*(max(LEAST_M, side) for side in solid.box.size)).material(colour_of(solid.name))
 
     def _look_at(self, solids: list[Solid]) -> None:
         """Look at all of them from where the robot is, from a little above and aside."""
@@ -171,19 +170,18 @@ class _Solids:
         )
 
     def _fill_list(self, solids: list[Solid]) -> None:
-        colours = colours_of(solid.name for solid in solids)
         self._list.clear()
         with self._list:
             for solid in solids:
-                self._row(solid, colours[solid.name])
+                self._row(solid)
             for why, count in Counter(self._seen.unmeasured.values() if self._seen else ()).most_common(MOST_REASONS):
                 ui.label(f"{plural(count, 'object')} without points: {why}").classes("fs-line fs-muted")
 
-    def _row(self, solid: Solid, colour: str) -> None:
+    def _row(self, solid: Solid) -> None:
         row = ui.element("button").classes("fs-row" + (" fs-on" if solid.index == self._chosen else ""))
         row.on("click", lambda index=solid.index: self._choose(index))
         with row:
-            ui.element("span").classes("fs-key").style(f"background: {colour}")
+            ui.element("span").classes("fs-key").style(f"background: {colour_of(solid.name)}")
             ui.label(solid.name)
             ui.label(f"{solid.distance_m:.2f} m").classes("fs-far")
             long, wide, high = solid.box.size

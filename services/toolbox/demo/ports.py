@@ -14,14 +14,6 @@ def free_ports(count: int) -> int:
             return first
 
 
-def is_free(port: int) -> bool:
-    """Whether nobody listens on a TCP port of the loopback interface; 0 stands for any that is free."""
-    with ExitStack() as stack, suppress(OSError, OverflowError):
-        _bound(stack, port)
-        return True
-    return False
-
-
 def _bound(stack: ExitStack, port: int) -> int:
     listening = stack.enter_context(socket.socket())
     listening.bind(("127.0.0.1", port))

@@ -11,14 +11,16 @@ from typing import Final
 
 from rich.console import Console
 
+from bus import open_bus
 from bus.clock import clock_id
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
-from services.monitor.process import Running, monitoring
-from services.monitor.settings import MonitorSettings
+from services.monitor.monitor import Monitor
+from services.monitor.process import running
 from services.monitor.table import notes_of
 from services.toolbox.demo.children import Child, ChildFailedError, child
-from services.toolbox.demo.ports import free_ports, is_free
+from services.toolbox.demo.page import Page
+from services.toolbox.demo.ports import free_ports
 from services.toolbox.demo.settings import DemoSettings
 from services.toolbox.demo.summary import Summary, drops
 from services.toolbox.process import EXIT_FAILED
@@ -29,28 +31,30 @@ LAST_WORDS_S: Final = 0.2
 """How long the last messages of stopped processes may take to get here."""
 
 REFRESH_S: Final = 0.5
-RULES: Final = Path(__file__).parent / "rules.yaml"
 
 
 async def run(settings: DemoSettings) -> int:
     """Run the demo until its time is over or it is cancelled, print the summary, return 0 if every robot was seen."""
+    with TemporaryDirectory(prefix="fleetsight-demo-") as folder:
+        return await _run(settings, Path(folder))
+
+
+async def _run(settings: DemoSettings, folder: Path) -> int:
     began_s = time.monotonic()
     console = Console()
-    fleet = Fleet(clock_id())
     port = free_ports(1 + settings.robots)
     endpoint = f"tcp/127.0.0.1:{port}"
     commands = plan(settings, endpoint, port + 1)
     children: dict[str, Child] = {}
     ended_well = True
+    fleet = Fleet(clock_id())
+    page = await Page.of(endpoint, folder)
     try:
-        with TemporaryDirectory(prefix="fleetsight-demo-") as folder:
-            async with monitoring(_central(settings, endpoint, folder), fleet) as running:
-                try:
-                    await _show_until_over(
-                        commands, children, fleet, running, console=console, seconds=settings.seconds
-                    )
-                finally:
-                    await asyncio.sleep(LAST_WORDS_S)
+        async with open_bus(page.settings) as bus, running(page.settings, bus, fleet) as monitor:
+            try:
+                await _show_until_over(commands, children, monitor, page, console, seconds=settings.seconds)
+            finally:
+                await asyncio.sleep(LAST_WORDS_S)
     except* ChildFailedError as failed:
         for error in _leaves(failed):
             log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
@@ -61,16 +65,6 @@ async def run(settings: DemoSettings) -> int:
             "\n".join([*summary.lines(), *notes_of(fleet.left_out)]), markup=False, highlight=False, soft_wrap=True
         )
     return 0 if ended_well and summary.complete else EXIT_FAILED
-
-
-def _central(settings: DemoSettings, endpoint: str, folder: str) -> MonitorSettings:
-    """Return the settings of a monitor that everybody connects to, and that remembers nothing of it afterwards."""
-    return MonitorSettings(
-        listen=[endpoint],
-        history=f"sqlite:///{folder}/history.db",
-        rules=RULES,
-        web_port=settings.web_port if is_free(settings.web_port) else 0,
-    )
 
 
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
@@ -101,10 +95,10 @@ def _robots(settings: DemoSettings) -> list[str]:
 async def _show_until_over(
     commands: Mapping[str, Sequence[str]],
     children: dict[str, Child],
-    fleet: Fleet,
-    running: Running,
-    *,
+    monitor: Monitor,
+    page: Page,
     console: Console,
+    *,
     seconds: float | None,
 ) -> None:
     ending = asyncio.Event()
@@ -113,11 +107,12 @@ async def _show_until_over(
         if not ending.is_set():  # then each misses the others, as it should
             console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
 
-    over = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
-    note = "\n".join([over, *running.notes])
+    note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
+    notes = [note, page.note]
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(_keep(name, command, children, say)) for name, command in commands.items()]
-        tasks.append(group.create_task(show(fleet, console, REFRESH_S, note=note, problems=running.problems)))
+        tasks.append(group.create_task(page.web.run(monitor)))
+        tasks.append(group.create_task(show(monitor.fleet, console, REFRESH_S, note="\n".join(notes))))
         try:
             await (asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
         finally:

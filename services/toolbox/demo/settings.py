@@ -6,12 +6,9 @@ from pydantic import BaseModel, Field
 
 
 class DemoSettings(BaseModel):
-    """Run simulated robots, their gateways, what makes results of their sensors, and the monitor with its page."""
+    """Run simulated robots, their gateways, a detector and the monitor on this machine, each a process of its own."""
 
     robots: Annotated[int, Field(ge=1, le=20, description="simulated robots, each with its own ROS master")] = 3
     hz: Annotated[float, Field(gt=0, le=60, description="images per second and robot")] = 2.0
     seconds: Annotated[float | None, Field(gt=0, description="stop by itself after so many seconds")] = None
     model: Annotated[str | None, Field(description="Ultralytics weights; the shipped model unless given")] = None
-    web_port: Annotated[
-        int, Field(ge=0, le=65535, description="port of the monitor's page; a free one where it is taken")
-    ] = 8080

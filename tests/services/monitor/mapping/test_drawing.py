@@ -1,7 +1,7 @@
 import re
 from xml.etree import ElementTree as ET
 
-from services.monitor.mapping.drawing import FRESH_NS, MOST_SHOWN, Bounds, Robot, colours_of, is_fresh, svg_of
+from services.monitor.mapping.drawing import FRESH_NS, MOST_SHOWN, Bounds, Robot, colour_of, is_fresh, svg_of
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose
 
@@ -30,7 +30,7 @@ def test_bounds_are_whole_metres_around_everything_and_never_shrink() -> None:
 def test_fresh_marks_have_their_class_s_colour_and_stale_ones_are_grey() -> None:
     marks = [mark(), mark(2, 2, seen_ns=NOW - FRESH_NS), mark(3, 3, seen_ns=NOW - FRESH_NS - 1)]
     circles = drawn(svg_of(BOUNDS, marks, [], NOW)).findall("circle")
-    colour = colours_of(["box"])["box"]
+    colour = colour_of("box")
     assert [circle.get("fill") for circle in circles] == ["#9e9e9e", colour, colour]  # the newest on top
     assert [is_fresh(each, NOW) for each in marks] == [True, True, False]
 
@@ -65,6 +65,6 @@ def test_the_picture_is_bounded() -> None:
 
 
 def test_classes_have_colours_of_their_own() -> None:
-    colours = colours_of(["box", "pallet", "forklift", "box"])
-    assert len(set(colours.values())) == 3
-    assert all(re.fullmatch("#[0-9a-f]{6}", each) for each in colours.values())
+    colours = {colour_of(name) for name in ("box", "pallet", "forklift", "box")}
+    assert len(colours) == 3
+    assert all(re.fullmatch("#[0-9a-f]{6}", each) for each in colours)
