@@ -144,8 +144,10 @@ class Fleet:
         yield from (status.robot for status in self.online() if status.clock_id != self._clock_id)
 
     def rows(self, now_s: float) -> Iterator[Row]:
-        """Yield every camera, by robot and name."""
-        for key, camera in sorted(self._cameras.items(), key=lambda item: (item[0].robot, item[0].camera)):
+        """Yield every camera, by robot and name; also those that were heard before a restart alone."""
+        unheard = _Camera()
+        for key in sorted((view.key for view in self.inventory.cameras()), key=lambda key: (key.robot, key.camera)):
+            camera = self._cameras.get(key, unheard)
             yield Row(
                 key=key,
                 online=self.inventory.online(key),

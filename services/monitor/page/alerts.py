@@ -8,6 +8,7 @@ from typing import Final
 from nicegui import events, ui
 
 from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.page.alert_rows import Deed, alert_row, sorted_alerts, wanted_alerts
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
@@ -113,7 +114,10 @@ class _Alerts:
     async def _load_open(self, window: Window) -> tuple[Rows, int]:
         leads = self._monitor.history.status.leads
         self._elsewhere.set_visibility(not leads)
-        every: Sequence[Alert] = self._monitor.alerts() if leads else (await self._kept.open()).alerts
+        try:
+            every = await self._monitor.current_alerts()
+        except HistoryError:  # what keeps the history is said at the top of the page
+            every = ()
         found = wanted_alerts(every, self._severity, self._text)
         self._count(every, found)
         shown = sorted_alerts(found, window.sort, descending=window.descending)[window.begin : window.end]

@@ -1,15 +1,16 @@
 """What every page has around it: where to go, who is there, and what is wrong with the monitor itself."""
 
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from nicegui import ui
 
-from schemas.alerts import Severity
+from schemas.alerts import Alert, Severity
+from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
@@ -60,7 +61,7 @@ def page_frame(monitor: Monitor, title: str, here: Place | None = None) -> Itera
     banners = ui.element("div").classes("fs-banners")
     shown: list[str] = []
 
-    def refresh() -> None:
+    async def refresh() -> None:
         if not visitor.may_look:
             ui.navigate.to("/")
             client.content.clear()
@@ -72,10 +73,10 @@ def page_frame(monitor: Monitor, title: str, here: Place | None = None) -> Itera
             with banners:
                 for problem in problems:
                     banner(problem)
-        _count(counts, monitor)
+        with suppress(HistoryError):  # which is among the problems
+            _count(counts, await monitor.current_alerts())
 
-    refresh()
-    ui.timer(REFRESH_S, refresh, immediate=False)
+    ui.timer(REFRESH_S, refresh)
     yield visitor
 
 
@@ -107,8 +108,8 @@ def _bar(visitor: Visitor, here: Place | None) -> ui.label:
             with ui.element("strong").classes("fs-name"):
                 ui.label(visitor.name).tooltip(f"signed in as {visitor.role}")
             _theme_button()
-            with ui.link(target="/logout").classes("fs-link").props('aria-label="Log out"'):
-                ui.icon("logout", size="1.3rem").tooltip("Log out")
+            with ui.element("form").props("method=post action=/logout"):
+                ui.button(icon="logout").props('type=submit flat round dense aria-label="Log out"').tooltip("Log out")
     return count
 
 
@@ -125,18 +126,17 @@ def _links(here: Place | None) -> ui.label:
                 ui.icon(place.icon)
                 ui.label(place.name)
                 if place is ALERTS:
-                    count = ui.label()
+                    count = ui.label().classes("fs-count")
     return count
 
 
-def _count(labels: list[ui.label], monitor: Monitor) -> None:
+def _count(labels: list[ui.label], alerts: Sequence[Alert]) -> None:
     """Show how many alerts are open, in the colour of the most severe."""
-    by_severity = Counter(alert.severity for alert in monitor.alerts())
+    by_severity = Counter(alert.severity for alert in alerts)
     worst = next((each for each in reversed(Severity) if by_severity[each]), Severity.INFO)
     for label in labels:
-        label.set_text(str(by_severity.total()))
+        label.set_text(str(by_severity.total() or ""))
         label.classes(replace=f"fs-count fs-{worst}")
-        label.set_visibility(bool(by_severity))
 
 
 def _theme_button() -> None:

@@ -51,7 +51,8 @@ GATEWAY_BODY: Final = f"""
     <q-td class="text-right">{{{{ stream.in }}}}</q-td>
     <q-td class="text-right">{{{{ stream.out }}}} <span class="fs-muted">{{{{ stream.compression }}}}</span></q-td>
     <q-td class="text-right">{STREAM_DROPPED}</q-td>
-    <q-td>{{{{ stream.served }}}} <span v-if="!stream.wanted && props.row.live" class="fs-muted">nobody asks for it</span></q-td>
+    <q-td>{{{{ stream.served }}}} <span class="fs-muted" v-if="props.row.live && !stream.wanted"
+      >nobody asks for it</span></q-td>
   </template>
   <q-td v-else colspan="6" class="fs-muted">it offers no streams</q-td>
 </q-tr>

@@ -17,6 +17,7 @@ from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.shared import Shared
 from services.monitor.page.sightings import Filters, Stock
 from services.monitor.page.tiles import Tile
+from services.monitor.page.words import plural
 
 MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000
@@ -132,7 +133,7 @@ class _Inventory:
                 self._tiles = {name: Tile(name, on_click=lambda name=name: self._only(name)) for name in shown}
         for name, tile in self._tiles.items():
             tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
-        self._found.set_text(f"{len(found):,} sightings")
+        self._found.set_text(plural(len(found), "sighting"))
         self._nothing.set_visibility(not stock.entries)
         self._none.set_visibility(bool(stock.entries) and not found)
 

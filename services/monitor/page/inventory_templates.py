@@ -7,7 +7,8 @@ from services.monitor.page.templates import WHEN
 CHOOSE: Final = "$parent.$emit('choose', [props.row.robot, props.row.camera, props.row.name])"
 
 LIVE_VIEW: Final = """<a class="fs-link"
-  :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(props.row.camera)">{{ props.row.camera }}</a>"""
+  :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(props.row.camera)"
+  >{{ props.row.camera }}</a>"""
 
 SIGHTING_BODY: Final = f"""
 <q-tr :props="props" :class="props.row.available ? '' : 'fs-stale'" :data-sighting="props.row.id">
@@ -20,7 +21,8 @@ SIGHTING_BODY: Final = f"""
   <q-td key="nearest" :props="props">{{{{ props.row.nearest }}}}</q-td>
   <q-td key="first" :props="props" {WHEN.format(at="props.row.first_at")}>{{{{ props.row.first }}}}</q-td>
   <q-td key="last" :props="props" {WHEN.format(at="props.row.last_at")}>{{{{ props.row.last }}}}</q-td>
-  <q-td key="worker" :props="props" class="fs-wide">{{{{ props.row.worker }}}} <span class="fs-muted">{{{{ props.row.model }}}}</span></q-td>
+  <q-td key="worker" :props="props" class="fs-wide"
+    >{{{{ props.row.worker }}}} <span class="fs-muted">{{{{ props.row.model }}}}</span></q-td>
 </q-tr>
 """
 

@@ -1,4 +1,4 @@
-"""Alerts of the database, read once for all who look at them."""
+"""The newest alerts that ended, read from the database once for all who look at them."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,6 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.recent import Recent
 
 MAX_KEPT: Final = 200
-MAX_OPEN: Final = 1_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,28 +24,22 @@ class Found:
 
 
 class KeptAlerts:
-    """The newest alerts that ended, and those that another monitor has open."""
+    """The newest alerts that ended."""
 
     MAX_AGE_S: ClassVar = 3.0
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
-        self._ended = Recent(lambda: self._read([AlertState.RESOLVED], MAX_KEPT), self.MAX_AGE_S)
-        open_states = [state for state in AlertState if state is not AlertState.RESOLVED]
-        self._open = Recent(lambda: self._read(open_states, MAX_OPEN), self.MAX_AGE_S)
+        self._ended = Recent(self._read, self.MAX_AGE_S)
 
     async def ended(self) -> Found:
         """Return the newest alerts that ended."""
         return await self._ended.get()
 
-    async def open(self) -> Found:
-        """Return the alerts that are open."""
-        return await self._open.get()
-
-    async def _read(self, states: Sequence[AlertState], limit: int) -> Found:
+    async def _read(self) -> Found:
         acts = defaultdict[str, list[Act]](list)
         try:
-            alerts = await self._archive.alerts(Asked(), limit, states=states)
+            alerts = await self._archive.alerts(Asked(), MAX_KEPT, states=[AlertState.RESOLVED])
             for act in await self._archive.acts([alert.id for alert in alerts]) if alerts else ():
                 acts[act.alert_id].append(act)
         except HistoryError as error:

@@ -52,8 +52,8 @@ class LiveTable:
             pagination=dict(self._pagination),
         ).classes("fs-table")
         self.table.props(
-            f':rows-per-page-options="{list(CHOICES)}" rows-per-page-label=Rows flat dense binary-state-sort hide-no-data '
-            ':grid="Quasar.Screen.width < 821"'
+            f':rows-per-page-options="{list(CHOICES)}" rows-per-page-label=Rows '
+            'flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 821"'
         )
         self.table.add_slot("body", body)
         self.table.add_slot("item", card)

@@ -30,6 +30,7 @@ def _camera(camera: CameraLine) -> dict[str, Any]:
     row = camera.row
     return {
         "name": camera.key.camera,
+        "online": row.online,
         "live": not row.stale,
         "classes": None if row.classes is None else [[each.count, each.name] for each in row.classes],
         "rate": rate_text(row.rate_hz),

@@ -90,8 +90,10 @@ def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tup
     """Return how a robot is, and why it is not online, in words."""
     if not line.online:
         return RobotState.OFFLINE, "its gateway is gone"
+    if not line.last_ns:
+        return RobotState.SILENT, "nothing heard yet"
     silent_ns = now_ns - line.last_ns
-    if line.last_ns and silent_ns > QUIET_NS:
+    if silent_ns > QUIET_NS:
         return RobotState.SILENT, f"nothing heard for {lasting(silent_ns / NS)}"
     there = [camera for camera in cameras if camera.row.online]
     if there and all(camera.row.stale for camera in there):

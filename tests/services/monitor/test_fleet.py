@@ -9,6 +9,7 @@ from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.inventory import InventoryFullError, Limits
 from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.sighting import Sighting
 from tests.schemas.frames import header
 
 FRONT = CameraKey("r1", "front")
@@ -168,3 +169,12 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
         fleet.gateway_status(status(robot="r2"))
     assert fleet.see(seen(1), 1.0, 0) is not None
     fleet.robot_presence("r2", alive=False)
+
+
+def test_a_camera_that_only_the_history_knows_is_listed_as_offline() -> None:
+    fleet = Fleet(CLOCK)
+    sighting = Sighting(
+        key=FRONT, name="box", count=1, score=0.5, first_ns=1, since_ns=1, last_ns=2, model="m", worker="w"
+    )
+    fleet.inventory.restore([sighting])
+    assert only(fleet, 0) == Row(key=FRONT, online=False, classes=None, age=None, rate_hz=0)
