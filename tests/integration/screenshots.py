@@ -135,10 +135,10 @@ async def _picture(page: Page, shot: Shot) -> Path:
 
 def _keep(pixels: np.ndarray, path: Path) -> Path:
     """Write as WebP, as good as MOST_BYTES allow."""
-    for quality in range(90, 20, -10):
-        data = cv2.imencode(".webp", pixels, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
-        if len(data) < MOST_BYTES:
-            break
+    tries = (
+        cv2.imencode(".webp", pixels, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes() for quality in (90, 75, 60, 40)
+    )
+    data = next(each for each in tries if len(each) < MOST_BYTES)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     return path

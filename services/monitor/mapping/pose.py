@@ -58,5 +58,6 @@ class Whereabouts:
                 except TransformError as error:
                     missing = str(error)
                 else:
-                    return Pose(*map(float, found[:2, 3]), math.atan2(found[1, 0], found[0, 0]), self._at_ns)
+                    yaw = math.atan2(found[1, 0], found[0, 0])
+                    return Pose(float(found[0, 3]), float(found[1, 3]), yaw, self._at_ns)
         return missing
