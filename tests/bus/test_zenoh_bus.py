@@ -376,3 +376,19 @@ async def test_closing_while_zenoh_still_calls_back_is_no_deadlock() -> None:
                 await left_later.enter_async_context(bus.announce(KEY))
                 await until(lambda: out.wanted)  # noqa: B023 - awaited in the same turn
                 await next_of(watch)
+
+
+async def test_a_router_that_comes_and_goes_is_told() -> None:
+    endpoint = free_endpoint()
+    async with open_bus(client(endpoint)) as bus:
+        assert bus.link_problem == f"there is no link to {endpoint}"
+        for _ in range(2):
+            async with open_bus(router(endpoint)) as there:
+                async with asyncio.timeout(PATIENCE_S):
+                    while bus.link_problem:  # noqa: ASYNC110 - nobody tells
+                        await asyncio.sleep(0.01)
+                assert there.link_problem == ""
+            async with asyncio.timeout(PATIENCE_S):
+                while not bus.link_problem:  # noqa: ASYNC110 - nobody tells
+                    await asyncio.sleep(0.01)
+    assert bus.link_problem == "the bus is closed"

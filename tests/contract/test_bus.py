@@ -402,3 +402,9 @@ async def test_closing_the_bus_ends_everything_on_it(opener: Opener) -> None:
         for context in (bus.subscribe("**", LATEST), bus.watch("**"), bus.publisher(KEY, QoS.IMAGE), bus.announce(KEY)):
             with pytest.raises(BusClosedError):
                 await refused(context)
+
+
+async def test_members_that_hear_each_other_have_a_link_until_they_leave(opener: Opener) -> None:
+    async with opener() as bus:
+        assert bus.link_problem == ""
+    assert bus.link_problem == "the bus is closed"

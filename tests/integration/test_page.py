@@ -111,6 +111,10 @@ async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp
             await page.get_by_role("button", name="CSV").click()
         text = await asyncio.to_thread(Path.read_text, await (await download.value).path(), "utf-8")
         assert [line.split(",")[:4] for line in text.splitlines()[1:]] == [["r1", "front", "box", "2"]]
+        async with page.expect_download() as download:
+            await page.get_by_role("link", name="Last day as CSV").click()
+        text = await asyncio.to_thread(Path.read_text, await (await download.value).path(), "utf-8")
+        assert "r1,front,box," in text
         await looker.picture("inventory-desk-dark")
 
 

@@ -130,10 +130,10 @@ class Store:
             await self._connection.execute(
                 delete(intervals).where(intervals.c.until_ns < before_ns, intervals.c.open.is_(False))
             )
-            await self._connection.execute(delete(acts).where(acts.c.at_ns < before_ns))
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
+            await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
 
     async def close(self) -> None:
         """Let go of the connection and the lock; raises nothing."""

@@ -3,6 +3,7 @@
 import time
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from typing import Final
 
 from nicegui import events, ui
@@ -12,7 +13,7 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.page.alert_rows import Deed, alert_row, sorted_alerts, wanted_alerts
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
-from services.monitor.page.frame import ALERTS, REFRESH_S, banner, nothing_yet, page_frame
+from services.monitor.page.frame import ALERTS, REFRESH_S, banner, export_link, nothing_yet, page_frame
 from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.tiles import Tile
@@ -62,7 +63,7 @@ class _Alerts:
             banner("Another monitor raises the alerts. Those below are from the shared history; act on them there.")
         with ui.element("div").classes("fs-tiles"):
             self._tiles = {
-                severity: Tile(severity.capitalize(), on_click=lambda severity=severity: self._only(severity))
+                severity: Tile(severity.capitalize(), on_click=partial(self._only, severity))
                 for severity in reversed(Severity)
             }
             self._unseen = Tile("Nobody looks after")
@@ -95,9 +96,9 @@ class _Alerts:
             with ui.element("div").classes("fs-panel-head"):
                 with ui.element("h2"):
                     ui.label("Resolved")
-                ui.label(f"the newest {MAX_KEPT}; all of them: fleetsight history export --what alerts").classes(
-                    "fs-muted fs-small"
-                )
+                ui.label(f"the newest {MAX_KEPT}").classes("fs-muted fs-small")
+                ui.element("div").classes("fs-spring")
+                export_link(self._monitor, "alerts")
             self._ended = LiveTable(
                 ENDED_COLUMNS, self._load_ended, row_key="id", sort="ended", body=ENDED_BODY, card=CARD
             )

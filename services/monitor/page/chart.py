@@ -39,7 +39,10 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """Points of each class, or in words why there are none. since_ns: from when on they are known."""
+    """Points of each class, or in words why there are none. since_ns: from when on they are known.
+
+    whole: that is from when on they were asked for.
+    """
 
     lines: Mapping[str, Points]
     since_ns: int
@@ -70,7 +73,7 @@ class Charts:
         try:
             found = await self._archive.sightings(asked, MAX_INTERVALS)
         except HistoryError as error:
-            return Drawn({}, since_ns, until_ns, whole=False, problem=str(error))
+            return Drawn({}, since_ns, until_ns, whole=True, problem=str(error))
         whole = len(found) < MAX_INTERVALS
         since_ns = since_ns if whole else max(since_ns, found[-1].since_ns)
         return Drawn(counts_over_time(found, since_ns, until_ns), since_ns, until_ns, whole)

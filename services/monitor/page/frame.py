@@ -11,6 +11,7 @@ from nicegui import ui
 
 from schemas.alerts import Alert, Severity
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
@@ -99,6 +100,13 @@ def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> None:
             ui.label(command).classes("fs-code")
 
 
+def export_link(monitor: Monitor, what: str) -> None:
+    """Offer what the history has of the last day, as a file. what: sightings or alerts."""
+    if monitor.settings.history != NONE:
+        link = ui.link("Last day as CSV", f"/api/v1/history/export?what={what}")
+        link.classes("fs-link fs-small").props("download")
+
+
 def _bar(visitor: Visitor, here: Place | None) -> ui.label:
     with ui.header(elevated=False).classes("fs-header"):
         with ui.link(target="/").classes("fs-brand"):
@@ -120,13 +128,14 @@ def _tabs(here: Place | None) -> ui.label:
 
 def _links(here: Place | None) -> ui.label:
     """Make the links to every place; return the label that says how many alerts are open."""
+    count = ui.label().classes("fs-count")
     with ui.element("nav").classes("fs-nav").props('aria-label="Pages"'):
         for place in PLACES:
-            with ui.link(target=place.path).classes("fs-here" if place is here else ""):
+            with ui.link(target=place.path).classes("fs-here" if place is here else "") as link:
                 ui.icon(place.icon)
                 ui.label(place.name)
                 if place is ALERTS:
-                    count = ui.label().classes("fs-count")
+                    count.move(link)
     return count
 
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from nicegui import events, ui
@@ -10,7 +11,7 @@ from nicegui import events, ui
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
-from services.monitor.page.frame import INVENTORY, REFRESH_S, nothing_yet, page_frame
+from services.monitor.page.frame import INVENTORY, REFRESH_S, export_link, nothing_yet, page_frame
 from services.monitor.page.inventory_rows import as_csv, sighting_row
 from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
@@ -41,7 +42,7 @@ def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
     @ui.page(INVENTORY.path)
     async def inventory() -> None:
         with page_frame(monitor, "Inventory", INVENTORY):
-            view = _Inventory(shared, charts)
+            view = _Inventory(shared, charts, monitor)
             await view.refresh()
             await view.draw()
 
@@ -49,8 +50,9 @@ def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
 class _Inventory:
     """One browser's view of the inventory."""
 
-    def __init__(self, shared: Shared, charts: Charts) -> None:
+    def __init__(self, shared: Shared, charts: Charts, monitor: Monitor) -> None:
         self._shared = shared
+        self._monitor = monitor
         self._charts = charts
         self._filters = Filters()
         self._subject = Subject()
@@ -85,6 +87,7 @@ class _Inventory:
                     self._about = ui.label()
                 self._all = ui.button("Whole fleet", icon="close", on_click=self._choose_all).props("flat dense")
                 ui.element("div").classes("fs-spring")
+                export_link(self._monitor, "sightings")
                 ui.toggle(list(RANGES), value="1 h", on_change=self._over).props("dense flat no-caps")
             self._chart = chart()
             self._why_not = ui.label().classes("fs-empty")
@@ -130,7 +133,7 @@ class _Inventory:
         if shown != list(self._tiles):
             self._totals.clear()
             with self._totals:
-                self._tiles = {name: Tile(name, on_click=lambda name=name: self._only(name)) for name in shown}
+                self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
         for name, tile in self._tiles.items():
             tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
         self._found.set_text(plural(len(found), "sighting"))

@@ -44,7 +44,13 @@ class LiveTable:
 
     def __init__(self, columns: Sequence[Column], load: Load, *, row_key: str, sort: str, body: str, card: str) -> None:
         self._load = load
-        self._pagination = {"page": 1, "rowsPerPage": ROWS, "rowsNumber": 0, "sortBy": sort, "descending": False}
+        self._pagination: dict[str, Any] = {
+            "page": 1,
+            "rowsPerPage": ROWS,
+            "rowsNumber": 0,
+            "sortBy": sort,
+            "descending": False,
+        }
         self.table = ui.table(
             columns=[_column(column, row_key) for column in columns],
             rows=[],
@@ -62,7 +68,7 @@ class LiveTable:
     async def refresh(self) -> None:
         """Show what there is now."""
         size, page = self._pagination["rowsPerPage"], self._pagination["page"]
-        sort, descending = str(self._pagination["sortBy"] or ""), bool(self._pagination["descending"])
+        sort, descending = self._pagination["sortBy"] or "", self._pagination["descending"]
         rows, count = await self._load(Window(sort, descending, (page - 1) * size, page * size))
         if not rows and page > 1:
             self._pagination["page"] = max(1, -(-count // size))

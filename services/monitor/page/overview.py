@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from nicegui import events, ui
@@ -44,7 +45,7 @@ class _Overview:
         self._wanted = Wanted()
         with ui.element("div").classes("fs-tiles"):
             self._tiles = {
-                state: Tile(state.capitalize(), dot=state, on_click=lambda state=state: self._only(state))
+                state: Tile(state.capitalize(), dot=state, on_click=partial(self._only, state))
                 for state in reversed(RobotState)
             }
             self._cameras = Tile("Cameras live")

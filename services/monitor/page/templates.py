@@ -27,7 +27,7 @@ IN_VIEW: Final = """
 CAMERA: Final = """
 <a class="fs-link" :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(camera.name)"
   >{{ camera.name }}</a>
-<a class="fs-link fs-small fs-3d" title="objects in 3D" :href="'/clouds/' + encodeURIComponent(props.row.robot) + '/' +
+<a class="fs-link fs-small fs-3d" title="objects in 3D" :href="'/objects/' + encodeURIComponent(props.row.robot) + '/' +
   encodeURIComponent(camera.name)">3D</a>
 """
 

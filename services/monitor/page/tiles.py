@@ -19,8 +19,8 @@ class Tile:
                     ui.element("span").classes(f"fs-dot fs-{dot}")
                 ui.label(what)
             with ui.element("div").classes("fs-number"):
-                self._number = ui.label().classes("inline")
-                self._of = ui.label().classes("fs-of inline q-ml-xs")
+                self._number = ui.label()
+                self._of = ui.label().classes("fs-of")
         self._color = ""
 
     def show(self, number: str, of: str = "", *, on: bool = False) -> None:

@@ -4,6 +4,7 @@ import asyncio
 import ipaddress
 import logging
 import socket
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -37,12 +38,17 @@ class Web:
 
     async def run(self, monitor: Monitor) -> None:
         """Serve for ever."""
-        from services.monitor.web.server import serve  # noqa: PLC0415 - takes a second and 60 MB, for who serves alone
-
+        serve = await asyncio.to_thread(_import_server)
         async with asyncio.TaskGroup() as group:
             group.create_task(self.access.run())
-            group.create_task(serve(monitor, self.door, self.access))
+            await serve(monitor, self.door, self.access)
 
     def notes(self) -> list[str]:
         """Say what whoever looks at the terminal should know."""
         return [f"first user: {self.access.invitation}"] if self.access.needs_setup else []
+
+
+def _import_server() -> Callable[[Monitor, socket.socket, Access], Awaitable[None]]:
+    from services.monitor.web.server import serve  # noqa: PLC0415 - a second and 60 MB, for who serves alone
+
+    return serve

@@ -35,7 +35,7 @@ class _Server(uvicorn.Server):
 async def serve(monitor: Monitor, door: socket.socket, access: Access) -> None:
     """Serve at a listening socket until cancelled; it is closed then."""
     app = make_application(monitor, access)
-    ui.run_with(app, title="fleetsight", favicon=ICON, dark=None, show_welcome_message=False)
+    ui.run_with(app, title="fleetsight", favicon=ICON, dark=None, show_welcome_message=False, tailwind=False)
     add_pages(app, monitor)
     settings = monitor.settings
     config = uvicorn.Config(

@@ -66,7 +66,7 @@ async def served(monitor: Monitor, role: Role = Role.OPERATOR) -> AsyncIterator[
         access = await access_in(folder)
         serving = asyncio.create_task(serve(monitor, door, access))
         try:
-            async with asyncio.timeout(20), httpx.AsyncClient() as client:
+            async with asyncio.timeout(60), httpx.AsyncClient(timeout=60) as client:
                 await client.get(f"{url}/healthz")
             session = await access.log_in(role, PASSWORD, "here")
             yield Served(url, (cookie_of(monitor.settings), session), await token_of(access, folder, role))
