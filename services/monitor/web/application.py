@@ -15,6 +15,7 @@ from services.monitor.web.api.history import history_routes
 from services.monitor.web.api.live import live_routes
 from services.monitor.web.api.models import ErrorAnswer
 from services.monitor.web.auth.access import Access
+from services.monitor.web.auth.gate import Place
 from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.routes import access_routes
 from services.monitor.web.settings import WebSettings
@@ -22,6 +23,8 @@ from services.monitor.web.watching import watching_routes
 
 METHODS: Final = ["GET", "POST", "PUT", "PATCH", "DELETE"]
 ERRORS: Final[dict[int | str, dict[str, Any]]] = {"4XX": {"model": ErrorAnswer}, "5XX": {"model": ErrorAnswer}}
+
+HERE: Final = frozenset({"localhost", "127.0.0.1", "::1", "[::1]"})
 
 ABOUT: Final = """What the fleet sees. Log in with a token, `Authorization: Bearer ...`; `fleetsight users token NAME`
 makes one. Operators may do everything, viewers only read. Errors are `{"error": "one line"}`. The same
@@ -58,12 +61,16 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
 
 def guarded(app: FastAPI, access: Access, settings: WebSettings) -> AccessMiddleware:
     """Return what lets through to an application who may."""
+    return AccessMiddleware(app, access, cookie=cookie_of(settings), place=place_of(settings))
+
+
+def place_of(settings: WebSettings) -> Place:
+    """Return where we are served; on loopback under the names alone that this machine has for itself."""
     url = settings.web_url
-    return AccessMiddleware(
-        app,
-        access,
-        cookie=cookie_of(settings),
-        own_origin="" if url is None else origin_of(url),
+    hosts = HERE if settings.web_host in HERE else frozenset()
+    return Place(
+        origin="" if url is None else origin_of(url),
+        hosts=hosts if url is None or not hosts else hosts | {url.host or ""},
         open_metrics=settings.web_open_metrics,
     )
 

@@ -45,7 +45,8 @@ class Web:
 
     def notes(self) -> list[str]:
         """Say what whoever looks at the terminal should know."""
-        return [f"first user: {self.access.invitation}"] if self.access.needs_setup else []
+        invitation, problem = self.access.invitation, self.access.problem
+        return [f"first user: {invitation}"] * bool(invitation) + [problem] * bool(problem)
 
 
 def _import_server() -> Callable[[Monitor, socket.socket, Access], Awaitable[None]]:

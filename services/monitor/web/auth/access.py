@@ -47,7 +47,7 @@ class Access:
     def __init__(
         self, store: UserStore, session_hours: float, url: str = "", now_ns: Callable[[], int] = time.time_ns
     ) -> None:
-        self.problem = "the users have not been read yet"
+        self.problem = ""
         self._setup_secret = secrets.token_urlsafe(16)
         self._url = url
         self._store = store

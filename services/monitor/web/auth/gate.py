@@ -30,6 +30,8 @@ class Verdict(Enum):
     """What becomes of a request."""
 
     PASS = auto()
+    MISDIRECTED = auto()
+    """It is for a host that we are not: somebody's name for our address, that a page of theirs would be let in by."""
     FOREIGN = auto()
     """It comes from another site's page."""
     UNKNOWN = auto()
@@ -57,15 +59,26 @@ class Asking:
         return self.path.startswith((API, PAGE_SOCKET)) or self.path == METRICS
 
 
-def judge(asking: Asking, visitor: Visitor | None, *, by: Kind | None, own_origin: str, open_metrics: bool) -> Verdict:
-    """Return what becomes of a request.
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where we are served. origin: where a proxy serves us, like https://fleet.example, or empty.
 
-    by: what the visitor is known by. own_origin: where a proxy serves us, like https://fleet.example, or empty.
+    hosts: what we are called, without ports; any name if it is empty. open_metrics: anybody may read them.
     """
+
+    origin: str = ""
+    hosts: frozenset[str] = frozenset()
+    open_metrics: bool = False
+
+
+def judge(asking: Asking, visitor: Visitor | None, *, by: Kind | None, place: Place) -> Verdict:
+    """Return what becomes of a request. by: what the visitor is known by."""
+    if place.hosts and _host_of(asking.headers) not in place.hosts:
+        return Verdict.MISDIRECTED
     harmless = asking.method in SAFE
-    if not harmless and not _is_ours(asking.headers, own_origin, needed=by is not Kind.TOKEN):
+    if not _is_ours(asking.headers, place.origin, needed=not harmless and by is not Kind.TOKEN):
         return Verdict.FOREIGN
-    if asking.path in OPEN or (open_metrics and asking.path == METRICS):
+    if asking.path in OPEN or (place.open_metrics and asking.path == METRICS):
         return Verdict.PASS
     if visitor is None or not visitor.may_look:
         return Verdict.UNKNOWN
@@ -82,6 +95,11 @@ def local_path(asked: str) -> str:
     """Return where to go after log-in: what was asked for if it is a place of ours, else the beginning."""
     plain = asked.isascii() and asked.isprintable() and "\\" not in asked and len(asked) <= 1_000
     return asked if plain and asked.startswith("/") and not asked.startswith("//") else "/"
+
+
+def _host_of(headers: Mapping[str, str]) -> str:
+    host = headers.get("host", "").lower()
+    return host if host.endswith("]") else host.rpartition(":")[0] or host
 
 
 def _is_ours(headers: Mapping[str, str], own_origin: str, *, needed: bool) -> bool:

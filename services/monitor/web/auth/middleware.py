@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from services.monitor.web.answers import problem
 from services.monitor.web.auth.access import Access
-from services.monitor.web.auth.gate import LOG_IN, SET_UP, Asking, Verdict, body_limit, judge
+from services.monitor.web.auth.gate import LOG_IN, SET_UP, Asking, Place, Verdict, body_limit, judge
 from services.monitor.web.auth.people import Kind
 from services.monitor.web.auth.visitor import STATE, Visitor
 from services.monitor.web.headers import with_headers
@@ -28,12 +28,11 @@ POLICY_VIOLATION: Final = 1008
 class AccessMiddleware:
     """Lets through who may, marked with who they are; ends WebSockets of who may no longer."""
 
-    def __init__(self, app: ASGIApp, access: Access, *, cookie: str, own_origin: str, open_metrics: bool) -> None:
+    def __init__(self, app: ASGIApp, access: Access, *, cookie: str, place: Place) -> None:
         self.app = app
         self._access = access
         self._cookie = cookie
-        self._own_origin = own_origin
-        self._open_metrics = open_metrics
+        self._place = place
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle a request."""
@@ -42,7 +41,7 @@ class AccessMiddleware:
             return
         asking = _asking(scope)
         visitor, by = self._known(asking.headers)
-        verdict = judge(asking, visitor, by=by, own_origin=self._own_origin, open_metrics=self._open_metrics)
+        verdict = judge(asking, visitor, by=by, place=self._place)
         scope[STATE] = visitor
         if asking.is_socket:
             await self._socket(verdict, visitor, scope, receive, send)
@@ -67,6 +66,8 @@ class AccessMiddleware:
 
     def _refusal(self, asking: Asking, verdict: Verdict) -> Response:
         match verdict:
+            case Verdict.MISDIRECTED:
+                return problem(421, "the monitor is not called so; --web-url says what else it is called")
             case Verdict.FOREIGN:
                 return problem(403, "this request does not come from a page of this monitor")
             case Verdict.NOT_ALLOWED:

@@ -16,7 +16,7 @@ from services.monitor.web.auth.access import Access
 from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.web.serving import PASSWORD, access_in, monitor_on, token_of
 
-ORIGIN = "http://monitor.test"
+ORIGIN = "http://localhost:1"
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 import pytest
 
-from services.monitor.web.auth.gate import Asking, Verdict, body_limit, judge, local_path
+from services.monitor.web.auth.gate import Asking, Place, Verdict, body_limit, judge, local_path
 from services.monitor.web.auth.people import Kind
 from services.monitor.web.auth.visitor import Role, Visitor
 
@@ -19,7 +19,7 @@ def verdict(
     open_metrics: bool = False,
 ) -> Verdict:
     asking = Asking(method, path, headers)
-    return judge(asking, visitor, by=Kind.SESSION, own_origin=own, open_metrics=open_metrics)
+    return judge(asking, visitor, by=Kind.SESSION, place=Place(own, open_metrics=open_metrics))
 
 
 def test_a_socket_is_opened_from_our_own_page_alone() -> None:
@@ -29,7 +29,7 @@ def test_a_socket_is_opened_from_our_own_page_alone() -> None:
     assert verdict("", "/api/v1/live", None, OURS) is Verdict.UNKNOWN
     assert verdict("", "/api/v1/live", GONE, OURS) is Verdict.UNKNOWN
     token = Asking("", "/api/v1/live", {"host": "monitor:1"})
-    assert judge(token, VIEWER, by=Kind.TOKEN, own_origin="", open_metrics=False) is Verdict.PASS
+    assert judge(token, VIEWER, by=Kind.TOKEN, place=Place()) is Verdict.PASS
 
 
 def test_behind_a_proxy_its_origin_is_ours_and_no_other() -> None:
@@ -42,6 +42,21 @@ def test_an_origin_without_a_host_is_not_ours() -> None:
     assert verdict("POST", "/login", None, {"origin": "null"}) is Verdict.FOREIGN
     assert verdict("POST", "/login", None, {"host": "", "origin": "http://"}) is Verdict.FOREIGN
     assert verdict("POST", "/login", None, {"host": "monitor:1", "origin": "http://["}) is Verdict.FOREIGN
+
+
+def test_another_origin_does_not_even_read() -> None:
+    assert verdict("GET", "/_nicegui_ws/socket.io/", VIEWER, {**OURS, "origin": "http://monitor:2"}) is Verdict.FOREIGN
+    assert verdict("GET", "/_nicegui_ws/socket.io/", VIEWER, OURS) is Verdict.PASS
+
+
+def test_on_loopback_somebody_elses_name_for_it_is_not_ours() -> None:
+    place = Place(hosts=frozenset({"localhost", "127.0.0.1", "[::1]"}))
+    for host in ("localhost", "LOCALHOST:8080", "127.0.0.1:8080", "[::1]", "[::1]:8080"):
+        asking = Asking("GET", "/login", {"host": host})
+        assert judge(asking, None, by=None, place=place) is Verdict.PASS, host
+    for host in ("evil.test:8080", "", "localhost.evil.test", "[::1].evil.test", "127.0.0.1.evil.test:80", ":80"):
+        asking = Asking("POST", "/login", {"host": host, "origin": f"http://{host}"})
+        assert judge(asking, None, by=None, place=place) is Verdict.MISDIRECTED, host
 
 
 def test_metrics_are_open_only_where_the_settings_say_so() -> None:
