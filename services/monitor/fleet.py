@@ -7,11 +7,13 @@ from typing import Final
 
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances
+from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.clocks import Clocks
 from services.monitor.inventory.inventory import Inventory, Limits, make_room
 from services.monitor.inventory.sighting import Change
+from services.monitor.mapping.places import Places
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
@@ -67,6 +69,7 @@ class Fleet:
         self._clock_id = clock_id
         self.clocks = Clocks()
         self.inventory = Inventory(limits)
+        self.places = Places()
         self._cameras: dict[CameraKey, _Camera] = {}
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
@@ -121,7 +124,16 @@ class Fleet:
 
     def measure(self, distances: Distances, received_ns: int) -> bool:
         """Take distances that arrived at `received_ns`; return False for a double."""
-        return self.inventory.measure(distances, received_ns)
+        if not self.inventory.measure(distances, received_ns):
+            return False
+        self.places.take(distances, received_ns)
+        return True
+
+    def age_of(self, header: Header, arrived_ns: int, now_ns: int) -> Age:
+        """Return how old at `now_ns` what a frame shows is, of which something arrived at `arrived_ns`."""
+        theirs_ns = self._theirs_ns(header.robot, now_ns)
+        since_ns = arrived_ns - now_ns if theirs_ns is None else header.received_ns - theirs_ns
+        return Age(max(0, -since_ns) / 1e9, exact=theirs_ns is not None)
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""

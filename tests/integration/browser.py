@@ -27,11 +27,11 @@ def require_chromium() -> None:
 
 
 @asynccontextmanager
-async def open_browser() -> AsyncIterator[Browser]:
-    """Start Chromium; skip, or fail in CI, where it is missing."""
+async def open_browser(*more: str) -> AsyncIterator[Browser]:
+    """Start Chromium, with more options; skip, or fail in CI, where it is missing."""
     require_chromium()
     async with async_playwright() as playwright:
-        options = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+        options = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", *more]
         browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=options)
         try:
             yield browser

@@ -10,12 +10,14 @@ from services.monitor.page.inventory import add_inventory
 from services.monitor.page.kept_alerts import KeptAlerts
 from services.monitor.page.overview import add_overview
 from services.monitor.page.shared import Shared
+from services.monitor.page.views import add_views
 
 
-def add_pages(app: FastAPI, monitor: Monitor) -> None:  # noqa: ARG001 - nicegui's pages find their application themselves
+def add_pages(app: FastAPI, monitor: Monitor) -> None:
     """Add every page. Whoever gets to one is logged in: the server sees to it."""
     shared = Shared(monitor)
     add_overview(shared, monitor)
     add_inventory(shared, Charts(monitor.archive), monitor)
     add_alerts(monitor, KeptAlerts(monitor.archive))
     add_health(shared, monitor)
+    add_views(app, monitor)

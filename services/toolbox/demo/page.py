@@ -15,6 +15,7 @@ from services.monitor.web.errors import WebError
 from services.monitor.web.process import Web
 
 NAME: Final = "demo"
+RULES: Final = Path(__file__).parent / "rules.yaml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,7 @@ class Page:
         history, password = f"sqlite:///{folder / 'history.db'}", secrets.token_urlsafe(9)
         hashed = await Passwords().hash(password)
         await UserStore(history).add(User(NAME, Role.OPERATOR, hashed, time.time_ns()))
-        settings = MonitorSettings(listen=[endpoint], history=history)
+        settings = MonitorSettings(listen=[endpoint], history=history, rules=RULES)
         try:
             web = Web.of(settings)
         except WebError:

@@ -73,6 +73,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     model = ["--model", settings.model] if settings.model else []
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
+        *("--warehouses", "1"),  # so that all of them are on one map
         *("--master-port", str(master_port)),
     ]
     gateways = {
@@ -84,7 +85,8 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     }
     # Under torch at once: whatever is quicker is exported first, which takes longer than most demos.
     detector = ["detector", "--connect", endpoint, "--runtime", "torch", *model]
-    return {"simulator": simulator, **gateways, "detector": detector}
+    measuring = {service: [service, "--connect", endpoint] for service in ("distance", "cloud")}
+    return {"simulator": simulator, **gateways, **measuring, "detector": detector}
 
 
 def _robots(settings: DemoSettings) -> list[str]:
@@ -136,11 +138,12 @@ def _leaves(group: BaseExceptionGroup[ChildFailedError]) -> Iterator[ChildFailed
 
 def _add_up(settings: DemoSettings, fleet: Fleet, children: Mapping[str, Child], began_s: float) -> Summary:
     output = children["simulator"].output if "simulator" in children else []
+    detectors = [worker for (service, _), worker in fleet.workers.items() if service == "detector"]
     return Summary(
         robots=_robots(settings),
         sent=json.loads(output[-1])["sent"] if output else {},
-        inferred=sum(camera.inferred for worker in fleet.workers.values() for camera in worker.cameras),
-        dropped=drops(fleet.gateways.values(), fleet.workers.values()),
+        inferred=sum(camera.inferred for worker in detectors for camera in worker.cameras),
+        dropped=drops(fleet.gateways.values(), detectors),
         lists=fleet.lists_per_robot(),
         ages_s=tuple(fleet.ages_s),
         first_list_s=None if fleet.first_list_s is None else fleet.first_list_s - began_s,
