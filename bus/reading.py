@@ -2,7 +2,6 @@
 
 import time
 from asyncio import AbstractEventLoop
-from dataclasses import dataclass
 from typing import Self, assert_never
 
 from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
@@ -10,14 +9,7 @@ from bus.inbox import Inbox
 from bus.mailbox import Fifo, Mailbox, PerKey
 
 
-@dataclass(frozen=True, slots=True)
-class _Arrival:
-    payload: bytes
-    encoding: str
-    received_ns: int
-
-
-def _mailbox(keep: Latest | Queue) -> Mailbox[str, _Arrival]:
+def _mailbox(keep: Latest | Queue) -> Mailbox[str, Sample]:
     match keep:
         case Latest():
             return PerKey()
@@ -35,7 +27,11 @@ class SampleReader:
 
     def arrive(self, key: str, payload: bytes, encoding: str) -> None:
         """Bring a sample. Any thread."""
-        self._inbox.offer(key, _Arrival(payload, encoding, time.time_ns()))
+        self._inbox.offer(key, Sample(key, payload, encoding, time.time_ns(), 0))
+
+    def miss(self, number: int) -> None:
+        """Count samples that will never arrive. Any thread."""
+        self._inbox.miss(number)
 
     def end(self) -> None:
         """End the iteration."""
@@ -44,15 +40,14 @@ class SampleReader:
     @property
     def counts(self) -> SubscriptionCounts:
         """What became of the samples so far."""
-        return SubscriptionCounts(self._inbox.received, self._inbox.dropped)
+        return SubscriptionCounts(self._inbox.received, self._inbox.dropped, self._inbox.missed)
 
     def __aiter__(self) -> Self:
         return self
 
     async def __anext__(self) -> Sample:
-        taken = await self._inbox.take()
-        arrival = taken.item
-        return Sample(taken.key, arrival.payload, arrival.encoding, arrival.received_ns, taken.dropped)
+        _, sample, dropped = await self._inbox.take()
+        return sample._replace(replaced=dropped) if dropped else sample
 
 
 class PresenceReader:

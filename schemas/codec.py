@@ -1,5 +1,6 @@
 """Messages to bytes and back: MessagePack, the schema's name and version in the Zenoh encoding, decoding bounded."""
 
+from functools import cache
 from typing import Any, Final, TypeVar
 
 import msgspec
@@ -81,6 +82,7 @@ _decoders: Final[dict[type, msgspec.msgpack.Decoder[Any]]] = {
 }
 
 
+@cache
 def encoding(schema: type[msgspec.Struct]) -> str:
     """Return the Zenoh encoding that says which schema a payload follows."""
     return f"application/msgpack;fleetsight.{schema.__name__}.v{VERSION}"

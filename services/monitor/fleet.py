@@ -1,5 +1,6 @@
 """How the fleet is doing and what it sees: pure state that messages, presence and time move on."""
 
+from bisect import insort
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -7,7 +8,7 @@ from typing import Final
 
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances
-from schemas.keys import CameraKey
+from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.clocks import Clocks
 from services.monitor.inventory.inventory import Inventory, Limits, make_room
@@ -51,7 +52,9 @@ class _Camera:
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=64))
 
     def rate_hz(self, now_s: float) -> float:
-        recent = [at for at in self.arrivals if now_s - at <= RATE_WINDOW_S]
+        recent = self.arrivals
+        while recent and now_s - recent[0] > RATE_WINDOW_S:
+            recent.popleft()
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
 
 
@@ -67,10 +70,12 @@ class Fleet:
         self.clocks = Clocks()
         self.inventory = Inventory(limits)
         self._cameras: dict[CameraKey, _Camera] = {}
+        self._order: list[CameraKey] = []
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
         self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
         self.first_list_s: float | None = None
+        self.class_lists = 0
         self.left_out: Counter[str] = Counter()
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
@@ -80,7 +85,7 @@ class Fleet:
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went stays on the list."""
         self.inventory.camera_presence(key, alive=alive)
-        self._cameras.setdefault(key, _Camera())
+        self._camera(key)
 
     def gateway_status(self, status: GatewayStatus) -> None:
         """Keep a gateway's newest account of itself."""
@@ -98,13 +103,14 @@ class Fleet:
         Returns:
             What changed in the inventory; None for a list about a frame that is not newer than the camera's last one.
         """
-        key = CameraKey(seen.header.robot, seen.header.camera)
+        key = camera_key(seen.header.robot, seen.header.camera)
         theirs_ns = self._theirs_ns(key.robot, received_ns)
         lag_ns = None if theirs_ns is None else max(0, theirs_ns - seen.header.received_ns)
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
         if changes is None:
             return None
-        camera = self._cameras.setdefault(key, _Camera())
+        self.class_lists += 1
+        camera = self._camera(key)
         if self.first_list_s is None:
             self.first_list_s = now_s
         camera.latest, camera.arrived_s = seen, now_s
@@ -128,8 +134,9 @@ class Fleet:
         yield from (status.robot for status in self.online() if status.clock_id != self._clock_id)
 
     def rows(self, now_s: float) -> Iterator[Row]:
-        """Yield every camera, by robot and name."""
-        for key, camera in sorted(self._cameras.items()):
+        """Yield every camera, by robot and name; one that is new meanwhile comes the next time."""
+        for key in list(self._order):
+            camera = self._cameras[key]
             yield Row(
                 key=key,
                 online=self.inventory.online(key),
@@ -144,6 +151,13 @@ class Fleet:
         for key, camera in self._cameras.items():
             counts[key.robot] += camera.lists
         return counts
+
+    def _camera(self, key: CameraKey) -> _Camera:
+        camera = self._cameras.get(key)
+        if camera is None:
+            camera = self._cameras[key] = _Camera()
+            insort(self._order, key)
+        return camera
 
     def _theirs_ns(self, robot: str, ours_ns: int) -> int | None:
         """Return what the robot's clock shows when ours shows `ours_ns`, or None while that is not known."""

@@ -100,12 +100,12 @@ class Store:
         for interval in found:
             yield interval
 
-    async def write(self, some: Iterable[Interval], changed: Iterable[Alert], at_ns: int) -> None:
+    async def write(self, some: Iterable[Interval], changed: Iterable[Alert] = (), at_ns: int | None = None) -> None:
         """Write intervals and alerts, all of them or none, and that everything open goes on at `at_ns`."""
         async with translating(), self._connection.begin():
             await self._put(intervals, [row_of_interval(interval) for interval in some])
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
-            await self._put(heartbeat, [{"id": 1, "at_ns": at_ns}])
+            await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 
     async def prune(self, before_ns: int) -> None:
         """Forget what ended before then."""

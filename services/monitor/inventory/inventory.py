@@ -7,7 +7,7 @@ from typing import Final
 
 from schemas.detections import ClassList
 from schemas.distances import Distances
-from schemas.keys import CameraKey
+from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.settling import NS, Debounce
 from services.monitor.inventory.sighting import Change, Sighting
@@ -69,12 +69,12 @@ class Inventory:
 
         Lists of one camera are to come in order, but a clock that was set back is lived with.
         """
-        camera = self._camera(CameraKey(seen.header.robot, seen.header.camera))
+        camera = self._camera(camera_key(seen.header.robot, seen.header.camera))
         return camera.see(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
-        return self._camera(CameraKey(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
+        return self._camera(camera_key(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
 
     def tick(self, now_ns: int) -> list[Change]:
         """Let time pass; return what is not known any more."""
@@ -121,12 +121,12 @@ class Inventory:
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
         """Yield what is or was in view, by robot, camera and class; of one of them if it is named."""
         since_ns = now_ns - self.limits.stale_ns
-        for key in sorted(self._cameras):
-            if robot in ("", key.robot) and camera in ("", key.camera):
-                view = self._cameras[key]
-                available = self.speaks(view, now_ns)
-                of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
-                yield from (Entry(sighting, available) for sighting in of if name in ("", sighting.name))
+        asked = [key for key in self._cameras if robot in ("", key.robot) and camera in ("", key.camera)]
+        for key in sorted(asked, key=lambda key: (key.robot, key.camera)):
+            view = self._cameras[key]
+            available = self.speaks(view, now_ns)
+            of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
+            yield from (Entry(sighting, available) for sighting in of if name in ("", sighting.name))
 
     def _camera(self, key: CameraKey) -> CameraView:
         found = self._cameras.get(key)

@@ -1,0 +1,49 @@
+"""What became of class lists, and whether it is what was aimed at. Pure."""
+
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.targets import Targets, at_most
+
+AT_MOST = {"lost": 0, "p99_ms": 50, "rss_mb": 600, "cpu_share_1000x5": 0.35}
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What became of the class lists of some seconds.
+
+    latencies_ms: from putting a list on the bus until an answer of the inventory shows it. cpu_share: of one core.
+    late_ms: how late the latest was handed to the bus.
+    """
+
+    lost: int
+    sent_per_s: float
+    latencies_ms: Sequence[float]
+    cpu_share: float
+    late_ms: float
+
+    def percentile_ms(self, percent: int) -> float:
+        """Return how long so many of the lists took at most."""
+        return round(statistics.quantiles(self.latencies_ms, n=100, method="inclusive")[percent - 1], 1)
+
+    def figures(self) -> dict[str, Any]:
+        """Return what is printed."""
+        return {
+            "lost": self.lost,
+            "msgs_per_s": round(self.sent_per_s),
+            "p50_ms": self.percentile_ms(50),
+            "p99_ms": self.percentile_ms(99),
+            "probes": len(self.latencies_ms),
+            "cpu_share": round(self.cpu_share, 3),
+            "publishers_late_ms": self.late_ms,
+        }
+
+
+def targets(found: Mapping[str, Any]) -> Targets:
+    """Return each target and whether it is met."""
+    made: Targets = {}
+    for name, limit in AT_MOST.items():
+        made |= at_most(found, name, limit)
+    return made

@@ -1,0 +1,180 @@
+"""The robots, the router and the monitor of a measurement."""
+
+import asyncio
+import itertools
+import time
+from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from benchmarks.gateway.flow import free_endpoint
+from benchmarks.gateway.processes import START_S, PeerError, Process, module, running
+from benchmarks.monitor.report import Flow
+from bus import Bus, BusSettings, Publisher, QoS, RequestError, open_bus
+from schemas import codec, keys
+from schemas.detections import ClassCount, ClassList
+from schemas.header import Header
+from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.keys import CameraKey, Stream
+
+PUBLISHERS: Final = 4
+"""Processes that the robots are shared by."""
+
+SESSIONS: Final = 10
+"""Of each of them."""
+
+SETTLED_S: Final = 2.0
+"""By then a list has arrived, or is lost."""
+
+PROBE_S: Final = 0.05
+PROBE: Final = CameraKey("probe", "front")
+
+RULES: Final = """
+rules:
+  - {name: crowded, when: over, class: box, count: 50}
+  - {name: forklift too near, when: nearer, class: forklift, than_m: 2, severity: critical}
+  - {name: camera silent, when: silent, cameras: ["*"], for_s: 600}
+"""
+
+
+@dataclass
+class Probe:
+    """A robot's camera whose lists are looked for in the inventory."""
+
+    publisher: Publisher
+    seq: int = 0
+
+    def put(self) -> float:
+        """Publish a list; return the score that tells it from all others."""
+        self.seq += 1
+        now_ns, score = time.time_ns(), self.seq / 1_000_000
+        header = Header(
+            robot=PROBE.robot,
+            camera=PROBE.camera,
+            boot_id="probe",
+            seq=self.seq,
+            stamp_ns=now_ns,
+            frame_id="",
+            received_ns=now_ns,
+        )
+        seen = ClassList(header=header, classes=[ClassCount("box", 1, score)], model="m", worker="w")
+        self.publisher.put(codec.encode(seen))
+        return score
+
+
+class Scenario:
+    """5,000 robots behind a router, and one monitor."""
+
+    def __init__(self, bus: Bus, monitor: Process, publishers: list[Process], probe: Probe) -> None:
+        self.monitor = monitor
+        self._bus = bus
+        self._publishers = publishers
+        self._probe = probe
+
+    async def robots(self, number: int) -> None:
+        """Have so many robots; return when the monitor knows all of them."""
+        share = number // len(self._publishers)
+        for publisher in self._publishers:
+            publisher.tell(f"robots {share}")
+        await asyncio.gather(*(asyncio.to_thread(publisher.answer) for publisher in self._publishers))
+        await self.send(1.0, 2.0)
+        await self._until_all_are_known(share * len(self._publishers))
+
+    async def send(self, hz: float, seconds: float) -> Flow:
+        """Have every robot send at a rate for so long; return what became of it."""
+        before, cpu_s = await self.taken() - self._probe.seq, self.monitor.cpu_s()
+        for publisher in self._publishers:
+            publisher.tell(f"send {hz} {seconds}")
+        latencies, ended = list[float](), asyncio.Event()
+        began_s = time.monotonic()
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._look(latencies, ended))
+            answers = await asyncio.gather(*(asyncio.to_thread(each.answer) for each in self._publishers))
+            took_s = time.monotonic() - began_s
+            cpu_share = (self.monitor.cpu_s() - cpu_s) / took_s
+            ended.set()
+        await asyncio.sleep(SETTLED_S)
+        sent = sum(answer["sent"] for answer in answers)
+        return Flow(
+            lost=sent - (await self.taken() - self._probe.seq - before),
+            sent_per_s=(sent + len(latencies)) / took_s,
+            latencies_ms=latencies,
+            cpu_share=cpu_share,
+            late_ms=max(answer["late_ms"] for answer in answers),
+        )
+
+    async def taken(self) -> int:
+        """Return how many class lists the monitor took in."""
+        return (await self._inventory("nobody")).class_lists
+
+    async def _look(self, latencies: list[float], ended: asyncio.Event) -> None:
+        """Publish lists one by one; note after how many milliseconds an answer of the inventory shows each."""
+        self._probe.put()  # what one list says alone is no sighting yet
+        while not ended.is_set():
+            score, put_s = self._probe.put(), time.monotonic()
+            while not await self._shows(score):
+                if time.monotonic() - put_s > START_S:
+                    raise PeerError(f"a list was lost: {self.monitor.last_words()}")
+            latencies.append((time.monotonic() - put_s) * 1e3)
+            await asyncio.sleep(PROBE_S)
+
+    async def _shows(self, score: float) -> bool:
+        answer = await self._inventory(PROBE.robot)
+        return any(sighting.score == score for sighting in answer.sightings)
+
+    async def _inventory(self, robot: str) -> InventoryAnswer:
+        request = codec.encode(InventoryRequest(robot=robot, in_view=False))
+        encoding = codec.encoding(InventoryRequest)
+        reply = await self._bus.request(keys.INVENTORY, request, encoding=encoding, timeout_s=START_S)
+        return codec.decode(InventoryAnswer, reply.payload, reply.encoding)
+
+    async def _until_all_are_known(self, robots: int) -> None:
+        for number in itertools.count():
+            answer = await self._inventory("")
+            if len({sighting.robot for sighting in answer.sightings if sighting.available}) >= robots:
+                return
+            if number > START_S:
+                raise PeerError(f"not all robots are known: {self.monitor.last_words()}")
+            await self.send(1.0, 1.0)
+
+
+@asynccontextmanager
+async def scenario(folder: Path, robots: int) -> AsyncIterator[Scenario]:
+    """Start everything; the robots are still to come."""
+    rules = folder / "rules.yaml"
+    rules.write_text(RULES, encoding="utf-8")
+    router = free_endpoint()
+    command = ["-m", "services.toolbox", "monitor", "--mode", "client", "--connect", router]
+    store = ["--history", f"sqlite:///{folder}/history.db", "--rules", str(rules)]
+    with ExitStack() as stack:
+        stack.enter_context(running(module("router", router))).ask()
+        monitor = stack.enter_context(running([module("")[0], *command, *store]))
+        share = robots // PUBLISHERS
+        publishers = [
+            stack.enter_context(running(module("class_lists", router, str(index * share), str(SESSIONS))))
+            for index in range(PUBLISHERS)
+        ]
+        async with (
+            open_bus(BusSettings(connect=[router], shared_memory=False)) as bus,
+            bus.announce(keys.robot_alive(PROBE.robot)),
+            bus.announce(PROBE.alive(Stream.COLOR)),
+            bus.publisher(PROBE.stream(Stream.CLASSES), QoS.RESULT, encoding=codec.encoding(ClassList)) as publisher,
+        ):
+            made = Scenario(bus, monitor, publishers, Probe(publisher))
+            await _until_it_answers(made)
+            yield made
+
+
+async def _until_it_answers(made: Scenario) -> None:
+    until_s = time.monotonic() + START_S
+    while True:
+        try:
+            await made.taken()
+        except RequestError as error:
+            if time.monotonic() > until_s:
+                raise PeerError(made.monitor.last_words()) from error
+            await asyncio.sleep(0.1)
+        else:
+            return
