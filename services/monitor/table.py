@@ -6,6 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from services.monitor.fleet import Age, Row
+from services.monitor.printable import printable
 
 
 def render(rows: Iterable[Row], notes: Sequence[str], room: int) -> Table:
@@ -54,7 +55,7 @@ def classes(row: Row) -> str:
     """Return what is in view, in words."""
     if row.classes is None:
         return "waiting for the first class list"
-    return ", ".join(f"{seen.count} {seen.name}" for seen in row.classes) or "nothing"
+    return ", ".join(f"{seen.count} {printable(seen.name)}" for seen in row.classes) or "nothing"
 
 
 def age(value: Age | None) -> str:
