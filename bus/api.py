@@ -182,6 +182,10 @@ class Bus(Protocol):
     anybody noticing here. Entering raises BusError for a bad key or a refused declaration, BusClosedError after close.
     """
 
+    @property
+    def link_problem(self) -> str:
+        """Why nobody can be heard, in words; empty while there is a link, or nobody that settings say to connect to."""
+
     def publisher(
         self,
         key: str,

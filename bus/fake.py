@@ -141,6 +141,10 @@ class _FakeBus:
         self._asking = Unanswered()
         self._closed = False
 
+    @property
+    def link_problem(self) -> str:
+        return "the bus is closed" if self._closed else ""
+
     def publisher(
         self,
         key: str,

@@ -73,6 +73,11 @@ class ZenohBus:
         self._asking.end()
         await self._settle(self._session.stop(self._lanes.stop))
 
+    @property
+    def link_problem(self) -> str:
+        """See `bus.api.Bus.link_problem`."""
+        return "the bus is closed" if self._closed else self._session.link_problem
+
     def publisher(
         self,
         key: str,

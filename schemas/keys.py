@@ -195,6 +195,12 @@ def infer(worker: str) -> str:
     return f"services/detector/infer/{worker}"
 
 
+def monitor_pulse(monitor: str) -> str:
+    """Return the key under which a monitor sends to itself, to know that it can hear."""
+    check_name("monitor", monitor)
+    return f"services/monitor/{monitor}/pulse"
+
+
 @dataclass(frozen=True, slots=True)
 class WorkerAlive:
     """A worker's presence. A token has no payload, so all that others must know of the worker is in its key.

@@ -63,6 +63,7 @@ class Fleet:
 
     clock_id: the clock of this machine; a robot's ages are exact when it reads the same one, or when `clocks` knows how
     far it is off. Every method that may add a member raises InventoryFullError when there are too many already.
+    heard_ns, worker_heard_ns: when the newest status of a gateway, or worker, arrived.
     """
 
     def __init__(self, clock_id: str, limits: Limits | None = None) -> None:
@@ -73,6 +74,8 @@ class Fleet:
         self._order: list[CameraKey] = []
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
+        self.heard_ns: dict[str, int] = {}
+        self.worker_heard_ns: dict[tuple[str, str], int] = {}
         self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
         self.first_list_s: float | None = None
         self.class_lists = 0
@@ -87,15 +90,16 @@ class Fleet:
         self.inventory.camera_presence(key, alive=alive)
         self._camera(key)
 
-    def gateway_status(self, status: GatewayStatus) -> None:
-        """Keep a gateway's newest account of itself."""
+    def gateway_status(self, status: GatewayStatus, received_ns: int = 0) -> None:
+        """Keep a gateway's newest account of itself, which arrived at `received_ns` (epoch)."""
         make_room(self.gateways, status.robot)
-        self.gateways[status.robot] = status
+        self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
 
-    def worker_status(self, status: WorkerStatus) -> None:
-        """Keep a worker's newest account of itself."""
-        make_room(self.workers, (status.service, status.worker))
-        self.workers[status.service, status.worker] = status
+    def worker_status(self, status: WorkerStatus, received_ns: int = 0) -> None:
+        """Keep a worker's newest account of itself, which arrived at `received_ns` (epoch)."""
+        name = (status.service, status.worker)
+        make_room(self.workers, name)
+        self.workers[name], self.worker_heard_ns[name] = status, received_ns
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).

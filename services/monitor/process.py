@@ -20,12 +20,16 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.answering import answer_inventory
 from services.monitor.display import Problems, show
 from services.monitor.fleet import Fleet
+from services.monitor.health import Health
+from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
+from services.monitor.monitor import Monitor
 from services.monitor.printable import printable
 from services.monitor.settings import MonitorSettings
+from services.monitor.web.process import Web
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +48,7 @@ async def run(settings: MonitorSettings) -> None:
 
     Raises:
         RuleFileError: the rule file cannot be used.
+        WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
     """
     fleet = Fleet(clock_id(), settings.limits())
@@ -57,16 +62,22 @@ async def run(settings: MonitorSettings) -> None:
             history.take(changes)
             alerting.take(changes)
 
-    def problems() -> list[str]:
-        not_kept = history.status.problem
-        return [f"history is not being kept: {not_kept}"] * bool(not_kept) + [rules.problem] * bool(rules.problem)
-
+    web = Web.of(settings) if settings.web else None
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
         await history.restore()
+        monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
         group.create_task(history.run())
         group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads))
+        group.create_task(monitor.health.run())
+        if web is not None:
+            group.create_task(web.run(monitor))
+
+        def problems() -> list[str]:
+            return [*monitor.problems(), *([] if web is None else web.notes())]
+
         group.create_task(watch_fleet(bus, fleet, told, alerting.measured, problems))
-        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings), problems=problems))
+        notes = [_how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
+        group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
 
 
 def _nobody(_: object) -> None:
@@ -172,14 +183,14 @@ def _gateway_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
     if status.robot != keys.parse_robot(sample.key):
         raise SchemaError(f"status of {status.robot}")
-    fleet.gateway_status(status)
+    fleet.gateway_status(status, sample.received_ns)
 
 
 def _worker_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(WorkerStatus, sample.payload, sample.encoding)
     if (status.service, status.worker) != keys.parse_worker(sample.key):
         raise SchemaError(f"status of {status.service}/{status.worker}")
-    fleet.worker_status(status)
+    fleet.worker_status(status, sample.received_ns)
 
 
 def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:

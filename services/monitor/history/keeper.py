@@ -3,12 +3,14 @@
 import asyncio
 import logging
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from schemas.alerts import Alert
 from schemas.keys import CameraKey
+from services.monitor.history.acts import Act, Acts
 from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval, Ledger
@@ -57,6 +59,7 @@ class HistoryKeeper:
     """Writes what changes in the inventory, and alerts, to the database of the settings.
 
     on_lead: is called with the alerts that are not resolved whenever this monitor becomes the one that raises alerts.
+    acts: what people did with alerts lately, and with those that are not resolved.
     """
 
     def __init__(
@@ -70,6 +73,8 @@ class HistoryKeeper:
         self._on_lead = on_lead
         self._ledger = Ledger()
         self._alerts: dict[str, Alert] = {}
+        self.acts = Acts()
+        self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
         self._quiet: set[CameraKey] = set()
         self._store: Store | None = None
         self._problem = "" if settings.history == NONE else "not connected yet"
@@ -95,6 +100,12 @@ class HistoryKeeper:
             self._alerts[alert.id] = alert
             while len(self._alerts) > MAX_ALERTS:
                 del self._alerts[next(iter(self._alerts))]
+
+    def act(self, act: Act) -> None:
+        """Take what somebody did with an alert."""
+        self.acts.take([act])
+        if self._settings.history != NONE:
+            self._new_acts.append(act)
 
     async def restore(self) -> None:
         """Give the inventory back what the database kept of it; before anything is taken."""
@@ -143,6 +154,7 @@ class HistoryKeeper:
             going_on = [interval for interval in kept.intervals if interval.open]
             heartbeat_ns = await store.heartbeat_ns()
             self._ledger.merge(going_on, heartbeat_ns, now_ns, self._inventory.limits.lost_ns)
+            self.acts.take(kept.acts)
             if not (self._leads and self._loaded):
                 self._on_lead(kept.alerts)
             self._writes = self._leads = self._loaded = True
@@ -161,9 +173,10 @@ class HistoryKeeper:
             some = self._ledger.pending(BATCH)
             await store.write(some)
             self._ledger.written(some)
-        some, changed = self._ledger.pending(BATCH), dict(self._alerts)
-        await store.write(some, changed.values(), now_ns)
+        some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), list(self._new_acts)
+        await store.write(some, changed.values(), now_ns, acts)
         self._written(some, changed)
+        self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
         if time.monotonic() >= self._due_s:
             await store.prune(now_ns - round(self._settings.history_days * DAY_NS))
             self._due_s = time.monotonic() + PRUNE_S

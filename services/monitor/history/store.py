@@ -14,11 +14,19 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.history.engine import engine_of, file_of, translating
+from services.monitor.history.acts import Act
+from services.monitor.history.engine import engine_of, file_of, private_file, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
-from services.monitor.history.rows import alert_of_row, interval_of_row, row_of_alert, row_of_interval
-from services.monitor.history.tables import alerts, heartbeat, intervals, metadata
+from services.monitor.history.rows import (
+    act_of_row,
+    alert_of_row,
+    interval_of_row,
+    row_of_act,
+    row_of_alert,
+    row_of_interval,
+)
+from services.monitor.history.tables import acts, alerts, heartbeat, intervals, metadata
 
 LOCK: Final = 0x666C656574
 """The advisory lock's number: "fleet", for whoever looks at pg_locks."""
@@ -28,10 +36,14 @@ MAX_LOADED: Final = 200_000
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts."""
+    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
+
+    acts: what was done with these alerts.
+    """
 
     intervals: Sequence[Interval]
     alerts: Sequence[Alert]
+    acts: Sequence[Act] = ()
 
 
 class Store:
@@ -50,7 +62,7 @@ class Store:
         file = file_of(engine)
         async with translating():
             if file is not None:
-                await asyncio.to_thread(file.parent.mkdir, parents=True, exist_ok=True)
+                await asyncio.to_thread(private_file, file)
             store = cls(engine, await engine.connect(), file)
         try:
             async with translating():
@@ -77,10 +89,12 @@ class Store:
         async with translating():
             unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
-            await self._connection.commit()
             found = [alert_of_row(row) for row in rows]
+            theirs = acts.select().where(acts.c.alert_id.in_(unresolved.with_only_columns(alerts.c.id)))
+            done = (await self._connection.execute(theirs.order_by(acts.c.at_ns).limit(MAX_LOADED))).all()
+            await self._connection.commit()
         newest = {interval.place: interval for interval in [*ended, *going_on]}
-        return Kept(list(newest.values()), found)
+        return Kept(list(newest.values()), found, [act_of_row(row) for row in done])
 
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
@@ -100,11 +114,18 @@ class Store:
         for interval in found:
             yield interval
 
-    async def write(self, some: Iterable[Interval], changed: Iterable[Alert] = (), at_ns: int | None = None) -> None:
-        """Write intervals and alerts, all of them or none, and that everything open goes on at `at_ns`."""
+    async def write(
+        self,
+        some: Iterable[Interval],
+        changed: Iterable[Alert] = (),
+        at_ns: int | None = None,
+        done: Iterable[Act] = (),
+    ) -> None:
+        """Write intervals, alerts and acts, all of them or none, and that everything open goes on at `at_ns`."""
         async with translating(), self._connection.begin():
             await self._put(intervals, [row_of_interval(interval) for interval in some])
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
+            await self._put(acts, [row_of_act(act) for act in done])
             await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 
     async def prune(self, before_ns: int) -> None:
@@ -113,6 +134,7 @@ class Store:
             await self._connection.execute(
                 delete(intervals).where(intervals.c.until_ns < before_ns, intervals.c.open.is_(False))
             )
+            await self._connection.execute(delete(acts).where(acts.c.at_ns < before_ns))
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )

@@ -57,3 +57,35 @@ alerts: Final = Table(
     Index("alerts_by_change", "changed_ns"),
 )
 """Every alert as it stands or ended."""
+
+acts: Final = Table(
+    "acts",
+    metadata,
+    Column("alert_id", NAME, primary_key=True),
+    Column("at_ns", BigInteger, primary_key=True),
+    Column("state", String(16), primary_key=True),
+    Column("who", NAME, nullable=False),
+)
+"""What people did with alerts."""
+
+users: Final = Table(
+    "users",
+    metadata,
+    Column("name", NAME, primary_key=True),
+    Column("role", String(16), nullable=False),
+    Column("password", Text, nullable=False),
+    Column("changed_ns", BigInteger, nullable=False),
+)
+"""Who may log in. password: its argon2 hash."""
+
+logins: Final = Table(
+    "logins",
+    metadata,
+    Column("digest", String(64), primary_key=True),
+    Column("user", NAME, nullable=False),
+    Column("kind", String(16), nullable=False),
+    Column("user_ns", BigInteger, nullable=False),
+    Column("until_ns", BigInteger, nullable=False),
+    Index("logins_by_user", "user"),
+)
+"""Sessions and tokens that are good until then. digest: SHA-256, in hexadecimal, of what shows that one has it."""
