@@ -9,6 +9,7 @@ router, its history in SQLite, with three rules.
                       in, two seconds after the last; every list counts once, so that doubles hide no loss
     p99_ms            from putting a list on the bus until an answer about the inventory shows it, the answer's way
                       included; of one more camera, twenty times a second, amid the others
+    page_p95_ms       a whole answer of the page or of the API, the slowest of three addresses fetched in turn meanwhile
     rss_mb            resident memory of the monitor after that
     max_msgs_per_s    the highest rate at which nothing was lost; max_is_publishers: the publishers could not send more
     cpu_share_1000x5  processor time of the monitor, of one core, with 1,000 robots at 5 lists a second

@@ -2,12 +2,17 @@
 
 import asyncio
 import itertools
+import subprocess
+import sys
 import time
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from secrets import token_hex
 from typing import Final
+
+import httpx
 
 from benchmarks.gateway.flow import free_endpoint
 from benchmarks.gateway.processes import START_S, PeerError, Process, module, running
@@ -18,6 +23,7 @@ from schemas.detections import ClassCount, ClassList
 from schemas.header import Header
 from schemas.inventory import InventoryAnswer, InventoryRequest
 from schemas.keys import CameraKey, Stream
+from services.toolbox.demo.ports import free_ports
 
 PUBLISHERS: Final = 4
 """Processes that the robots are shared by."""
@@ -29,6 +35,9 @@ SETTLED_S: Final = 2.0
 """By then a list has arrived, or is lost."""
 
 PROBE_S: Final = 0.05
+VISIT_S: Final = 0.2
+PATHS: Final = ("/", "/api/v1/robots", "/api/v1/inventory?in_view=true")
+TOOLBOX: Final = (sys.executable, "-m", "services.toolbox")
 PROBE: Final = CameraKey("probe", "front")
 
 RULES: Final = """
@@ -67,8 +76,11 @@ class Probe:
 class Scenario:
     """5,000 robots behind a router, and one monitor."""
 
-    def __init__(self, bus: Bus, monitor: Process, publishers: list[Process], probe: Probe) -> None:
+    def __init__(
+        self, bus: Bus, monitor: Process, publishers: list[Process], probe: Probe, web: httpx.AsyncClient
+    ) -> None:
         self.monitor = monitor
+        self._web = web
         self._bus = bus
         self._publishers = publishers
         self._probe = probe
@@ -87,10 +99,11 @@ class Scenario:
         before, cpu_s = await self.taken() - self._probe.seq, self.monitor.cpu_s()
         for publisher in self._publishers:
             publisher.tell(f"send {hz} {seconds}")
-        latencies, ended = list[float](), asyncio.Event()
+        latencies, pages, ended = list[float](), dict[str, list[float]](), asyncio.Event()
         began_s = time.monotonic()
         async with asyncio.TaskGroup() as group:
             group.create_task(self._look(latencies, ended))
+            group.create_task(self._visit(pages, ended))
             answers = await asyncio.gather(*(asyncio.to_thread(each.answer) for each in self._publishers))
             took_s = time.monotonic() - began_s
             cpu_share = (self.monitor.cpu_s() - cpu_s) / took_s
@@ -101,6 +114,7 @@ class Scenario:
             lost=sent - (await self.taken() - self._probe.seq - before),
             sent_per_s=(sent + len(latencies)) / took_s,
             latencies_ms=latencies,
+            pages_ms=pages,
             cpu_share=cpu_share,
             late_ms=max(answer["late_ms"] for answer in answers),
         )
@@ -119,6 +133,16 @@ class Scenario:
                     raise PeerError(f"a list was lost: {self.monitor.last_words()}")
             latencies.append((time.monotonic() - put_s) * 1e3)
             await asyncio.sleep(PROBE_S)
+
+    async def _visit(self, pages: dict[str, list[float]], ended: asyncio.Event) -> None:
+        """Fetch page and API in turn; note after how many milliseconds the whole answer is there."""
+        for path in itertools.cycle(PATHS):
+            if ended.is_set():
+                return
+            began_s = time.monotonic()
+            (await self._web.get(path)).raise_for_status()
+            pages.setdefault(path, []).append((time.monotonic() - began_s) * 1e3)
+            await asyncio.sleep(VISIT_S)
 
     async def _shows(self, score: float) -> bool:
         answer = await self._inventory(PROBE.robot)
@@ -146,25 +170,44 @@ async def scenario(folder: Path, robots: int) -> AsyncIterator[Scenario]:
     rules = folder / "rules.yaml"
     rules.write_text(RULES, encoding="utf-8")
     router = free_endpoint()
-    command = ["-m", "services.toolbox", "monitor", "--mode", "client", "--connect", router]
-    store = ["--history", f"sqlite:///{folder}/history.db", "--rules", str(rules)]
+    history, port = f"sqlite:///{folder}/history.db", free_ports(1)
+    token = await asyncio.to_thread(token_of_a_viewer, history)
+    command = ["monitor", "--mode", "client", "--connect", router, "--web-port", str(port)]
+    web = httpx.AsyncClient(
+        base_url=f"http://127.0.0.1:{port}", headers={"Authorization": f"Bearer {token}"}, timeout=START_S
+    )
     with ExitStack() as stack:
         stack.enter_context(running(module("router", router))).ask()
-        monitor = stack.enter_context(running([module("")[0], *command, *store]))
+        monitor = stack.enter_context(running([*TOOLBOX, *command, "--history", history, "--rules", str(rules)]))
         share = robots // PUBLISHERS
         publishers = [
             stack.enter_context(running(module("class_lists", router, str(index * share), str(SESSIONS))))
             for index in range(PUBLISHERS)
         ]
         async with (
+            web,
             open_bus(BusSettings(connect=[router], shared_memory=False)) as bus,
             bus.announce(keys.robot_alive(PROBE.robot)),
             bus.announce(PROBE.alive(Stream.COLOR)),
             bus.publisher(PROBE.stream(Stream.CLASSES), QoS.RESULT, encoding=codec.encoding(ClassList)) as publisher,
         ):
-            made = Scenario(bus, monitor, publishers, Probe(publisher))
+            made = Scenario(bus, monitor, publishers, Probe(publisher), web)
             await _until_it_answers(made)
             yield made
+
+
+def token_of_a_viewer(history: str) -> str:
+    """Make somebody who may look; return what they are known by."""
+    users = [*TOOLBOX, "users"]
+    subprocess.run(
+        [*users, "add", "viewer", "--history", history],
+        input=f"{token_hex()}\n" * 2,
+        text=True,
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
+    made = subprocess.run([*users, "token", "viewer", "--history", history], capture_output=True, text=True, check=True)
+    return made.stdout.split()[-1]
 
 
 async def _until_it_answers(made: Scenario) -> None:

@@ -42,7 +42,7 @@ def left_out(answer: InventoryAnswer) -> int:
 
 
 async def test_messages_that_cannot_be_taken_are_counted_and_harm_no_other(rig: FleetRig) -> None:
-    started = await rig.start("monitor", "--mode", "client", "--history", "none", *QUICK)
+    started = await rig.start("monitor", "--mode", "client", "--no-web", "--history", "none", *QUICK)
     await inventory(rig)
     good = codec.encode(seen(1, {"box": 1}))
     huge = msgspec.structs.replace(seen(1, {}), spans={f"{number:032}": number for number in range(9_000)})
@@ -77,7 +77,7 @@ async def test_a_robot_whose_clock_is_an_hour_ahead_is_seen_now(rig: FleetRig) -
         return Reply(codec.encode(reading), codec.encoding(ClockReading))
 
     status = GatewayStatus(robot="r1", boot_id="boot", clock_id="its own", sent_ns=time.time_ns() + HOUR_NS)
-    await rig.start("monitor", "--mode", "client", "--history", "none", *QUICK)
+    await rig.start("monitor", "--mode", "client", "--no-web", "--history", "none", *QUICK)
     await inventory(rig)
     async with (
         rig.bus.serve(keys.robot_clock("r1"), tell),
@@ -101,7 +101,7 @@ async def test_a_mistake_in_the_rule_file_is_told_and_leaves_the_rules_as_they_w
     rules = tmp_path / "rules.yaml"
     right = "rules:\n  - {name: boxes, when: over, class: box, count: 0}\n"
     rules.write_text(right, encoding="utf-8")
-    await rig.start("monitor", "--mode", "client", "--history", "none", "--rules", str(rules), *QUICK)
+    await rig.start("monitor", "--mode", "client", "--no-web", "--history", "none", "--rules", str(rules), *QUICK)
     async with rig.subscribed("fleet/r1/alerts") as alerts, always_seeing(rig) as front:
         await inventory(rig)
         rules.write_text(f"{right}  - {{name: pallets, when: over, class: pallet, count: many}}\n", encoding="utf-8")
@@ -116,7 +116,7 @@ async def test_a_mistake_in_the_rule_file_is_told_and_leaves_the_rules_as_they_w
 
 async def test_monitoring_goes_on_when_the_disk_is_full(rig: FleetRig, tmp_path: Path) -> None:
     file = tmp_path / "history.db"
-    started = await rig.start("monitor", "--mode", "client", "--history", f"sqlite:///{file}", *QUICK)
+    started = await rig.start("monitor", "--mode", "client", "--no-web", "--history", f"sqlite:///{file}", *QUICK)
     async with always_seeing(rig, "box") as front:
         await told(rig, lambda answer: answer.sightings and not answer.problems)
         limits = resource.prlimit(started.process.pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))

@@ -24,7 +24,9 @@ async def rig() -> AsyncIterator[FleetRig]:
 async def test_no_list_published_while_the_monitor_was_cut_off_is_lost(rig: FleetRig, tmp_path: Path) -> None:
     file = tmp_path / "history.db"
     async with severable(int(rig.endpoint.rpartition(":")[2])) as link, camera(rig) as front:
-        await rig.at(link.port).start("monitor", "--mode", "client", "--history", f"sqlite:///{file}", *QUICK)
+        await rig.at(link.port).start(
+            "monitor", "--mode", "client", "--no-web", "--history", f"sqlite:///{file}", *QUICK
+        )
         await inventory(rig)
         await front.watch(0.5)
         link.sever()
@@ -41,7 +43,7 @@ async def test_no_list_published_while_the_monitor_was_cut_off_is_lost(rig: Flee
 
 
 async def test_a_monitor_that_comes_late_or_again_takes_in_what_publishers_kept(rig: FleetRig) -> None:
-    where = ("--mode", "client", "--history", "none", *QUICK)
+    where = ("--mode", "client", "--no-web", "--history", "none", *QUICK)
     async with camera(rig) as front:
         await front.watch(0.3, "pallet")
         first = await rig.start("monitor", *where)

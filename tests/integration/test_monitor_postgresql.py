@@ -44,7 +44,9 @@ def rules(tmp_path: Path) -> Path:
 
 async def monitor(rig: FleetRig, url: str, rules: Path) -> Child:
     """Start a monitor; it sees the camera by then."""
-    started = await rig.start("monitor", "--mode", "client", "--history", url, "--rules", str(rules), *QUICK)
+    started = await rig.start(
+        "monitor", "--mode", "client", "--no-web", "--history", url, "--rules", str(rules), *QUICK
+    )
     async with asyncio.timeout(PATIENCE_S):
         while not any("1 box" in line for line in started.output):  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.05)
