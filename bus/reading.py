@@ -2,7 +2,7 @@
 
 import time
 from asyncio import AbstractEventLoop
-from typing import Self, assert_never
+from typing import Final, Self, assert_never
 
 from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
 from bus.inbox import Inbox
@@ -50,11 +50,15 @@ class SampleReader:
         return sample._replace(replaced=dropped) if dropped else sample
 
 
+MAX_TOKENS: Final = 100_000
+"""How many changes of presence wait: all of a large fleet come at once, and one that is dropped never comes again."""
+
+
 class PresenceReader:
     """A watch's reading end. Remembers what it reported, so that doubled events are not reported twice."""
 
     def __init__(self, loop: AbstractEventLoop) -> None:
-        self._inbox: Inbox[bool] = Inbox(PerKey(), loop)
+        self._inbox: Inbox[bool] = Inbox(PerKey(max_keys=MAX_TOKENS), loop)
         self._alive: set[str] = set()
 
     def arrive(self, key: str, *, alive: bool) -> None:

@@ -1,5 +1,6 @@
 """Other programs' questions about the inventory."""
 
+import asyncio
 import time
 from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
@@ -16,6 +17,8 @@ from services.monitor.fleet import Fleet
 from services.monitor.inventory.inventory import Entry
 
 WAITING: Final = 64
+AT_ONCE: Final = 200
+"""Sightings put into an answer before other things get their turn."""
 
 
 def answer_inventory(bus: Bus, fleet: Fleet, problems: Problems) -> AbstractAsyncContextManager[None]:
@@ -30,16 +33,21 @@ def answer_inventory(bus: Bus, fleet: Fleet, problems: Problems) -> AbstractAsyn
             )
         except SchemaError as error:
             raise RefusedError(str(error)) from error
-        return Reply(codec.encode(answer_to(asked, fleet, problems(), time.time_ns())), codec.encoding(InventoryAnswer))
+        answered = await answer_to(asked, fleet, problems(), time.time_ns())
+        return Reply(codec.encode(answered), codec.encoding(InventoryAnswer))
 
     return bus.serve(keys.INVENTORY, answer, waiting=WAITING)
 
 
-def answer_to(asked: InventoryRequest, fleet: Fleet, problems: Sequence[str], now_ns: int) -> InventoryAnswer:
-    """Return what was asked for."""
+async def answer_to(asked: InventoryRequest, fleet: Fleet, problems: Sequence[str], now_ns: int) -> InventoryAnswer:
+    """Return what was asked for; others get their turn meanwhile."""
     entries = fleet.inventory.entries(now_ns, robot=asked.robot, camera=asked.camera, name=asked.name)
     found = (entry for entry in entries if entry.sighting.count or not asked.in_view)
-    sightings = [_sighting(entry) for entry in islice(found, MAX_SIGHTINGS)]
+    sightings: list[ClassSighting] = []
+    for entry in islice(found, MAX_SIGHTINGS):
+        sightings.append(_sighting(entry))
+        if len(sightings) % AT_ONCE == 0:
+            await asyncio.sleep(0)
     return InventoryAnswer(
         now_ns=now_ns,
         sightings=sightings,

@@ -17,6 +17,8 @@ from services.monitor.inventory.sighting import Change
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
+MAX_LAG_NS: Final = 3_600_000_000_000
+"""A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,8 @@ class Fleet:
         key = camera_key(seen.header.robot, seen.header.camera)
         theirs_ns = self._theirs_ns(key.robot, received_ns)
         lag_ns = None if theirs_ns is None else max(0, theirs_ns - seen.header.received_ns)
+        if lag_ns is not None and lag_ns > MAX_LAG_NS:
+            lag_ns = None
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
         if changes is None:
             return None

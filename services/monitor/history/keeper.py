@@ -177,8 +177,8 @@ class HistoryKeeper:
         await store.write(some, changed.values(), now_ns, acts)
         self._written(some, changed)
         self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
-        if time.monotonic() >= self._due_s:
-            await store.prune(now_ns - round(self._settings.history_days * DAY_NS))
+        before_ns = now_ns - round(self._settings.history_days * DAY_NS)
+        if time.monotonic() >= self._due_s and await store.prune(before_ns):
             self._due_s = time.monotonic() + PRUNE_S
 
     def _written(self, some: Iterable[Interval], changed: dict[str, Alert]) -> None:

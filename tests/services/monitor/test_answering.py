@@ -20,27 +20,27 @@ def fleet_of(counts: dict[str, int]) -> Fleet:
     return fleet
 
 
-def test_what_went_out_of_view_is_told_unless_it_is_not_wanted() -> None:
+async def test_what_went_out_of_view_is_told_unless_it_is_not_wanted() -> None:
     fleet = fleet_of({"box": 2, "pallet": 1})
     fleet.see(seen(1, {"pallet": 1}), 2.0, 2 * S)
-    every = answer_to(InventoryRequest(in_view=False), fleet, (), 3 * S)
+    every = await answer_to(InventoryRequest(in_view=False), fleet, (), 3 * S)
     assert [(each.name, each.count, each.last_ns) for each in every.sightings] == [("box", 0, S), ("pallet", 1, 2 * S)]
-    in_view = answer_to(InventoryRequest(robot="r1", in_view=True), fleet, (), 3 * S)
+    in_view = await answer_to(InventoryRequest(robot="r1", in_view=True), fleet, (), 3 * S)
     assert [each.name for each in in_view.sightings] == ["pallet"]
 
 
-def test_an_answer_that_is_cut_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_an_answer_that_is_cut_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answering, "MAX_SIGHTINGS", 2)
-    assert answer_to(InventoryRequest(in_view=False), fleet_of({"a": 1, "b": 1}), (), S).complete
-    answer = answer_to(InventoryRequest(in_view=False), fleet_of({"a": 1, "b": 1, "c": 1}), (), S)
+    assert (await answer_to(InventoryRequest(in_view=False), fleet_of({"a": 1, "b": 1}), (), S)).complete
+    answer = await answer_to(InventoryRequest(in_view=False), fleet_of({"a": 1, "b": 1, "c": 1}), (), S)
     assert ([each.name for each in answer.sightings], answer.complete) == (["a", "b"], False)
 
 
-def test_an_answer_says_how_far_it_can_be_relied_on() -> None:
+async def test_an_answer_says_how_far_it_can_be_relied_on() -> None:
     fleet = fleet_of({"box": 1})
     fleet.see(seen(0, {"box": 1}), 2.0, S)  # a double
     fleet.left_out["malformed messages"] += 2
-    answer = answer_to(InventoryRequest(in_view=True), fleet, ["history is not being kept: " + "x" * 999], S)
+    answer = await answer_to(InventoryRequest(in_view=True), fleet, ["history is not being kept: " + "x" * 999], S)
     assert (answer.class_lists, answer.left_out) == (1, {"malformed messages": 2})
     assert [len(problem) for problem in answer.problems] == [MAX_LABEL]
     assert codec.decode(InventoryAnswer, codec.encode(answer), codec.encoding(InventoryAnswer)) == answer
