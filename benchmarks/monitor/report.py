@@ -1,8 +1,8 @@
 """What became of class lists, and whether it is what was aimed at. Pure."""
 
-import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import Any
 
 from benchmarks.targets import Targets, at_most
@@ -15,7 +15,7 @@ class Flow:
     """What became of the class lists of some seconds.
 
     latencies_ms: from putting a list on the bus until an answer of the inventory shows it. cpu_share: of one core.
-    pages_ms: how long whole answers of the page and of the API took, by path. late_ms: how late the latest list was
+    pages_ms: how long whole answers of the page and of the API took, by path; inf where it was an error. late_ms: how late the latest list was
     handed to the bus.
     """
 
@@ -42,8 +42,8 @@ class Flow:
 
 
 def percentile(values: Sequence[float], percent: int) -> float:
-    """Return what so many of the values are at most; of a single one itself."""
-    return round(statistics.quantiles([*values, values[-1]], n=100, method="inclusive")[percent - 1], 1)
+    """Return the least value that so many are at most."""
+    return round(sorted(values)[ceil(len(values) * percent / 100) - 1], 1)
 
 
 def targets(found: Mapping[str, Any]) -> Targets:
