@@ -15,8 +15,8 @@ class Flow:
     """What became of the class lists of some seconds.
 
     latencies_ms: from putting a list on the bus until an answer of the inventory shows it. cpu_share: of one core.
-    pages_ms: how long whole answers of the page and of the API took, by path; inf where it was an error. late_ms: how late the latest list was
-    handed to the bus.
+    pages_ms: how long whole answers of the page and of the API took, by path; inf where it was an error.
+    late_ms: how late the latest list was handed to the bus.
     """
 
     lost: int

@@ -3,7 +3,8 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
 
 from rich.console import Console
 
@@ -51,33 +52,50 @@ async def run(settings: MonitorSettings) -> None:
         WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
     """
-    fleet = Fleet(clock_id(), settings.limits())
-    rules = RuleFile(settings.rules)
-    await rules.load()
-    alerting = Alerting(rules, fleet.inventory)
-    history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
-
-    def told(changes: Sequence[Change]) -> None:
-        if changes:
-            history.take(changes)
-            alerting.take(changes)
-
     web = Web.of(settings) if settings.web else None
-    async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        await history.restore()
-        monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
-        group.create_task(history.run())
-        group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads))
-        group.create_task(monitor.health.run())
+    fleet = Fleet(clock_id(), settings.limits())
+    async with open_bus(settings) as bus, running(settings, bus, fleet) as monitor, asyncio.TaskGroup() as group:
         if web is not None:
             group.create_task(web.run(monitor))
 
         def problems() -> list[str]:
             return [*monitor.problems(), *([] if web is None else web.notes())]
 
-        group.create_task(watch_fleet(bus, fleet, told, alerting.measured, problems))
         notes = [_how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
         group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
+
+
+@asynccontextmanager
+async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIterator[Monitor]:
+    """Watch the fleet, keep its history and raise alerts until leaving.
+
+    Raises:
+        RuleFileError: the rule file cannot be used.
+    """
+    rules = RuleFile(settings.rules)
+    await rules.load()
+    alerting = Alerting(rules, fleet.inventory)
+    history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
+
+    def told(changes: Sequence[Change]) -> None:
+        if changes:
+            history.take(changes)
+            alerting.take(changes)
+
+    await history.restore()
+    async with asyncio.TaskGroup() as group:
+        tasks = [
+            group.create_task(history.run()),
+            group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads)),
+            group.create_task(watch_fleet(bus, fleet, told, alerting.measured, monitor.problems)),
+            group.create_task(monitor.health.run()),
+        ]
+        try:
+            yield monitor
+        finally:
+            for task in tasks:
+                task.cancel()
 
 
 def _nobody(_: object) -> None:

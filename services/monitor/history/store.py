@@ -140,10 +140,10 @@ class Store:
             oldest_ns = await self._connection.scalar(select(func.min(intervals.c.until_ns)).where(ended))
             until_ns = min(before_ns, (oldest_ns or 0) + SLICE_NS)
             await self._connection.execute(delete(intervals).where(intervals.c.until_ns < until_ns, ended))
-            await self._connection.execute(delete(acts).where(acts.c.at_ns < before_ns))
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
+            await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
         return oldest_ns is None or until_ns == before_ns
 
     async def close(self) -> None:

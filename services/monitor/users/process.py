@@ -42,7 +42,7 @@ async def _change(settings: UsersSettings, store: UserStore) -> str:
     user = there.get(name)
     if settings.task == "add":
         if user is not None or len(there) >= MAX_USERS:
-            raise UsersError(f"there is a {name} already" if user else f"there are {MAX_USERS} users already")
+            raise UsersError(f"there is a user {name} already" if user else f"there are {MAX_USERS} users already")
         role = settings.role or Role.VIEWER
         await store.add(User(name, role, await _hashed(), time.time_ns()))
         return f"{name} may log in: {role}"

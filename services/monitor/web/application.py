@@ -38,7 +38,6 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
         openapi_url="/api/openapi.json",
         docs_url=None,
         redoc_url=None,
-        separate_input_output_schemas=False,
     )
     api = APIRouter(prefix="/api/v1", responses=ERRORS)
     for routes in (

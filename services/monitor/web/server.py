@@ -15,7 +15,7 @@ from services.monitor.web.application import guarded, make_application
 from services.monitor.web.auth.access import Access
 
 STOP_S: Final = 1
-"""How long requests may take to end when the monitor stops."""
+"""How long requests may take to end when the monitor stops, and browsers to let go."""
 
 MAX_FRAME_BYTES: Final = 256 * 1024
 """Of what a browser sends at once over a WebSocket."""

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final
-from urllib.parse import urlsplit
 
 from services.monitor.web.auth.people import Kind
 from services.monitor.web.auth.visitor import Visitor
@@ -95,4 +94,5 @@ def _is_ours(headers: Mapping[str, str], own_origin: str, *, needed: bool) -> bo
         return not needed
     if own_origin:
         return origin == own_origin
-    return bool(host := headers.get("host")) and urlsplit(origin).netloc == host
+    host = headers.get("host")
+    return bool(host) and origin in (f"http://{host}", f"https://{host}")

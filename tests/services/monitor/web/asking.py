@@ -31,7 +31,7 @@ class Web:
     def stranger(self, address: str = "10.0.0.1", **headers: str) -> httpx.AsyncClient:
         """Return who is not logged in."""
         transport = httpx.ASGITransport(
-            guarded(self.app, self.access, self.monitor.settings),  # type: ignore[arg-type]
+            guarded(self.app, self.access, self.monitor.settings),
             client=(address, 1),
             raise_app_exceptions=False,
         )
