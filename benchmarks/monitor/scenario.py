@@ -172,7 +172,7 @@ class Scenario:
     async def _until_all_are_known(self, robots: int) -> None:
         for number in itertools.count():
             answer = await self._inventory("")
-            if len({sighting.robot for sighting in answer.sightings if sighting.available}) >= robots:
+            if len({sighting.robot for sighting in answer.sightings}) >= robots:
                 return
             if number > PATIENCE_S:
                 raise PeerError(f"not all robots are known: {self.monitor.last_words()}")
