@@ -7,6 +7,7 @@ chunk is a name (see `schemas.header.Name`).
 import re
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import Final
 
 from schemas.errors import SchemaError
@@ -35,6 +36,9 @@ ACTIONS: Final = "actions"
 
 ROBOT_RESULTS: Final = frozenset({ALERTS, ACTIONS})
 """What a robot is sent once a robot."""
+
+REMEMBERED: Final = 1 << 16
+"""How many keys that were parsed are remembered: the same few thousand come again and again."""
 
 NAMED_STREAMS: Final = frozenset({TEXT, ROS})
 """What there is any number of, each with a name of one or more chunks after it."""
@@ -85,6 +89,16 @@ class CameraKey:
     def alive(self, stream: Stream) -> str:
         """Return the key of the presence token that says this stream can be had."""
         return f"{self.stream(stream)}/{ALIVE}"
+
+
+@lru_cache(REMEMBERED)
+def camera_key(robot: str, camera: str) -> CameraKey:
+    """Return a camera's key, without checking the names again of one that was asked for before.
+
+    Raises:
+        SchemaError: as CameraKey does.
+    """
+    return CameraKey(robot, camera)
 
 
 def check_name(what: str, name: str) -> None:
@@ -322,6 +336,7 @@ def sensor_key(robot: str, name: str) -> SensorKey:
     raise SchemaError(f"not a stream that sensors send: {name[:MAX_NAMED]!r}")
 
 
+@lru_cache(REMEMBERED)
 def parse_stream(key: str) -> StreamKey:
     """Parse the key of a camera's stream, or of that stream's presence token.
 
@@ -330,7 +345,7 @@ def parse_stream(key: str) -> StreamKey:
     """
     match key.removesuffix(f"/{ALIVE}").split("/"):
         case ["fleet", robot, camera, *stream] if "/".join(stream) in set(Stream):
-            return StreamKey(CameraKey(robot, camera), Stream("/".join(stream)))
+            return StreamKey(camera_key(robot, camera), Stream("/".join(stream)))
     raise SchemaError(f"not the key of a camera's stream: {key[:200]!r}")
 
 

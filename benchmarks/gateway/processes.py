@@ -42,11 +42,30 @@ class Process:
         Raises:
             PeerError: it ended.
         """
-        assert self._child.stdin is not None  # noqa: S101 - both are pipes
-        assert self._child.stdout is not None  # noqa: S101
+        self.tell("")
+        return self.answer()
+
+    def tell(self, what: str) -> None:
+        """Have a peer that obeys do something; it answers when it is done.
+
+        Raises:
+            PeerError: it ended.
+        """
+        assert self._child.stdin is not None  # noqa: S101 - it is a pipe
         try:
-            self._child.stdin.write("\n")
+            self._child.stdin.write(f"{what}\n")
             self._child.stdin.flush()
+        except OSError as error:
+            raise PeerError(self.last_words()) from error
+
+    def answer(self) -> dict[str, Any]:
+        """Return its next answer.
+
+        Raises:
+            PeerError: it ended.
+        """
+        assert self._child.stdout is not None  # noqa: S101 - it is a pipe
+        try:
             answer: dict[str, Any] = json.loads(self._child.stdout.readline())
         except (OSError, ValueError) as error:
             raise PeerError(self.last_words()) from error

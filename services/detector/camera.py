@@ -9,7 +9,7 @@ from typing import Final
 from bus import Bus, Publisher, QoS
 from bus.shared_demand import SharedDemand
 from schemas import codec
-from schemas.detections import ClassList, Detections, class_list
+from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector.account import Account
@@ -52,13 +52,15 @@ async def serving(bus: Bus, key: CameraKey, account: Account, *, segments: bool 
     """Declare a camera's result streams for as long as the context lasts. segments: whether there are masks to draw."""
     demand = SharedDemand()
 
-    def declare(stream: Stream, qos: QoS, schema: type[codec.Message]) -> AbstractAsyncContextManager[Publisher]:
+    def declare(
+        stream: Stream, qos: QoS, schema: type[codec.Message], *, kept: int = 1
+    ) -> AbstractAsyncContextManager[Publisher]:
         encoding = codec.encoding(schema)
-        return bus.publisher(key.stream(stream), qos, encoding=encoding, on_demand=demand.of(stream))
+        return bus.publisher(key.stream(stream), qos, encoding=encoding, kept=kept, on_demand=demand.of(stream))
 
     async with AsyncExitStack() as stack:
         detections = await stack.enter_async_context(declare(Stream.DETECTIONS, QoS.RESULT, Detections))
-        classes = await stack.enter_async_context(declare(Stream.CLASSES, QoS.RESULT, ClassList))
+        classes = await stack.enter_async_context(declare(Stream.CLASSES, QoS.RESULT, ClassList, kept=KEPT_LISTS))
         overlays = {}
         for stream in OVERLAYS[: 1 + segments]:
             publisher = await stack.enter_async_context(declare(stream, QoS.IMAGE, ImageFrame))

@@ -30,8 +30,8 @@ RESTORE_S: Final = 5.0
 """How long the database may keep a monitor from beginning."""
 
 PRUNE_S: Final = 3_600.0
-BATCH: Final = 20_000
-"""Rows of one transaction."""
+BATCH: Final = 2_000
+"""Rows of one transaction: what makes them of intervals holds up everything else for some microseconds each."""
 
 RESTORED_NS: Final = 86_400 * NS
 """How long ago something may have ended for a restarted monitor to know when it was seen last."""
@@ -169,15 +169,16 @@ class HistoryKeeper:
             return
         now_ns = time.time_ns()
         self._note_silence(now_ns)
-        while True:
-            some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), list(self._new_acts)
-            await store.write(some, changed.values(), now_ns, acts)
-            self._written(some, changed)
-            self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
-            if len(some) < BATCH:
-                break
-        if time.monotonic() >= self._due_s:
-            await store.prune(now_ns - round(self._settings.history_days * DAY_NS))
+        for _ in range(len(self._ledger) // BATCH):
+            some = self._ledger.pending(BATCH)
+            await store.write(some)
+            self._ledger.written(some)
+        some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), list(self._new_acts)
+        await store.write(some, changed.values(), now_ns, acts)
+        self._written(some, changed)
+        self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
+        before_ns = now_ns - round(self._settings.history_days * DAY_NS)
+        if time.monotonic() >= self._due_s and await store.prune(before_ns):
             self._due_s = time.monotonic() + PRUNE_S
 
     def _written(self, some: Iterable[Interval], changed: dict[str, Alert]) -> None:

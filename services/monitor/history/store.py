@@ -26,12 +26,16 @@ from services.monitor.history.rows import (
     row_of_alert,
     row_of_interval,
 )
-from services.monitor.history.tables import acts, alerts, heartbeat, intervals, metadata
+from services.monitor.history.tables import acts, alerts, heartbeat, intervals, metadata, open_intervals
+from services.monitor.inventory.settling import NS
 
 LOCK: Final = 0x666C656574
 """The advisory lock's number: "fleet", for whoever looks at pg_locks."""
 
 MAX_LOADED: Final = 200_000
+
+SLICE_NS: Final = 3_600 * NS
+"""How much history is forgotten at once: a database takes its time over many rows, and others wait."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +71,7 @@ class Store:
         try:
             async with translating():
                 await store._connection.run_sync(metadata.create_all)
+                await store._connection.run_sync(open_intervals.create, checkfirst=True)  # tables may be there without
                 await store._connection.commit()
         except BaseException:
             await store.close()
@@ -115,25 +120,31 @@ class Store:
             yield interval
 
     async def write(
-        self, some: Iterable[Interval], changed: Iterable[Alert], at_ns: int, done: Iterable[Act] = ()
+        self,
+        some: Iterable[Interval],
+        changed: Iterable[Alert] = (),
+        at_ns: int | None = None,
+        done: Iterable[Act] = (),
     ) -> None:
         """Write intervals, alerts and acts, all of them or none, and that everything open goes on at `at_ns`."""
         async with translating(), self._connection.begin():
             await self._put(intervals, [row_of_interval(interval) for interval in some])
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
             await self._put(acts, [row_of_act(act) for act in done])
-            await self._put(heartbeat, [{"id": 1, "at_ns": at_ns}])
+            await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 
-    async def prune(self, before_ns: int) -> None:
-        """Forget what ended before then."""
+    async def prune(self, before_ns: int) -> bool:
+        """Forget what ended before then, no more at a time than of SLICE_NS; return whether that was all."""
         async with translating(), self._connection.begin():
-            await self._connection.execute(
-                delete(intervals).where(intervals.c.until_ns < before_ns, intervals.c.open.is_(False))
-            )
+            ended = intervals.c.open.is_(False)
+            oldest_ns = await self._connection.scalar(select(func.min(intervals.c.until_ns)).where(ended))
+            until_ns = min(before_ns, (oldest_ns or 0) + SLICE_NS)
+            await self._connection.execute(delete(intervals).where(intervals.c.until_ns < until_ns, ended))
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
             await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
+        return oldest_ns is None or until_ns == before_ns
 
     async def close(self) -> None:
         """Let go of the connection and the lock; raises nothing."""

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text
+from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text, true
 
 from schemas.header import MAX_LABEL
 
@@ -32,6 +32,11 @@ intervals: Final = Table(
 
 open: it goes on; until_ns is then the heartbeat's. first_ns: when the class came into view, with whatever count.
 """
+
+open_intervals: Final = Index(
+    "intervals_open", intervals.c.since_ns, postgresql_where=intervals.c.open, sqlite_where=intervals.c.open == true()
+)
+"""However long the history is, what goes on is found at once."""
 
 heartbeat: Final = Table(
     "heartbeat",

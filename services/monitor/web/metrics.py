@@ -54,6 +54,7 @@ def _of_monitor(monitor: Monitor, picture: Picture) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
     yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)
     yield GaugeMetricFamily("fleetsight_history_pending", "Rows that wait for the database.", history.pending)
+    yield CounterMetricFamily("fleetsight_class_lists", "Class lists taken in, each once.", monitor.fleet.class_lists)
     yield CounterMetricFamily("fleetsight_history_lost", "Intervals given up.", history.lost)
     yield GaugeMetricFamily("fleetsight_leads", "1 while this monitor raises the alerts.", history.leads)
     yield GaugeMetricFamily("fleetsight_rules", "Rules in force.", len(monitor.rules.book.rules))

@@ -5,7 +5,7 @@ from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
-from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.fleet import MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.inventory import InventoryFullError, Limits
 from services.monitor.inventory.settling import Debounce
@@ -94,6 +94,15 @@ def test_sightings_have_our_time_though_the_robots_clock_is_an_hour_ahead() -> N
     changes = fleet.see(msgspec.structs.replace(message, header=about), 10.0, ours_ns + 250_000_000)
     assert changes
     assert changes[0].sighting.first_ns == ours_ns
+
+
+@pytest.mark.parametrize(("old_ns", "exact"), [(MAX_LAG_NS, True), (MAX_LAG_NS + 1, False)])
+def test_a_list_that_tells_no_believable_time_is_of_now(old_ns: int, *, exact: bool) -> None:
+    fleet = online_fleet()
+    message = seen()
+    fleet.see(message, 10.0, message.header.received_ns + old_ns)
+    age = only(fleet, 10.0).age
+    assert age == Age(MAX_LAG_NS / 1e9 if exact else 0.0, exact=exact)
 
 
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:
