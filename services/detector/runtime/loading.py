@@ -19,7 +19,7 @@ from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
 from services.detector.settings import DetectorSettings
-from services.detector.tracking import TrackingModel
+from services.detector.tracking import Tracking
 
 if TYPE_CHECKING:
     import torch
@@ -76,13 +76,13 @@ def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -
         raise ModelError(f"{option} {settings.model}: not a model that can be used: {first_line(error)}") from error
 
 
-def tracking(model: Model, tracker: Literal["off", "bytetrack", "botsort"]) -> Model:
-    """Return the model with its objects followed from frame to frame; it must have been loaded here."""
+def tracking(tracker: Literal["off", "bytetrack", "botsort"]) -> Tracking | None:
+    """Return what follows objects from frame to frame; a model must have been loaded here."""
     if tracker == "off":
-        return model
+        return None
     from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
 
-    return TrackingModel(model, partial(UltralyticsTracker, tracker))
+    return Tracking(partial(UltralyticsTracker, tracker))
 
 
 def _tuning(settings: DetectorSettings) -> Tuning:
