@@ -46,8 +46,8 @@ class Look:
 class Looking:
     """Takes frames from the board while there is room in the model, and publishes what comes out, in that order.
 
-    tracking: follows objects for whoever wants them, if anybody does. cameras: those looked after now. max_age_s: how old a frame may be when its turn comes, None for as long as one call
-        takes and SPARE_S, at least LEAST_AGE_S.
+    tracking: follows objects while somebody wants their tracks. cameras: those looked after now. max_age_s: how old a
+        frame may be when its turn comes, None for as long as one call takes and SPARE_S, at least LEAST_AGE_S.
     """
 
     def __init__(
