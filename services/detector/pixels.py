@@ -68,10 +68,7 @@ def glance(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
     """Return a picture in grey, no wider than `width` pixels, as height x width; see `to_bgr`."""
     smaller = next((factor for factor in _REDUCED if frame.width >= factor * width), None)
     if frame.format == JPEG and frame.encoding in _COLOURS and smaller is not None:
-        grey = cv2.imdecode(np.frombuffer(frame.data, np.uint8), _REDUCED[smaller] | cv2.IMREAD_IGNORE_ORIENTATION)
-        if grey is None:
-            raise PictureError("a jpeg that cannot be decoded")
-        return _shrunk(np.asarray(grey, np.uint8), width)
+        return _shrunk(_read(frame, _REDUCED[smaller] | cv2.IMREAD_IGNORE_ORIENTATION), width)
     return np.asarray(cv2.cvtColor(_shrunk(to_bgr(frame), width), cv2.COLOR_BGR2GRAY), np.uint8)
 
 
@@ -105,10 +102,17 @@ def _raw(frame: ImageFrame) -> NDArray[Any]:
 def _decoded(frame: ImageFrame) -> NDArray[Any]:
     """Return a file's pixels: colours in blue, green, red order, anything else as it is."""
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if frame.encoding in _COLOURS else cv2.IMREAD_UNCHANGED
+    pixels = _read(frame, flags)
+    if pixels.shape[:2] != (frame.height, frame.width):
+        raise PictureError(f"a {frame.format} that cannot be decoded")
+    return pixels
+
+
+def _read(frame: ImageFrame, flags: int) -> NDArray[Any]:
     try:
         pixels = cv2.imdecode(np.frombuffer(frame.data, np.uint8), flags)
     except cv2.error as error:
         raise PictureError(f"a {frame.format} that cannot be decoded: {error}") from error
-    if pixels is None or pixels.shape[:2] != (frame.height, frame.width):
+    if pixels is None:
         raise PictureError(f"a {frame.format} that cannot be decoded")
     return np.asarray(pixels)

@@ -1,6 +1,7 @@
 """Objects followed from frame to frame of a camera, by Ultralytics' own trackers."""
 
 import asyncio
+import logging
 import secrets
 import time
 from collections import OrderedDict
@@ -16,6 +17,8 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.status import MAX_STREAMS
 from services.detector.model import Found, Request
+
+log = logging.getLogger(__name__)
 
 GAP_NS: Final = 5_000_000_000
 """Longest time between two frames of a camera after which what moves is still known."""
@@ -81,15 +84,26 @@ class Tracking:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     async def follow(self, request: Request, found: Found) -> Found:
-        """Return what was found with the numbers of its tracks. Frames are taken in the order of the calls."""
+        """Return what was found with the numbers of its tracks. Frames are taken in the order of the calls.
+
+        What cannot be followed has none, and its camera begins anew.
+        """
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._followed, request, found)
 
     def _followed(self, request: Request, found: Found) -> Found:
         began_ns = time.perf_counter_ns()
-        tracks = self._cameras.get(request.camera) or CameraTracks(self._make)
-        self._cameras[request.camera] = tracks
-        self._cameras.move_to_end(request.camera)
+        try:
+            objects = self._tracks(request.camera).follow(found.objects, request.frame)
+        except Exception:  # whatever is wrong with an image, it fails alone
+            log.exception("%s: objects of frame %d are not followed", request.camera, request.frame.header.seq)
+            self._cameras.pop(request.camera, None)
+            return found
+        return Found(objects, {**found.spans, "track": time.perf_counter_ns() - began_ns})
+
+    def _tracks(self, camera: CameraKey) -> CameraTracks:
+        tracks = self._cameras.get(camera) or CameraTracks(self._make)
+        self._cameras[camera] = tracks
+        self._cameras.move_to_end(camera)
         if len(self._cameras) > self._max_cameras:
             self._cameras.popitem(last=False)
-        objects = tracks.follow(found.objects, request.frame)
-        return Found(objects, {**found.spans, "track": time.perf_counter_ns() - began_ns})
+        return tracks

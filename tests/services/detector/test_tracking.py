@@ -128,6 +128,26 @@ async def test_trackers_of_cameras_not_seen_for_longest_are_let_go(factory: Fact
     assert len(factory.made) == 4
 
 
+class Failing(Counting):
+    """Fails on its second frame."""
+
+    def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
+        if self.frames == 1:
+            raise RuntimeError("no way")
+        return super().update(objects, frame)
+
+
+async def test_what_cannot_be_followed_is_there_all_the_same_and_its_camera_begins_anew(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    tracking = Tracking(Failing)
+    found = [await tracking.follow(request("r1", seq), Found([BOX])) for seq in range(3)]
+    assert [numbers(each.objects) for each in found] == [[1], [None], [1]]
+    assert epoch(found[0].objects) != epoch(found[2].objects)
+    assert "r1/front: objects of frame 1 are not followed" in caplog.text
+    tracking.close()
+
+
 async def test_what_was_closed_follows_nothing_more(tracking: Tracking) -> None:
     tracking.close()
     with pytest.raises(RuntimeError):
