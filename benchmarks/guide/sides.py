@@ -71,7 +71,7 @@ async def guide(scene: Scene) -> AsyncIterator[Side]:
     async with AsyncExitStack() as stack:
         master = stack.enter_context(ros_master())
         nodes = {
-            name: stack.enter_context(running(module("with_ros", "guide_node", name, str(SHIPPED_MODEL)), master))
+            name: stack.enter_context(running(module("with_ros", "guide_node", str(SHIPPED_MODEL), name), master))
             for name in NODES
         }
         made = await stack.enter_async_context(robot(master, scene, GUIDE))

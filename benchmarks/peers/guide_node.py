@@ -1,4 +1,4 @@
-"""A node of the guide, in our words: a rospy callback, a call of the model for each output. Arguments: node, weights.
+"""Nodes of the guide, in our words: a rospy callback, a call of the model for each output. Arguments: weights, nodes.
 
     images    two annotated images, of a call each, while somebody subscribes to them
     classes   the names of what is in view, while somebody subscribes to them
@@ -113,7 +113,8 @@ NODES: Final[dict[str, Callable[[Any], None]]] = {
 
 
 if __name__ == "__main__":
-    node, weights = sys.argv[1:]
-    rospy.init_node(f"ultralytics_{node}")
-    NODES[node](YOLO(weights))
+    weights, *nodes = sys.argv[1:]
+    rospy.init_node("_".join(["ultralytics", *nodes]))
+    for node in nodes:
+        NODES[node](YOLO(weights))
     rospy.spin()
