@@ -24,6 +24,7 @@ import asyncio
 import json
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import AsyncExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -58,7 +59,7 @@ class Plan:
     slow: int
 
 
-def main() -> None:
+def main(given: Sequence[str] | None = None) -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.guide", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -69,7 +70,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=at_least_one, default=3, help="how often each is measured (default: 3)")
     parser.add_argument("--slow", type=at_least_one, default=15, help="images at 1 Hz (default: 15)")
     parser.add_argument("--instants", type=at_least_one, default=12, help="different views (default: 12)")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(given)
     if not Path(ROSMASTER).exists():
         parser.error("Debian's ROS 1 is not installed; tests/integration/install-ros.sh installs it")
     plan = Plan(arguments.instants, arguments.hz, arguments.seconds, arguments.repeats, arguments.slow)

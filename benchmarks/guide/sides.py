@@ -18,9 +18,9 @@ from services.toolbox.demo.ports import free_ports
 NODES: Final = ("images", "classes", "distance", "cloud")
 CONFIDENCE: Final = 0.25
 """Ultralytics' own, which the guide leaves as it is."""
-START_S: Final = 240.0
+START_S: Final = 600.0
 READY_HZ: Final = 2.0
-QUIET_S: Final = 1.0
+QUIET_S: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
