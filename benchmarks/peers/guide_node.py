@@ -18,7 +18,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
-from ultralytics import YOLO
+from ultralytics.models import YOLO
 
 from benchmarks.guide.arrays import layout, pixels
 from benchmarks.guide.topics import CLASSES, COLOR, DEPTH, DETECTION, DISTANCE, OBJECTS_SHOWN, POINTS, SEGMENTATION
