@@ -15,8 +15,12 @@ is a frame older than its age says, since it waits for the next colour image.
 
 *_sets_per_s_* are at --hz images a second, more than any side can do; the sides take turns, medians of the repeats.
 *_age_p50_ms_1hz are from the camera's stamp to the last output of the set, at its subscriber on ROS, at 1 Hz; that of
-fleetsight is under the best runtime. Processor time is of the side's processes. hops is one image's way through
-fleetsight, at 1 Hz, each hop's median beside what it cannot be quicker than. Needs Debian's ROS 1.
+fleetsight is under the best runtime. Processor time is of the side's processes; each node of the guide works on images
+of its own, so a set's is the sum of what each takes for one. *_balanced_sets_per_s is what a side's processor time is
+worth in sets if it is spread over its processes as sets need it, which flooded nodes do not do by themselves. hops is
+one image's way through fleetsight, at 1 Hz, each hop's median beside what it cannot be quicker than.
+
+Needs Debian's ROS 1.
 """
 
 import argparse
@@ -138,6 +142,7 @@ async def _run(side: Side, hz: float, seconds: float) -> Run:
         seconds=elapsed_s,
         sets=complete(arrivals, side.robot.outputs),
         cpu_s=spent,
+        shares=side.shares(arrivals),
         ages_ms=ages_ms(arrivals, side.robot.outputs, stamps),
         others_cores=max(0.0, others_s / elapsed_s),
     )

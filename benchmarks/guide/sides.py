@@ -1,9 +1,10 @@
 """The two sides: the guide's nodes and fleetsight's processes, each beside a robot of its own."""
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+from collections import Counter
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -11,11 +12,14 @@ from benchmarks.gateway.processes import PeerError, Process, cpu_s, module, ros_
 from benchmarks.guide.outputs import FLEETSIGHT, GUIDE
 from benchmarks.guide.robot import Robot, robot
 from benchmarks.guide.scene import Scene
+from benchmarks.guide.sets import Arrival
+from benchmarks.guide.topics import CLASSES, DISTANCE, OBJECTS_SHOWN, SEGMENTATION
 from services.detector.settings import SHIPPED_MODEL
 from services.toolbox.demo.children import Child, child
 from services.toolbox.demo.ports import free_ports
 
-NODES: Final = ("images", "classes", "distance", "cloud")
+NODES: Final = {"images": SEGMENTATION, "classes": CLASSES, "distance": DISTANCE, "cloud": OBJECTS_SHOWN}
+"""The guide's nodes, and the last topic that each of them publishes for an image."""
 CONFIDENCE: Final = 0.25
 """Ultralytics' own, which the guide leaves as it is."""
 START_S: Final = 600.0
@@ -25,11 +29,20 @@ QUIET_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One side. processes: by what they do. endpoint: of its Zenoh router; the guide has none."""
+    """One side. processes: by what they do. endpoint: of its Zenoh router; the guide has none.
+
+    lasts: what comes last of an image, of processes that do not work on the same images.
+    """
 
     robot: Robot
     processes: Mapping[str, Process | Child]
     endpoint: str = ""
+    lasts: Mapping[str, str] = field(default_factory=dict)
+
+    def shares(self, arrivals: Sequence[Arrival]) -> dict[str, int]:
+        """Return of how many images each of those processes is done that do not wait for each other."""
+        counts = Counter(each.topic for each in arrivals)
+        return {name: counts[topic] for name, topic in self.lasts.items()}
 
     def cpu_s(self) -> dict[str, float]:
         """Return the processor time of each of its processes so far."""
@@ -75,7 +88,7 @@ async def guide(scene: Scene) -> AsyncIterator[Side]:
             for name in NODES
         }
         made = await stack.enter_async_context(robot(master, scene, GUIDE))
-        side = Side(made, nodes)
+        side = Side(made, nodes, lasts=NODES)
         await side.ready()
         yield side
 

@@ -31,6 +31,7 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
         stamps = await side.robot.drive(HZ, images / HZ)
         arrivals = side.robot.taken()
         frames = observer.frames(stamps, arrivals)
+        overlay = mean_sizes(arrivals)[SEGMENTATION]
     await side.quiet()
     await guide.ready()
     await guide.robot.drive(HZ, images / HZ)
@@ -40,7 +41,7 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
         alone = await asyncio.to_thread(bare.ask)
     link = await link_ms(side.endpoint, scene.size(Content.COLOR))
     mean = {stream: _mean_size(frames, stream) for stream in Stream}
-    limits = await asyncio.to_thread(_limits, scene, mean, sizes, alone)
+    limits = await asyncio.to_thread(_limits, scene, mean, overlay, alone)
     return {
         "hops": table(frames, link, limits),
         "hops_images": len(frames),
@@ -50,7 +51,7 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
         "jpeg_overlay_bytes": mean[Stream.OVERLAY_SEGMENTATION],
         "guide_class_list_bytes": sizes.get(CLASSES),
         "guide_distances_bytes": sizes.get(DISTANCE),
-        "raw_overlay_bytes": sizes.get(SEGMENTATION),
+        "raw_overlay_bytes": overlay,
     }
 
 
@@ -59,10 +60,8 @@ def _mean_size(frames: Sequence[Seen], stream: Stream) -> int | None:
     return round(statistics.mean(sizes)) if sizes else None
 
 
-def _limits(
-    scene: Scene, sizes: dict[Stream, int | None], guide_sizes: dict[str, int], alone: dict[str, Any]
-) -> dict[str, Limit]:
-    picture, overlay = scene.size(Content.COLOR), guide_sizes.get(SEGMENTATION, 0)
+def _limits(scene: Scene, sizes: dict[Stream, int | None], overlay: int, alone: dict[str, Any]) -> dict[str, Limit]:
+    picture = scene.size(Content.COLOR)
     tcp = Limit("loopback TCP of the same bytes", tcp_ms(picture))
     copied = Limit("memcpy of the same bytes", memcpy_ms(picture))
     return {
@@ -76,6 +75,6 @@ def _limits(
         "overlays": Limit("memcpy of both", memcpy_ms(2 * overlay)),
         "distance": Limit("memcpy of the depth image", memcpy_ms(scene.size(Content.DEPTH))),
         "cloud": Limit("memcpy of the points", memcpy_ms(scene.size(Content.POINTS))),
-        "return to ROS": Limit("loopback TCP of the overlay", tcp_ms(overlay or 1)),
+        "return to ROS": Limit("loopback TCP of the overlay", tcp_ms(overlay)),
         "monitor": Limit("loopback TCP of the class list", tcp_ms(sizes[Stream.CLASSES] or 1)),
     }
