@@ -71,9 +71,14 @@ class Process:
             raise PeerError(self.last_words()) from error
         return answer
 
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._child.pid
+
     def cpu_s(self) -> float:
         """Return the user and system time so far."""
-        return time.clock_gettime(~self._child.pid << 3 | _CPU_CLOCK)
+        return cpu_s(self.pid)
 
     def rss_bytes(self) -> int:
         """Return the resident memory."""
@@ -112,6 +117,11 @@ class Process:
         """Return its command and the end of its standard error."""
         self._errors.seek(0)
         return f"{self._child.args!r} said: {self._errors.read().decode(errors='replace')[-2000:]}"
+
+
+def cpu_s(pid: int) -> float:
+    """Return a process's user and system time so far."""
+    return time.clock_gettime(~pid << 3 | _CPU_CLOCK)
 
 
 @contextmanager
