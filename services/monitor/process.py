@@ -28,7 +28,6 @@ from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
 from services.monitor.monitor import Monitor
-from services.monitor.printable import printable
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.process import Web
 
@@ -180,7 +179,7 @@ def _leave_out(fleet: Fleet, key: str, error: SchemaError | InventoryFullError) 
     reason = "malformed messages" if malformed else "messages of more members than are followed"
     fleet.left_out[reason] += 1
     if fleet.left_out[reason].bit_count() == 1:
-        log.warning("%s: left out: %s (%d %s so far)", printable(key), error, fleet.left_out[reason], reason)
+        log.warning("%s: left out: %s (%d %s so far)", key, error, fleet.left_out[reason], reason)
 
 
 def _class_list(fleet: Fleet, sample: Sample) -> Sequence[Change]:

@@ -7,7 +7,6 @@ from rich.text import Text
 
 from schemas.printing import printable
 from services.monitor.fleet import Age, Row
-from services.monitor.printable import printable
 
 
 def render(rows: Iterable[Row], notes: Sequence[str], room: int) -> Table:

@@ -5,7 +5,6 @@ from typing import Final
 
 from schemas.printing import printable
 from schemas.status import GatewayStatus
-from services.monitor.printable import printable
 
 MAX_SHOWN: Final = 5
 
@@ -22,7 +21,7 @@ def troubles(gateways: Iterable[GatewayStatus]) -> list[str]:
 
 def _of(status: GatewayStatus) -> Iterator[str]:
     if status.waiting_for:
-        yield f"{status.robot} waits for {printable(status.waiting_for)}"
+        yield f"{status.robot} waits for {status.waiting_for}"
     for stream in status.streams:
         if stream.problem:
-            yield printable(f"{status.robot} {stream.name}: {stream.problem}")
+            yield f"{status.robot} {stream.name}: {stream.problem}"
