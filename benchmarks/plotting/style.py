@@ -69,9 +69,8 @@ def bars(axes: Axes, title: str, rows: Sequence[Row], form: str, limits: Sequenc
         aimed = [limit for limit in limits[place : place + 1] if limit is not None]
         text = ", limit ".join(form.format(value) for value in (bar.value, *aimed))
         _label(axes, text, max([bar.greatest, *aimed]), place)
-    if any(limit is not None for limit in limits):
-        known = [(limit, place) for place, limit in enumerate(limits) if limit is not None]
-        axes.scatter(*zip(*known, strict=True), marker="|", s=230, linewidths=2, color=LIMIT, zorder=3)
+        axes.scatter(aimed, [place] * len(aimed), marker="|", s=230, linewidths=2, color=LIMIT, zorder=3)
+    if limits:
         axes.margins(x=0.6)
 
 
