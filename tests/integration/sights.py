@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from bus import Bus, Publisher, QoS
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances, Measured, ObjectDistance, Place
 from schemas.header import Header
@@ -176,7 +176,7 @@ async def robot_on(bus: Bus, name: str = "r1") -> AsyncIterator[Robot]:
                 bus.publisher(key, qos, encoding=codec.encoding(type(message)))
             )
         for status in robot.workers():
-            key = keys.worker_status(status.service, status.worker)
+            key = worker_keys.worker_status(status.service, status.worker)
             robot.publishers[key] = await stack.enter_async_context(
                 bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WorkerStatus))
             )
@@ -196,7 +196,7 @@ async def _live(robot: Robot) -> None:
             if robot.publishers[key].wanted:
                 robot.publishers[key].put(codec.encode(message))
         for status in robot.workers():
-            robot.publishers[keys.worker_status(status.service, status.worker)].put(codec.encode(status))
+            robot.publishers[worker_keys.worker_status(status.service, status.worker)].put(codec.encode(status))
         await asyncio.sleep(PERIOD_S)
 
 

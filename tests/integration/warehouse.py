@@ -7,7 +7,7 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from typing import Any, Final
 
 from bus import Bus, BusSettings, QoS, open_bus
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances
 from schemas.header import Header
@@ -106,7 +106,9 @@ class Robot:
 async def detector(bus: Bus, robots: Sequence[Robot]) -> None:
     """Be the detector that serves the robots' cameras, until cancelled."""
     encoding = codec.encoding(WorkerStatus)
-    async with bus.publisher(keys.worker_status("detector", "gpu-1"), QoS.STATUS, encoding=encoding) as publisher:
+    async with bus.publisher(
+        worker_keys.worker_status("detector", "gpu-1"), QoS.STATUS, encoding=encoding
+    ) as publisher:
         frames = 0
         while True:
             frames += 5
