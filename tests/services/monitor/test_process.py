@@ -14,7 +14,7 @@ from schemas.detections import ClassCount, ClassList
 from schemas.inventory import InventoryAnswer
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
-from services.monitor.display import show
+from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
 from tests.schemas.frames import header
@@ -140,6 +140,19 @@ async def test_without_a_terminal_changes_are_printed_once(fleet: Fleet) -> None
     assert first == "r1/front: offline, waiting for the first class list, age -, 0.0/s"
     assert second.startswith("r1/front: offline, 2 box, age > ")
     assert third == "r2 waits for a master"
+
+
+async def test_of_many_changes_at_once_some_are_printed_and_the_rest_counted(fleet: Fleet) -> None:
+    console = Console(file=io.StringIO(), force_terminal=False)
+    for number in range(MAX_LINES + 2):
+        fleet.camera_presence(CameraKey(f"r{number}", "front"), alive=True)
+    showing = asyncio.create_task(show(fleet, console, 60, note="listening"))
+    await asyncio.sleep(0.05)
+    showing.cancel()
+    await asyncio.wait([showing])
+    assert isinstance(console.file, io.StringIO)
+    _, *cameras, rest = console.file.getvalue().splitlines()
+    assert (len(cameras), rest) == (MAX_LINES, "and 2 more cameras changed")
 
 
 async def test_on_a_terminal_the_table_is_drawn(fleet: Fleet) -> None:
