@@ -67,7 +67,7 @@ async def test_an_overlay_is_drawn_while_somebody_looks_at_its_camera(site: Site
         await expect(page.get_by_text("3,200 points")).to_be_visible()
         await page.locator("button.fs-row", has_text="forklift").click()
         await expect(page.get_by_text("in base_link, 800 points")).to_be_visible()
-        assert await page.locator(".fs-scene canvas").count() == 1
+        await expect(page.locator(".fs-scene canvas")).to_have_count(1)
         await looker.picture("objects-desk-light")
     await until(lambda: OBJECTS not in site.robot.wanted)
 

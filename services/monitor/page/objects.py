@@ -3,6 +3,7 @@
 import math
 import time
 from collections import Counter
+from collections.abc import Callable
 from typing import Final
 
 from nicegui import ui
@@ -74,6 +75,7 @@ class _Solids:
         self._chosen: int | None = None
         self._seen: ObjectClouds | None = None
         self._has_looked = False
+        self._rows: list[_Row] = []
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 self._build_head()
@@ -87,6 +89,7 @@ class _Solids:
                 with ui.element("div").classes("fs-panel-head"):
                     ui.label("Objects").classes("fs-title")
                 self._list = ui.element("div").classes("fs-scroll")
+                self._unmeasured = ui.label().classes("fs-line fs-muted")
 
     def _build_head(self) -> None:
         with ui.element("div").classes("fs-panel-head"):
@@ -170,22 +173,39 @@ class _Solids:
         )
 
     def _fill_list(self, solids: list[Solid]) -> None:
-        self._list.clear()
         with self._list:
-            for solid in solids:
-                self._row(solid)
-            for why, count in Counter(self._seen.unmeasured.values() if self._seen else ()).most_common(MOST_REASONS):
-                ui.label(f"{plural(count, 'object')} without points: {why}").classes("fs-line fs-muted")
+            self._rows += [_Row(self._choose) for _ in solids[len(self._rows) :]]
+        for number, row in enumerate(self._rows):
+            row.show(solids[number] if number < len(solids) else None, self._chosen)
+        reasons = Counter(self._seen.unmeasured.values() if self._seen else ()).most_common(MOST_REASONS)
+        self._unmeasured.set_text(
+            "; ".join(f"{plural(count, 'object')} without points: {why}" for why, count in reasons)
+        )
 
-    def _row(self, solid: Solid) -> None:
-        row = ui.element("button").classes("fs-row" + (" fs-on" if solid.index == self._chosen else ""))
-        row.on("click", lambda index=solid.index: self._choose(index))
-        with row:
-            ui.element("span").classes("fs-key").style(f"background: {colour_of(solid.name)}")
-            ui.label(solid.name)
-            ui.label(f"{solid.distance_m:.2f} m").classes("fs-far")
-            long, wide, high = solid.box.size
-            ui.label(f"{long:.2f} x {wide:.2f} x {high:.2f} m, {plural(solid.count, 'point')}").classes("fs-more")
+
+class _Row:
+    """One object in the list. It stays where it is when what it shows changes, so that it can be clicked."""
+
+    def __init__(self, choose: Callable[[int], None]) -> None:
+        self._index = 0
+        self._row = ui.element("button").classes("fs-row").on("click", lambda: choose(self._index))
+        with self._row:
+            self._key = ui.element("span").classes("fs-key")
+            self._name, self._far = ui.label(), ui.label().classes("fs-far")
+            self._more = ui.label().classes("fs-more")
+
+    def show(self, solid: Solid | None, chosen: int | None) -> None:
+        """Show an object, or none."""
+        self._row.set_visibility(solid is not None)
+        if solid is None:
+            return
+        self._index = solid.index
+        self._row.classes(**{"add" if solid.index == chosen else "remove": "fs-on"})
+        self._key.style(f"background: {colour_of(solid.name)}")
+        self._name.set_text(solid.name)
+        self._far.set_text(f"{solid.distance_m:.2f} m")
+        long, wide, high = solid.box.size
+        self._more.set_text(f"{long:.2f} x {wide:.2f} x {high:.2f} m, {plural(solid.count, 'point')}")
 
 
 def _nothing_in_view(seen: ObjectClouds | None) -> Reason:
