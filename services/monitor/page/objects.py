@@ -31,6 +31,9 @@ REFRESH_S: Final = 1.0
 SERVICE: Final = "cloud"
 POINT_M: Final = 0.025
 EYE_DEGREES: Final = 50
+FPS: Final = 15
+"""Enough to turn it by hand, and what a machine without a graphics card can draw."""
+
 LEAST_M: Final = 0.01
 MOST_BOXES: Final = 40
 BACKGROUND: Final = "#0b0f13"
@@ -101,7 +104,7 @@ class _Solids:
 
     def _build_scene(self) -> None:
         eye = ui.scene.perspective_camera(fov=EYE_DEGREES, near=0.05, far=200)
-        with ui.scene(grid=(40, 40), background_color=BACKGROUND, camera=eye, click_events=[]) as self._scene:
+        with ui.scene(grid=(40, 40), background_color=BACKGROUND, camera=eye, click_events=[], fps=FPS) as self._scene:
             self._scene.classes("fs-scene").axes_helper(0.4)
             self._points = self._scene.point_cloud([], [], POINT_M)
         self._boxes: list[Scene.box] = []
