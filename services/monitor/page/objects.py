@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final
 
 from nicegui import ui
-from nicegui.elements.scene.scene import Scene
+from nicegui.elements.scene.objects.box import Box
 
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
@@ -107,7 +107,7 @@ class _Solids:
         with ui.scene(grid=(40, 40), background_color=BACKGROUND, camera=eye, click_events=[], fps=FPS) as self._scene:
             self._scene.classes("fs-scene").axes_helper(0.4)
             self._points = self._scene.point_cloud([], [], POINT_M)
-        self._boxes: list[Scene.box] = []
+        self._boxes: list[Box] = []
 
     def say(self, reason: Reason) -> None:
         """Say why nothing is shown."""
