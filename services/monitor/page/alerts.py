@@ -42,11 +42,9 @@ def add_alerts(monitor: Monitor, kept: KeptAlerts) -> None:
     """Add the page."""
 
     @ui.page(ALERTS.path)
-    async def alerts() -> None:
+    def alerts() -> None:
         with page_frame(monitor, "Alerts", ALERTS) as visitor:
-            view = _Alerts(monitor, kept, visitor)
-            await view.refresh()
-            await view.look_back()
+            _Alerts(monitor, kept, visitor)
 
 
 class _Alerts:
@@ -69,8 +67,10 @@ class _Alerts:
             self._unseen = Tile("Nobody looks after")
         self._open_panel()
         self._ended_panel()
-        ui.timer(REFRESH_S, self.refresh, immediate=False)
-        ui.timer(KeptAlerts.MAX_AGE_S, self.look_back, immediate=False)
+        for part in (self._elsewhere, self._calm, self._none):
+            part.set_visibility(False)
+        ui.timer(REFRESH_S, self.refresh)  # a slow database keeps nobody from the page
+        ui.timer(KeptAlerts.MAX_AGE_S, self.look_back)
 
     def _open_panel(self) -> None:
         with ui.element("div").classes("fs-panel"):

@@ -8,7 +8,7 @@ from typing import Final
 from nicegui import events, ui
 
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import HEALTH, REFRESH_S, banner, nothing_yet, page_frame
+from services.monitor.page.frame import HEALTH, PATIENCE_S, REFRESH_S, banner, nothing_yet, page_frame
 from services.monitor.page.health_rows import gateway_row, unserved, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
 from services.monitor.page.itself import Itself
@@ -45,7 +45,7 @@ GATEWAY_COLUMNS: Final = (
 def add_health(shared: Shared, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(HEALTH.path)
+    @ui.page(HEALTH.path, response_timeout=PATIENCE_S)
     async def health() -> None:
         with page_frame(monitor, "Health", HEALTH):
             await _Health(shared, monitor).refresh()

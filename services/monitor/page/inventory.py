@@ -11,7 +11,7 @@ from nicegui import events, ui
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
-from services.monitor.page.frame import INVENTORY, REFRESH_S, export_link, nothing_yet, page_frame
+from services.monitor.page.frame import INVENTORY, PATIENCE_S, REFRESH_S, export_link, nothing_yet, page_frame
 from services.monitor.page.inventory_rows import as_csv, sighting_row
 from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
@@ -39,12 +39,10 @@ COLUMNS: Final = (
 def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(INVENTORY.path)
+    @ui.page(INVENTORY.path, response_timeout=PATIENCE_S)
     async def inventory() -> None:
         with page_frame(monitor, "Inventory", INVENTORY):
-            view = _Inventory(shared, charts, monitor)
-            await view.refresh()
-            await view.draw()
+            await _Inventory(shared, charts, monitor).refresh()
 
 
 class _Inventory:
@@ -78,7 +76,7 @@ class _Inventory:
             with self._none:
                 nothing_yet("search_off", "Nothing is like that", "Clear the search, or show what was in view before.")
         ui.timer(REFRESH_S, self.refresh, immediate=False)
-        ui.timer(MAX_AGE_S, self.draw, immediate=False)
+        ui.timer(MAX_AGE_S, self.draw)  # a slow database keeps nobody from the page
 
     def _draw_panel(self) -> None:
         with ui.element("div").classes("fs-panel"):
@@ -86,6 +84,7 @@ class _Inventory:
                 with ui.element("h2"):
                     self._about = ui.label()
                 self._all = ui.button("Whole fleet", icon="close", on_click=self._choose_all).props("flat dense")
+                self._all.set_visibility(False)
                 ui.element("div").classes("fs-spring")
                 export_link(self._monitor, "sightings")
                 ui.toggle(list(RANGES), value="1 h", on_change=self._over).props("dense flat no-caps")
@@ -150,8 +149,8 @@ class _Inventory:
         self._filters = replace(self._filters, text=(event.value or "")[:100])
         await self._table.begin()
 
-    async def _in_view(self, event: events.ValueChangeEventArguments[bool]) -> None:
-        self._filters = replace(self._filters, in_view=event.value)
+    async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
+        self._filters = replace(self._filters, in_view=bool(event.value))
         await self._table.begin()
 
     async def _over(self, event: events.ValueChangeEventArguments[str]) -> None:

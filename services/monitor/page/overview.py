@@ -8,7 +8,7 @@ from typing import Final
 from nicegui import events, ui
 
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, REFRESH_S, nothing_yet, page_frame
+from services.monitor.page.frame import FLEET, PATIENCE_S, REFRESH_S, nothing_yet, page_frame
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.overview_rows import robot_row
 from services.monitor.page.robots import RobotState, Survey, Wanted
@@ -31,7 +31,7 @@ COLUMNS: Final = (
 def add_overview(shared: Shared, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(FLEET.path)
+    @ui.page(FLEET.path, response_timeout=PATIENCE_S)
     async def overview() -> None:
         with page_frame(monitor, "Fleet", FLEET):
             await _Overview(monitor, shared).refresh()
