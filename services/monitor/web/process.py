@@ -4,7 +4,9 @@ import asyncio
 import ipaddress
 import logging
 import socket
+import threading
 from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Self
 
@@ -38,7 +40,7 @@ class Web:
 
     async def run(self, monitor: Monitor) -> None:
         """Serve for ever."""
-        serve = await asyncio.to_thread(_import_server)
+        serve = await asyncio.wrap_future(_importing_server())
         async with asyncio.TaskGroup() as group:
             group.create_task(self.access.run())
             await serve(monitor, self.door, self.access)
@@ -49,7 +51,21 @@ class Web:
         return [f"first user: {invitation}"] * bool(invitation) + [problem] * bool(problem)
 
 
-def _import_server() -> Callable[[Monitor, socket.socket, Access], Awaitable[None]]:
-    from services.monitor.web.server import serve  # noqa: PLC0415 - a second and 60 MB, for who serves alone
+Serve = Callable[[Monitor, socket.socket, Access], Awaitable[None]]
 
-    return serve
+
+def _importing_server() -> Future[Serve]:
+    """Import the server, a second's work, on a thread that neither the monitor nor its end waits for."""
+    imported: Future[Serve] = Future()
+
+    def work() -> None:
+        imported.set_running_or_notify_cancel()
+        try:
+            from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
+
+            imported.set_result(serve)
+        except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the future
+            imported.set_exception(error)
+
+    threading.Thread(target=work, name="web-import", daemon=True).start()
+    return imported
