@@ -61,13 +61,19 @@ async def test_an_overlay_is_drawn_while_somebody_looks_at_its_camera(site: Site
         await looker.picture("camera-desk-light")
         await page.get_by_text("Masks").click()
         await until(lambda: MASKS in site.robot.wanted and BOXES not in site.robot.wanted)
-        await page.get_by_text("In 3D").click()
+        await expect(page.locator(".fs-view a", has_text="In 3D")).to_have_attribute("href", "/objects/r1/front")
+    await until(lambda: MASKS not in site.robot.wanted)
+
+
+async def test_an_object_is_cut_out_and_shown_in_3d_while_somebody_looks_at_it(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/objects/r1/front")
         await expect(page.locator("button.fs-row")).to_have_count(4)
-        await until(lambda: OBJECTS in site.robot.wanted and MASKS not in site.robot.wanted)
+        assert OBJECTS in site.robot.wanted
         await expect(page.get_by_text("3,200 points")).to_be_visible()
         await page.locator("button.fs-row", has_text="forklift").click()
         await expect(page.get_by_text("in base_link, 800 points")).to_be_visible()
-        assert await page.locator(".fs-scene canvas").count() == 1
+        await expect(page.locator(".fs-scene canvas")).to_have_count(1)
         await looker.picture("objects-desk-light")
     await until(lambda: OBJECTS not in site.robot.wanted)
 

@@ -1,6 +1,5 @@
 """What a browser draws of ObjectClouds in 3D: some of the points, in colour, and upright boxes; z is up. Pure."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -117,6 +116,6 @@ def _three(numbers: Numbers) -> tuple[float, float, float]:
     return x, y, z
 
 
-def rounded(numbers: Numbers) -> Sequence[Sequence[float]]:
+def rounded(numbers: Numbers) -> list[list[float]]:
     """Return numbers to the thousandth, as they are sent to browsers."""
     return np.round(numbers, 3).tolist()  # type: ignore[no-any-return]

@@ -3,10 +3,11 @@
 import math
 import time
 from collections import Counter
+from collections.abc import Callable
 from typing import Final
 
 from nicegui import ui
-from nicegui.elements.scene.scene import Scene
+from nicegui.elements.scene.objects.box import Box
 
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
@@ -30,6 +31,9 @@ REFRESH_S: Final = 1.0
 SERVICE: Final = "cloud"
 POINT_M: Final = 0.025
 EYE_DEGREES: Final = 50
+FPS: Final = 15
+"""Enough to turn it by hand, and what a machine without a graphics card can draw."""
+
 LEAST_M: Final = 0.01
 MOST_BOXES: Final = 40
 BACKGROUND: Final = "#0b0f13"
@@ -74,6 +78,7 @@ class _Solids:
         self._chosen: int | None = None
         self._seen: ObjectClouds | None = None
         self._has_looked = False
+        self._rows: list[_Row] = []
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 self._build_head()
@@ -87,6 +92,7 @@ class _Solids:
                 with ui.element("div").classes("fs-panel-head"):
                     ui.label("Objects").classes("fs-title")
                 self._list = ui.element("div").classes("fs-scroll")
+                self._unmeasured = ui.label().classes("fs-line fs-muted")
 
     def _build_head(self) -> None:
         with ui.element("div").classes("fs-panel-head"):
@@ -98,10 +104,10 @@ class _Solids:
 
     def _build_scene(self) -> None:
         eye = ui.scene.perspective_camera(fov=EYE_DEGREES, near=0.05, far=200)
-        with ui.scene(grid=(40, 40), background_color=BACKGROUND, camera=eye, click_events=[]) as self._scene:
+        with ui.scene(grid=(40, 40), background_color=BACKGROUND, camera=eye, click_events=[], fps=FPS) as self._scene:
             self._scene.classes("fs-scene").axes_helper(0.4)
             self._points = self._scene.point_cloud([], [], POINT_M)
-        self._boxes: list[Scene.box] = []
+        self._boxes: list[Box] = []
 
     def say(self, reason: Reason) -> None:
         """Say why nothing is shown."""
@@ -170,22 +176,39 @@ class _Solids:
         )
 
     def _fill_list(self, solids: list[Solid]) -> None:
-        self._list.clear()
         with self._list:
-            for solid in solids:
-                self._row(solid)
-            for why, count in Counter(self._seen.unmeasured.values() if self._seen else ()).most_common(MOST_REASONS):
-                ui.label(f"{plural(count, 'object')} without points: {why}").classes("fs-line fs-muted")
+            self._rows += [_Row(self._choose) for _ in solids[len(self._rows) :]]
+        for number, row in enumerate(self._rows):
+            row.show(solids[number] if number < len(solids) else None, self._chosen)
+        reasons = Counter(self._seen.unmeasured.values() if self._seen else ()).most_common(MOST_REASONS)
+        self._unmeasured.set_text(
+            "; ".join(f"{plural(count, 'object')} without points: {why}" for why, count in reasons)
+        )
 
-    def _row(self, solid: Solid) -> None:
-        row = ui.element("button").classes("fs-row" + (" fs-on" if solid.index == self._chosen else ""))
-        row.on("click", lambda index=solid.index: self._choose(index))
-        with row:
-            ui.element("span").classes("fs-key").style(f"background: {colour_of(solid.name)}")
-            ui.label(solid.name)
-            ui.label(f"{solid.distance_m:.2f} m").classes("fs-far")
-            long, wide, high = solid.box.size
-            ui.label(f"{long:.2f} x {wide:.2f} x {high:.2f} m, {plural(solid.count, 'point')}").classes("fs-more")
+
+class _Row:
+    """One object in the list. It stays where it is when what it shows changes, so that it can be clicked."""
+
+    def __init__(self, choose: Callable[[int], None]) -> None:
+        self._index = 0
+        self._row = ui.element("button").classes("fs-row").on("click", lambda: choose(self._index))
+        with self._row:
+            self._key = ui.element("span").classes("fs-key")
+            self._name, self._far = ui.label(), ui.label().classes("fs-far")
+            self._more = ui.label().classes("fs-more")
+
+    def show(self, solid: Solid | None, chosen: int | None) -> None:
+        """Show an object, or none."""
+        self._row.set_visibility(solid is not None)
+        if solid is None:
+            return
+        self._index = solid.index
+        self._row.classes(**{"add" if solid.index == chosen else "remove": "fs-on"})
+        self._key.style(f"background: {colour_of(solid.name)}")
+        self._name.set_text(solid.name)
+        self._far.set_text(f"{solid.distance_m:.2f} m")
+        long, wide, high = solid.box.size
+        self._more.set_text(f"{long:.2f} x {wide:.2f} x {high:.2f} m, {plural(solid.count, 'point')}")
 
 
 def _nothing_in_view(seen: ObjectClouds | None) -> Reason:
