@@ -76,13 +76,12 @@ async def _relay(process: Process, said: list[str], say: Callable[[str], None]) 
 
 async def _end(process: Process, end_s: float) -> None:
     """End a benchmark in order, then whatever is left of its processes."""
-    if process.returncode == 0:
-        return
-    with suppress(ProcessLookupError):
-        process.terminate()
-    with suppress(TimeoutError):
-        async with asyncio.timeout(end_s):
-            await process.wait()
+    if process.returncode is None:
+        with suppress(ProcessLookupError):
+            process.terminate()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(end_s):
+                await process.wait()
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    await process.wait()
+    await process.communicate()  # to the end of its pipes, which closes them

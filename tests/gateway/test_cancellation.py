@@ -41,7 +41,7 @@ async def test_streams_that_come_and_go() -> None:
         tasks, sockets = asyncio.all_tasks(), open_sockets()
 
         async def life() -> None:
-            async with Node("/gateway", master_uri=master.uri) as node, asyncio.TaskGroup() as group:
+            async with Node("/gateway", master_uri=master.uri, exit_timeout=60) as node, asyncio.TaskGroup() as group:
                 offers = new_offers(group, ours, node)
                 await offers.change(planned)
                 while not node.registered:  # noqa: ASYNC110 - each turn of the loop is a suspension
@@ -81,7 +81,7 @@ async def test_a_wanted_stream(*, latch: bool, settings: dict[str, object]) -> N
             shaping = Shaping(ShapingSettings.model_validate(settings), Consumers("r1", "here", near=True))
             stream = StreamForward(key, TOPIC, kind_of(key), "boot", shaping.thinning(key))
             async with (
-                Node("/gateway", master_uri=master.uri) as node,
+                Node("/gateway", master_uri=master.uri, exit_timeout=60) as node,
                 node.advertise(TOPIC, TYPE_NAME, latch=latch) as publication,
                 offering(ours, stream, shaping.outlet) as forward,
                 asyncio.TaskGroup() as group,

@@ -207,7 +207,8 @@ async def test_a_thousand_silent_connections(rig: Rig, port: Callable[[Rig], Add
 async def test_half_open_connections(rig: Rig, port: Callable[[Rig], Address]) -> None:
     async with growing_at_most(rig, GROWTH_BYTES), attackers(port(rig), 200, b"PO") as found:
         for each in found:
-            each.writer.write_eof()
+            with suppress(OSError):  # its time was up before this one's turn
+                each.writer.write_eof()
         await all_closed(found)
 
 

@@ -112,8 +112,11 @@ def test_nothing_in_the_weights_says_where_they_were_made(interrupted: TrainingS
 @pytest.mark.usefixtures("resumed")
 def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
     card = interrupted.output.with_suffix(".md").read_text()
-    assert "fleetsight train --seed 3 --images 4 --holdout 1 --coarse-epochs 1 --imgsz 64 --batch 2" in card
-    assert "1 epochs at half\n  the size and 2 at the whole" in card
+    assert (
+        "fleetsight train --seed 3 --images 4 --holdout 1 --coarse-epochs 1 --polish-epochs 1 --imgsz 64 --batch 2"
+        in card
+    )
+    assert "1 epochs at half\n  the size, 2 at the whole and 1 more" in card
     assert "no photograph" in card
     assert str(interrupted.work_dir) not in card
     for name in CLASSES:
