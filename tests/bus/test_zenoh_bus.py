@@ -395,7 +395,7 @@ async def test_samples_that_arrive_after_the_loop_is_closed_do_no_harm() -> None
 
 
 async def test_closing_while_zenoh_still_calls_back_is_no_deadlock() -> None:
-    """A deadlock over the interpreter lock costs Zenoh's ten seconds; it used to meet one round in ten."""
+    """A deadlock over the interpreter lock costs Zenoh's ten seconds."""
     for _ in range(60):
         async with asyncio.timeout(9), AsyncExitStack() as left_later, open_bus(router(free_endpoint())) as bus:
             out = await left_later.enter_async_context(bus.publisher(KEY, QoS.RESULT))
