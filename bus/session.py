@@ -157,8 +157,8 @@ class SessionThread:
         self._do(partial(act, event.link.src, event.link.dst))
 
     def _link_up(self, own: str, other: str) -> None:
-        tune(own)
         self._links.add((own, other))
+        tune(own)
         if self._settings.mode == "client":
             _log.info("connected to the router at %s", other)
 

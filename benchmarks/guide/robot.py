@@ -6,7 +6,6 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
 from itertools import count
-from typing import Final
 
 from benchmarks.guide.outputs import stamp_ns
 from benchmarks.guide.scene import MOVING, SENSORS, STATIC, Scene
@@ -15,9 +14,6 @@ from gateway.ros1.node import Node
 from gateway.ros1.publisher import Publication
 from gateway.ros1.subscriber import Message
 from services.simulator.topics import Topic
-
-DRIVERS_SILENCE_S: Final = 3600.0
-"""Drivers of roscpp cut nobody off: the guide's depth callback takes nothing while it waits for a colour image."""
 
 
 class Robot:
@@ -61,7 +57,7 @@ class Robot:
 async def robot(master: str, scene: Scene, outputs: Mapping[str, str]) -> AsyncIterator[Robot]:
     """Be on the ROS graph of a master."""
     async with (
-        Node("/sensors", master_uri=master, silence=DRIVERS_SILENCE_S) as drivers,
+        Node("/sensors", master_uri=master) as drivers,
         Node("/listener", master_uri=master) as listener,
         AsyncExitStack() as stack,
     ):

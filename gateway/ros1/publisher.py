@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gateway.ros1.keepalive import is_gone
 from gateway.ros1.tasks import TaskScope
 from gateway.ros1.wire.tcpros import message_prefix
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 # Below this size a message and its prefix are joined, so that they leave in one segment.
 _JOIN_BYTES = 64 << 10
+_LOOK_S = 5.0  # between looks at whether a subscriber is still there
 
 
 @dataclass(slots=True)
@@ -75,7 +77,7 @@ class Publication:
         try:
             async with TaskScope() as scope:
                 scope.start(self._send(outgoing, subscriber.reply), f"{self.topic} to {subscriber.callerid}")
-                await _until_closed(connection)
+                await _until_left(connection)
         finally:
             self._outgoing.discard(outgoing)
             self._tell_demand()
@@ -150,8 +152,13 @@ async def _send_message(connection: socket.socket, message: bytes) -> None:
     await loop.sock_sendall(connection, message)
 
 
-async def _until_closed(connection: socket.socket) -> None:
+async def _until_left(connection: socket.socket) -> None:
+    """Return when the subscriber closes the connection, or is gone without a word."""
     loop = asyncio.get_running_loop()
     with suppress(OSError):
-        while await loop.sock_recv(connection, 1024):
-            pass
+        while not is_gone(connection):
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_LOOK_S):
+                    while await loop.sock_recv(connection, 1024):
+                        pass
+                    return

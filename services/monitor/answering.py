@@ -1,6 +1,5 @@
 """Other programs' questions about the inventory."""
 
-import asyncio
 import time
 from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
@@ -15,10 +14,9 @@ from schemas.inventory import MAX_SIGHTINGS, ClassSighting, InventoryAnswer, Inv
 from services.monitor.display import Problems
 from services.monitor.fleet import Fleet
 from services.monitor.inventory.inventory import Entry
+from services.monitor.turns import in_turns
 
 WAITING: Final = 64
-AT_ONCE: Final = 200
-"""Sightings put into an answer before other things get their turn."""
 
 
 def answer_inventory(bus: Bus, fleet: Fleet, problems: Problems) -> AbstractAsyncContextManager[None]:
@@ -43,11 +41,7 @@ async def answer_to(asked: InventoryRequest, fleet: Fleet, problems: Sequence[st
     """Return what was asked for; others get their turn meanwhile."""
     entries = fleet.inventory.entries(now_ns, robot=asked.robot, camera=asked.camera, name=asked.name)
     found = (entry for entry in entries if entry.sighting.count or not asked.in_view)
-    sightings: list[ClassSighting] = []
-    for entry in islice(found, MAX_SIGHTINGS):
-        sightings.append(_sighting(entry))
-        if len(sightings) % AT_ONCE == 0:
-            await asyncio.sleep(0)
+    sightings = [_sighting(entry) async for entry in in_turns(islice(found, MAX_SIGHTINGS))]
     return InventoryAnswer(
         now_ns=now_ns,
         sightings=sightings,

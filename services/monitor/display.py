@@ -12,6 +12,7 @@ from rich.text import Text
 from services.monitor.fleet import Fleet
 from services.monitor.table import classes, line, notes_of, render
 from services.monitor.troubles import troubles
+from services.monitor.turns import in_turns
 
 FRAME_LINES: Final = 8
 """Lines of the picture beside the rows: title, head, rules and notes."""
@@ -19,9 +20,6 @@ FRAME_LINES: Final = 8
 
 MAX_LINES: Final = 50
 """Lines of changed cameras written at a time: thousands a second would help nobody."""
-
-AT_ONCE: Final = 200
-"""Cameras looked at before other things get their turn."""
 
 Problems = Callable[[], Sequence[str]]
 """Says what keeps the monitor itself from doing all that it should."""
@@ -52,15 +50,13 @@ async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable
     wrong: set[str] = set()
     while True:
         changed = 0
-        for number, row in enumerate(fleet.rows(time.monotonic()), 1):
+        async for row in in_turns(fleet.rows(time.monotonic())):
             state = (row.online, classes(row))
             if shown.get(row.key) != state:
                 shown[row.key] = state
                 changed += 1
                 if changed <= MAX_LINES:
                     to.write(f"{line(row)}\n")
-            if number % AT_ONCE == 0:
-                await asyncio.sleep(0)
         if changed > MAX_LINES:
             to.write(f"and {changed - MAX_LINES} more cameras changed\n")
         now_wrong = every_trouble()

@@ -93,12 +93,12 @@ class Fleet:
         self.inventory.camera_presence(key, alive=alive)
         self._camera(key)
 
-    def gateway_status(self, status: GatewayStatus, received_ns: int = 0) -> None:
+    def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
         """Keep a gateway's newest account of itself, which arrived at `received_ns` (epoch)."""
         make_room(self.gateways, status.robot)
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
 
-    def worker_status(self, status: WorkerStatus, received_ns: int = 0) -> None:
+    def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
         """Keep a worker's newest account of itself, which arrived at `received_ns` (epoch)."""
         name = (status.service, status.worker)
         make_room(self.workers, name)
@@ -140,8 +140,8 @@ class Fleet:
     def age_of(self, header: Header, arrived_ns: int, now_ns: int) -> Age:
         """Return how old at `now_ns` what a frame shows is, of which something arrived at `arrived_ns`."""
         theirs_ns = self._theirs_ns(header.robot, now_ns)
-        since_ns = arrived_ns - now_ns if theirs_ns is None else header.received_ns - theirs_ns
-        return Age(max(0, -since_ns) / 1e9, exact=theirs_ns is not None)
+        age_ns = now_ns - arrived_ns if theirs_ns is None else theirs_ns - header.received_ns
+        return Age(max(0, age_ns) / 1e9, exact=theirs_ns is not None)
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""

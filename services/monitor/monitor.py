@@ -1,6 +1,5 @@
 """The monitor as its page and its API see it: what they read, and what people may do."""
 
-import asyncio
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from services.monitor.inventory.inventory import Entry
 from services.monitor.picture import Painting, Picture
 from services.monitor.recent import Recent
 from services.monitor.settings import MonitorSettings
+from services.monitor.turns import in_turns
 
 MAX_AGE_S: Final = 0.5
 """How old a picture may be; so many people may look as want to."""
@@ -29,11 +29,8 @@ MAX_READ_AGE_S: Final = 2.0
 MAX_ALERTS: Final = 10_000
 NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertState.RESOLVED)
 
-AT_ONCE: Final = 100
-"""Cameras looked at before other things get their turn."""
 
-
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Monitor:
     """Everything a running monitor has. started_ns: when it began, epoch nanoseconds.
 
@@ -54,9 +51,9 @@ class Monitor:
     _others: Recent[Sequence[Alert]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_picture", Recent(self._paint, MAX_AGE_S))
-        object.__setattr__(self, "_inventory", Recent(self._list, MAX_AGE_S))
-        object.__setattr__(self, "_others", Recent(self._read_alerts, MAX_READ_AGE_S))
+        self._picture = Recent(self._paint, MAX_AGE_S)
+        self._inventory = Recent(self._list, MAX_AGE_S)
+        self._others = Recent(self._read_alerts, MAX_READ_AGE_S)
 
     async def picture(self) -> Picture:
         """Return robots, cameras and workers as they are now."""
@@ -97,9 +94,8 @@ class Monitor:
     def problems(self) -> list[str]:
         """Say what keeps the monitor itself from doing all that it should."""
         not_kept = self.history.status.problem
-        return [f"history is not being kept: {not_kept}"] * bool(not_kept) + [self.rules.problem] * bool(
-            self.rules.problem
-        )
+        found = (not_kept and f"history is not being kept: {not_kept}", self.rules.problem)
+        return [problem for problem in found if problem]
 
     def _noted(self, alert: Alert, by: str) -> Alert:
         self.history.act(Act(alert.id, AlertState(alert.state), by, time.time_ns()))
@@ -107,18 +103,12 @@ class Monitor:
 
     async def _paint(self) -> Picture:
         painting = Painting(self.fleet, time.time_ns(), time.monotonic())
-        for number, _ in enumerate(painting.steps(), 1):
-            if number % AT_ONCE == 0:
-                await asyncio.sleep(0)
+        async for _ in in_turns(painting.steps()):
+            pass
         return painting.picture()
 
     async def _list(self) -> tuple[Entry, ...]:
-        found = []
-        for number, entry in enumerate(self.fleet.inventory.entries(time.time_ns()), 1):
-            found.append(entry)
-            if number % AT_ONCE == 0:
-                await asyncio.sleep(0)
-        return tuple(found)
+        return tuple([entry async for entry in in_turns(self.fleet.inventory.entries(time.time_ns()))])
 
     async def _read_alerts(self) -> Sequence[Alert]:
         found = await self.archive.alerts(Asked(), MAX_ALERTS, states=NOT_RESOLVED)

@@ -29,12 +29,16 @@ from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
+from services.monitor.turns import arrivals_in_turns
 from services.monitor.web.process import Web
 
 log = logging.getLogger(__name__)
 
-DEPTH = 200_000
-"""Messages that wait, of one kind: what thousands of robots have to tell after a cut comes at once."""
+DEPTH = 10_000
+"""Messages that wait, of one kind."""
+
+LISTS_DEPTH = 200_000
+"""Class lists that wait: those that thousands of robots kept while a link was cut come at once."""
 
 TICK_S = 1.0
 
@@ -112,18 +116,21 @@ async def watch_fleet(
 
     measured: is told of each camera whose distances came. problems: what programs are told beside the inventory.
     """
-    class_lists = keys.every_stream(Stream.CLASSES)
+
+    def take_list(sample: Sample) -> None:
+        told(_class_list(fleet, sample))
+
     streams: dict[str, Callable[[Sample], None]] = {
-        class_lists: lambda sample: told(_class_list(fleet, sample)),
         keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
         worker_keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
     }
     cameras = keys.every_stream_alive(Stream.COLOR)
     async with answer_inventory(bus, fleet, problems), asyncio.TaskGroup() as group:
+        class_lists = keys.every_stream(Stream.CLASSES)
+        group.create_task(_receive(bus, fleet, class_lists, take_list, depth=LISTS_DEPTH, recover=KEPT_LISTS))
         for key_expr, take in streams.items():
-            recover = KEPT_LISTS if key_expr == class_lists else 1
-            group.create_task(_receive(bus, fleet, key_expr, take, recover))
+            group.create_task(_receive(bus, fleet, key_expr, take))
         group.create_task(
             _watch(bus, fleet, keys.EVERY_ROBOT_ALIVE, lambda key, alive: _robot(fleet, key, alive=alive))
         )
@@ -138,13 +145,15 @@ async def _tick(fleet: Fleet, told: Told) -> None:
         told(fleet.inventory.tick(time.time_ns()))
 
 
-async def _receive(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[Sample], None], recover: int) -> None:
+async def _receive(
+    bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[Sample], None], *, depth: int = DEPTH, recover: int = 1
+) -> None:
     async with (
-        bus.subscribe(key_expr, QUEUE(DEPTH), recover=recover) as subscription,
+        bus.subscribe(key_expr, QUEUE(depth), recover=recover) as subscription,
         asyncio.TaskGroup() as group,
     ):
         counting = group.create_task(_count_missed(fleet, subscription))
-        async for sample in subscription:
+        async for sample in arrivals_in_turns(subscription):
             if sample.replaced:
                 fleet.left_out["messages that came too fast"] += sample.replaced
             try:
@@ -166,7 +175,7 @@ async def _count_missed(fleet: Fleet, subscription: Subscription) -> None:
 
 async def _watch(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[str, bool], None]) -> None:
     async with bus.watch(key_expr) as watch:
-        async for presence in watch:
+        async for presence in arrivals_in_turns(watch):
             try:
                 take(presence.key, presence.alive)
             except (SchemaError, InventoryFullError) as error:

@@ -15,11 +15,20 @@ class Recent(Generic[T]):
         self._make = make
         self._max_age_s = max_age_s
         self._made: tuple[float, T] | None = None
+        self._failed: tuple[float, Exception] | None = None
         self._making = asyncio.Lock()
 
     async def get(self) -> T:
-        """Return it."""
+        """Return it; what making it raises goes to all who waited meanwhile, so that none waits for two attempts."""
+        asked_s = time.monotonic()
         async with self._making:
-            if self._made is None or time.monotonic() - self._made[0] > self._max_age_s:
-                self._made = (time.monotonic(), await self._make())
+            if self._failed is not None and asked_s <= self._failed[0]:
+                raise self._failed[1]
+            began_s = time.monotonic()
+            if self._made is None or began_s - self._made[0] > self._max_age_s:
+                try:
+                    self._made = (began_s, await self._make())
+                except Exception as error:
+                    self._failed = (time.monotonic(), error)
+                    raise
             return self._made[1]

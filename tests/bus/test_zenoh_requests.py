@@ -22,18 +22,9 @@ from bus import (
     open_bus,
 )
 from bus.zenoh_bus import ZenohBus
-from tests.bus.test_zenoh_bus import (
-    LEASE_S,
-    PATIENCE_S,
-    ROUTER,
-    bus_threads,
-    client,
-    free_endpoint,
-    never,
-    router,
-    running,
-    until,
-)
+from tests.bus.sessions import LEASE_S, ROUTER, bus_threads, client, never, router, running
+from tests.contract.conftest import free_endpoint
+from tests.contract.waiting import PATIENCE_S, until
 
 SERVER: Final = """
 import asyncio, sys

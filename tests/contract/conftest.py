@@ -1,11 +1,12 @@
 """The buses that the contract is held against: the fake, two peers, and two clients of an embedded router."""
 
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import Protocol
 
 import pytest
+from blockbuster import blockbuster_ctx
 
 from bus import Bus, BusSettings, open_bus
 from bus.fake import FakeNetwork
@@ -20,6 +21,12 @@ def free_endpoint() -> str:
     with socket.socket() as bound:
         bound.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{bound.getsockname()[1]}"
+
+
+@pytest.fixture(autouse=True)
+def _nothing_blocks_the_loop() -> Iterator[None]:
+    with blockbuster_ctx("bus"):
+        yield
 
 
 @pytest.fixture(params=["fake", "peers", "router", "router-without-shm"])

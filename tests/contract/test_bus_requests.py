@@ -1,12 +1,10 @@
 """What `bus.api` promises about requests, held against the fake, two peers, and two clients of an embedded router."""
 
 import asyncio
-from collections.abc import Iterator
 from contextlib import AsyncExitStack
 from typing import Final
 
 import pytest
-from blockbuster import blockbuster_ctx
 
 from bus import (
     MAX_REQUEST_BYTES,
@@ -26,12 +24,6 @@ from tests.contract.conftest import Opener
 from tests.contract.waiting import PATIENCE_S, until
 
 KEY: Final = "fleet/r1/clock"
-
-
-@pytest.fixture(autouse=True)
-def _nothing_blocks_the_loop() -> Iterator[None]:
-    with blockbuster_ctx("bus"):
-        yield
 
 
 async def ask(bus: Bus, payload: bytes | bytearray = b"", *, key: str = KEY) -> bytes:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from services.detector.model import ModelError
 from services.detector.runtime.engine import Engine
-from services.detector.runtime.exporting import PACKAGE
+from services.detector.runtime.exporting import MAKING, PACKAGE
 
 log = logging.getLogger(__name__)
 
@@ -141,8 +141,9 @@ def _recall(memory: Path) -> Runtime | None:
 
 def _remember(memory: Path, runtime: Runtime) -> None:
     try:
-        with tempfile.NamedTemporaryFile("w", dir=memory.parent, delete=False) as file:
-            file.write(runtime)
-        Path(file.name).replace(memory)
+        with tempfile.TemporaryDirectory(prefix=MAKING, dir=memory.parent) as folder:
+            made = Path(folder) / memory.name
+            made.write_text(runtime, encoding="ascii")
+            made.replace(memory)
     except OSError as error:
         log.warning("%s is measured again at the next start: --cache %s: %s", runtime, memory.parent, error.strerror)

@@ -18,13 +18,11 @@ from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import Effect, RuleEngine, UnknownAlertError
 from services.monitor.rules.model import RobotAction
+from services.monitor.turns import in_turns
 
 TICK_S: Final = 0.1
 SWEEP_S: Final = 1.0
 """How often every camera is looked at."""
-
-AT_ONCE: Final = 200
-"""Cameras looked at before other things get their turn."""
 
 SETTLE_S: Final = 3.0
 """How long after the start it is not known yet who is there."""
@@ -120,7 +118,7 @@ class Alerting:
             self._robots |= self._inventory.robots()
         everything, self._look_at_all = self._look_at_all, False
         spoke, speaking = self._spoke, set[CameraKey]()
-        for number, camera in enumerate(list(self._inventory.cameras()), 1):
+        async for camera in in_turns(list(self._inventory.cameras())):
             key, now_ns = camera.key, time.time_ns()
             if len(self._robots) < MAX_MEMBERS:
                 self._robots.add(key.robot)
@@ -131,13 +129,9 @@ class Alerting:
                 self._unsteady.add(key)
             if everything or speaks != (key in spoke) or key in self._unsteady:
                 self._look(engine, camera, now_ns)
-            if number % AT_ONCE == 0:
-                await asyncio.sleep(0)
         self._spoke = speaking
-        for number, robot in enumerate(list(self._robots), 1):
+        async for robot in in_turns(list(self._robots)):
             engine.robot(robot, alive=self._inventory.is_alive(robot), now_ns=time.time_ns())
-            if number % AT_ONCE == 0:
-                await asyncio.sleep(0)
 
     def _look(self, engine: RuleEngine, camera: CameraView, now_ns: int) -> None:
         if engine.concerns(camera.key):

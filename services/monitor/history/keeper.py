@@ -173,7 +173,7 @@ class HistoryKeeper:
             some = self._ledger.pending(BATCH)
             await store.write(some)
             self._ledger.written(some)
-        some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), list(self._new_acts)
+        some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), set(self._new_acts)
         await store.write(some, changed.values(), now_ns, acts)
         self._written(some, changed)
         self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)

@@ -28,9 +28,10 @@ def publication(
 @asynccontextmanager
 async def subscriber(to: Publication) -> AsyncIterator[asyncio.StreamReader]:
     """Connect to a publication as its server would; yields what the subscriber reads, past the reply."""
-    ours, theirs = socket.socketpair()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        reader, writer = await asyncio.open_connection(*listener.getsockname())
+        ours, _ = listener.accept()
     ours.setblocking(False)  # noqa: FBT003 - socket's own signature
-    reader, writer = await asyncio.open_connection(sock=theirs)
     with ours:
         serving = asyncio.ensure_future(to.serve(ours, ACCEPTED))
         assert await reader.readexactly(5) == b"reply"

@@ -31,7 +31,7 @@ def online_fleet() -> Fleet:
     fleet = Fleet(CLOCK)
     fleet.robot_presence("r1", alive=True)
     fleet.camera_presence(FRONT, alive=True)
-    fleet.gateway_status(status())
+    fleet.gateway_status(status(), 0)
     return fleet
 
 
@@ -58,7 +58,7 @@ def test_a_class_list_fills_the_row_and_ages_from_the_gateways_receive_time() ->
 
 def test_another_machines_clock_gives_a_lower_bound_only() -> None:
     fleet = online_fleet()
-    fleet.gateway_status(status("another machine"))
+    fleet.gateway_status(status("another machine"), 0)
     fleet.see(seen(), 10.0, 0)
     assert only(fleet, 12.0).age == Age(2.0, exact=False)
     assert not fleet.ages_s
@@ -66,7 +66,7 @@ def test_another_machines_clock_gives_a_lower_bound_only() -> None:
 
 def test_a_clock_that_was_measured_gives_the_age() -> None:
     fleet = online_fleet()
-    fleet.gateway_status(status("another machine"))
+    fleet.gateway_status(status("another machine"), 0)
     assert list(fleet.elsewhere()) == ["r1"]
     assert fleet.clocks.due(fleet.elsewhere(), 0) == ["r1"]
     message = seen()
@@ -83,7 +83,7 @@ def test_a_clock_that_was_measured_gives_the_age() -> None:
 def test_sightings_have_our_time_though_the_robots_clock_is_an_hour_ahead() -> None:
     fleet = Fleet(CLOCK, Limits(Debounce(1, 0, 1, 0)))
     fleet.robot_presence("r1", alive=True)
-    fleet.gateway_status(status("another machine"))
+    fleet.gateway_status(status("another machine"), 0)
     fleet.clocks.due(fleet.elsewhere(), 0)
     ours_ns = 1_700_000_000_000_000_000
     theirs_ns = ours_ns + 3_600_000_000_000
@@ -110,7 +110,7 @@ def test_a_list_that_tells_no_believable_time_is_of_now(old_ns: int, *, exact: b
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:
     fleet = online_fleet()
     assert list(fleet.elsewhere()) == []
-    fleet.gateway_status(status("another machine", robot="r2"))
+    fleet.gateway_status(status("another machine", robot="r2"), 0)
     assert list(fleet.elsewhere()) == []
     fleet.robot_presence("r2", alive=True)
     fleet.robot_presence("r3", alive=True)
@@ -177,7 +177,7 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
     with pytest.raises(InventoryFullError):
         fleet.camera_presence(CameraKey("r1", "rear"), alive=True)
     with pytest.raises(InventoryFullError):
-        fleet.gateway_status(status(robot="r2"))
+        fleet.gateway_status(status(robot="r2"), 0)
     assert fleet.see(seen(1), 1.0, 0) is not None
     fleet.robot_presence("r2", alive=False)
 
@@ -196,7 +196,7 @@ def test_a_frame_s_age_is_exact_where_the_clock_is_ours_and_else_since_it_came()
     about = header()
     now_ns = about.received_ns + 3_000_000_000
     assert fleet.age_of(about, now_ns - 1_000_000_000, now_ns) == Age(3.0, exact=True)
-    fleet.gateway_status(status("another machine"))
+    fleet.gateway_status(status("another machine"), 0)
     assert fleet.age_of(about, now_ns - 1_000_000_000, now_ns) == Age(1.0, exact=False)
 
 

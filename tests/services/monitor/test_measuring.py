@@ -24,7 +24,7 @@ def fleet_of(*robots: str) -> Fleet:
     fleet = Fleet("ours")
     for robot in robots:
         fleet.robot_presence(robot, alive=True)
-        fleet.gateway_status(GatewayStatus(robot=robot, boot_id="b", clock_id="theirs", sent_ns=0))
+        fleet.gateway_status(GatewayStatus(robot=robot, boot_id="b", clock_id="theirs", sent_ns=0), 0)
     return fleet
 
 

@@ -130,7 +130,7 @@ async def test_without_a_terminal_changes_are_printed_once(fleet: Fleet) -> None
     await asyncio.sleep(0.1)
     fleet.see(SEEN, 0, 0)
     fleet.robot_presence("r2", alive=True)
-    fleet.gateway_status(GatewayStatus(robot="r2", boot_id="b", clock_id="c", sent_ns=0, waiting_for="a master"))
+    fleet.gateway_status(GatewayStatus(robot="r2", boot_id="b", clock_id="c", sent_ns=0, waiting_for="a master"), 0)
     await asyncio.sleep(0.1)
     showing.cancel()
     await asyncio.wait([showing])
@@ -146,12 +146,13 @@ async def test_of_many_changes_at_once_some_are_printed_and_the_rest_counted(fle
     console = Console(file=io.StringIO(), force_terminal=False)
     for number in range(MAX_LINES + 2):
         fleet.camera_presence(CameraKey(f"r{number}", "front"), alive=True)
+    assert isinstance(console.file, io.StringIO)
+    written = console.file
     showing = asyncio.create_task(show(fleet, console, 60, note="listening"))
-    await asyncio.sleep(0.05)
+    await until(lambda: "more cameras" in written.getvalue())
     showing.cancel()
     await asyncio.wait([showing])
-    assert isinstance(console.file, io.StringIO)
-    _, *cameras, rest = console.file.getvalue().splitlines()
+    _, *cameras, rest = written.getvalue().splitlines()
     assert (len(cameras), rest) == (MAX_LINES, "and 2 more cameras changed")
 
 
@@ -159,7 +160,7 @@ async def test_on_a_terminal_the_table_is_drawn(fleet: Fleet) -> None:
     console = Console(file=io.StringIO(), force_terminal=True, width=100)
     fleet.camera_presence(FRONT, alive=True)
     fleet.robot_presence("r2", alive=True)
-    fleet.gateway_status(GatewayStatus(robot="r2", boot_id="b", clock_id="c", sent_ns=0, waiting_for="a master"))
+    fleet.gateway_status(GatewayStatus(robot="r2", boot_id="b", clock_id="c", sent_ns=0, waiting_for="a master"), 0)
     showing = asyncio.create_task(show(fleet, console, 0.01, note="listening"))
     await asyncio.sleep(0.05)
     showing.cancel()

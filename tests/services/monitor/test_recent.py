@@ -34,3 +34,17 @@ async def test_what_fails_is_tried_again() -> None:
     with pytest.raises(ValueError, match="no"):
         await recent.get()
     assert await recent.get() == 7
+
+
+async def test_what_fails_fails_once_for_all_who_waited() -> None:
+    tries = 0
+
+    async def make() -> int:
+        nonlocal tries
+        tries += 1
+        await asyncio.sleep(0)
+        raise ValueError("no")
+
+    recent = Recent(make, 60)
+    found = await asyncio.gather(*(recent.get() for _ in range(5)), return_exceptions=True)
+    assert ([str(each) for each in found], tries) == (["no"] * 5, 1)

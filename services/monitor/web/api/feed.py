@@ -1,6 +1,5 @@
 """Everything that clients of the live data are sent, made once for all of them."""
 
-import asyncio
 import time
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
@@ -11,9 +10,10 @@ from pydantic import BaseModel
 
 from services.monitor.history.errors import HistoryError
 from services.monitor.inventory.inventory import Entry
-from services.monitor.monitor import AT_ONCE, MAX_AGE_S, Monitor
+from services.monitor.monitor import MAX_AGE_S, Monitor
 from services.monitor.picture import CameraLine, RobotLine, WorkerLine
 from services.monitor.recent import Recent
+from services.monitor.turns import in_turns
 from services.monitor.web.api.models import (
     alert_answer,
     camera_answer,
@@ -63,10 +63,8 @@ class Feed:
         picture, entries = await self._monitor.picture(), await self._monitor.inventory()
         made: dict[Topic, dict[Name, Item]] = {topic: {} for topic in TOPICS}
         found = _found(picture.robots, picture.cameras, entries, picture.workers)
-        for number, each in enumerate(found, 1):
+        async for each in in_turns(found):
             made[each[0]][each[1]] = self._item(each)
-            if number % AT_ONCE == 0:
-                await asyncio.sleep(0)
         try:
             for alert in await self._monitor.current_alerts():
                 acts = self._monitor.acts_of(alert.id)

@@ -1,0 +1,28 @@
+"""Long work on the event loop, done bit by bit."""
+
+import asyncio
+from collections.abc import AsyncIterable, AsyncIterator, Iterable
+from typing import Final, TypeVar
+
+AT_ONCE: Final = 100
+"""Items until other things get their turn."""
+
+T = TypeVar("T")
+
+
+async def in_turns(items: Iterable[T]) -> AsyncIterator[T]:
+    """Yield items; whatever else waits on the event loop gets its turn after each AT_ONCE."""
+    for number, item in enumerate(items, 1):
+        yield item
+        if number % AT_ONCE == 0:
+            await asyncio.sleep(0)
+
+
+async def arrivals_in_turns(arrivals: AsyncIterable[T]) -> AsyncIterator[T]:
+    """Yield what arrives; like `in_turns` where much waits already, since then nothing is waited for."""
+    number = 0
+    async for arrival in arrivals:
+        yield arrival
+        number += 1
+        if number % AT_ONCE == 0:
+            await asyncio.sleep(0)

@@ -1,0 +1,62 @@
+"""Real sessions: where they listen, processes that have one, and what is left of them."""
+
+import asyncio
+import signal
+import sys
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Final
+
+from bus import BusSettings, Reply, Request
+from tests.contract.waiting import PATIENCE_S
+
+ROOT: Final = Path(__file__).parents[2]
+LEASE_S: Final = 1.0
+
+ROUTER: Final = """
+import asyncio, sys
+from bus import BusSettings, Reply, Request, open_bus
+
+async def main() -> None:
+    async with open_bus(BusSettings(mode="router", listen=[sys.argv[1]], lease_s=float(sys.argv[2]))):
+        print("ready", flush=True)
+        await asyncio.Event().wait()
+
+asyncio.run(main())
+"""
+
+
+def client(endpoint: str) -> BusSettings:
+    return BusSettings(connect=[endpoint], lease_s=LEASE_S)
+
+
+def router(endpoint: str) -> BusSettings:
+    return BusSettings(mode="router", listen=[endpoint], lease_s=LEASE_S)
+
+
+@asynccontextmanager
+async def running(code: str, *arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
+    """Run Python in a process of its own until leaving; entered when it says it is ready."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-c", code, *arguments, cwd=ROOT, stdout=asyncio.subprocess.PIPE
+    )
+    try:
+        assert process.stdout is not None
+        async with asyncio.timeout(PATIENCE_S):
+            assert await process.stdout.readline() == b"ready\n"
+        yield process
+    finally:
+        if process.returncode is None:
+            process.send_signal(signal.SIGCONT)
+            process.kill()
+        await process.communicate()
+
+
+def bus_threads() -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith("bus-")]
+
+
+async def never(_: Request) -> Reply:
+    raise AssertionError("nobody asks")

@@ -1,0 +1,27 @@
+from pathlib import Path
+
+import pytest
+
+from services.monitor.history.engine import engine_of, file_of, private_file
+from services.monitor.history.errors import HistoryError
+
+
+def test_a_new_database_is_nobody_elses_to_read_and_one_that_is_there_stays_as_it_is(tmp_path: Path) -> None:
+    file = tmp_path / "new" / "history.db"
+    private_file(file)
+    assert (file.stat().st_mode & 0o777, file.read_bytes()) == (0o600, b"")
+    file.write_bytes(b"kept")
+    file.chmod(0o640)
+    private_file(file)
+    assert (file.stat().st_mode & 0o777, file.read_bytes()) == (0o640, b"kept")
+
+
+def test_only_sqlite_has_a_file(tmp_path: Path) -> None:
+    assert file_of(engine_of(f"sqlite:///{tmp_path}/history.db")) == tmp_path / "history.db"
+    assert file_of(engine_of("postgresql://ann@127.0.0.1:1/fleet")) is None
+
+
+@pytest.mark.parametrize("url", ["", "no url", "mysql://127.0.0.1/fleet"])
+def test_what_is_no_url_of_a_database_is_said(url: str) -> None:
+    with pytest.raises(HistoryError, match="not the URL of a database"):
+        engine_of(url)
