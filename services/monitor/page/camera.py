@@ -63,7 +63,7 @@ class _Live:
                 self._build_head()
                 self._stage = Stage()
                 with self._stage.filling():
-                    self._image = ui.element("img").classes("fs-picture").props('alt=""')
+                    self._image = ui.element("img").classes("fs-picture fs-old").props('alt=""')
                     self._image.on("error", self._broke_off)
                 with ui.element("div").classes("fs-line fs-muted"):
                     self._age, self._rate, self._size = ui.label(), ui.label(), ui.label()
