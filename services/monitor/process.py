@@ -19,6 +19,7 @@ from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.answering import answer_inventory
+from services.monitor.collecting import keep_collections_short
 from services.monitor.display import Problems, show
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
@@ -58,6 +59,7 @@ async def run(settings: MonitorSettings) -> None:
     web = Web.of(settings) if settings.web else None
     fleet = Fleet(clock_id(), settings.limits())
     async with open_bus(settings) as bus, running(settings, bus, fleet) as monitor, asyncio.TaskGroup() as group:
+        group.create_task(keep_collections_short(lambda: sum(1 for _ in fleet.inventory.cameras())))
         if web is not None:
             group.create_task(web.run(monitor))
 

@@ -10,8 +10,9 @@ import httpx
 import websockets
 
 from bus import QoS
-from schemas import codec
+from schemas import codec, keys
 from schemas.detections import ClassList
+from schemas.inventory import InventoryAnswer
 from schemas.keys import Stream
 from services.toolbox.demo.children import Child
 from services.toolbox.process import EXIT_USAGE
@@ -35,6 +36,9 @@ async def test_from_the_first_user_to_the_end(tmp_path: Path) -> None:
         url = await said(child, r"page: (\S+)")
         link = await said(child, r"first user: (\S+)")
         assert link.startswith(f"{url}/setup?token=")
+        answer = (await rig.bus.request(keys.INVENTORY, timeout_s=PATIENCE_S)).payload
+        assert codec.decode(InventoryAnswer, answer, codec.encoding(InventoryAnswer)).problems == []
+        assert b"setup" not in bytes(answer), "whoever can ask on the bus would become the first user"
         async with httpx.AsyncClient(base_url=url, headers={"Origin": url}, timeout=PATIENCE_S) as browser:
             given = {"token": parse_qs(urlsplit(link).query)["token"][0], "name": "ann", "password": PASSWORD}
             assert (await browser.post("/setup", data={**given, "again": PASSWORD})).status_code == 303

@@ -54,7 +54,7 @@ async def test_an_overlay_is_drawn_while_somebody_looks_at_its_camera(site: Site
     async with looking(site.browser, site.at, tmp_path) as looker:
         page = await looker.go("/cameras/r1/front")
         await expect(page.locator(".fs-picture:not(.fs-old)")).to_be_visible()
-        assert await page.evaluate("document.querySelector('.fs-picture').naturalWidth") == 320
+        await page.wait_for_function("document.querySelector('.fs-picture').naturalWidth === 320")
         assert site.robot.wanted >= {BOXES}
         await expect(page.locator(".fs-row", has_text="box")).to_contain_text("2.62 m")
         await expect(page.get_by_text("Found by d-r1")).to_be_visible()

@@ -48,10 +48,11 @@ async def export(settings: ExportSettings) -> int:
 
 
 async def _write(engine: AsyncEngine, settings: ExportSettings, table: Table, folder: Path) -> int:
-    made = folder / "rows.csv"
+    made, to_parquet = folder / "rows.csv", settings.to.suffix == ".parquet"
     with made.open("w", encoding="utf-8", newline="") as rows:
-        count = await write_csv(_batches(engine, query_of(settings, table)), table, rows)
-    if settings.to.suffix == ".parquet":
+        batches = _batches(engine, query_of(settings, table))
+        count = await write_csv(batches, table, rows, for_people=not to_parquet)
+    if to_parquet:
         await asyncio.to_thread(write_parquet, made, folder / "rows.parquet", table)
         made = folder / "rows.parquet"
     made.replace(settings.to)

@@ -11,16 +11,22 @@ from sqlalchemy import Table
 TIME: Final = "_ns"
 """How the names of columns end that are times in nanoseconds; exported ones are without, in UTC to the microsecond."""
 
+FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""What text begins with that spreadsheets run instead of showing it: classes and workers may be called anything."""
+
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-async def write_csv(batches: AsyncIterator[Sequence[Mapping[str, Any]]], table: Table, file: TextIO) -> int:
-    """Write rows below a heading; return how many."""
+async def write_csv(
+    batches: AsyncIterator[Sequence[Mapping[str, Any]]], table: Table, file: TextIO, *, for_people: bool
+) -> int:
+    """Write rows below a heading; return how many. for_people: a spreadsheet may open it, so formulas are made text."""
     writer = csv.DictWriter(file, [column.name.removesuffix(TIME) for column in table.columns])
     writer.writeheader()
     count = 0
     async for batch in batches:
-        writer.writerows(exported(row) for row in batch)
+        rows = (exported(row) for row in batch)
+        writer.writerows({name: as_text(value) for name, value in row.items()} if for_people else row for row in rows)
         count += len(batch)
     return count
 
@@ -28,6 +34,11 @@ async def write_csv(batches: AsyncIterator[Sequence[Mapping[str, Any]]], table: 
 def exported(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row as it is exported."""
     return {str(name).removesuffix(TIME): _time(value) if name.endswith(TIME) else value for name, value in row.items()}
+
+
+def as_text(value: Any) -> Any:
+    """Return a CSV cell that no spreadsheet takes for a formula: text that begins like one gets a `'` before it."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def write_parquet(source: Path, target: Path, table: Table) -> None:

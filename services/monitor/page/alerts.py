@@ -13,10 +13,11 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.page.alert_rows import Deed, alert_row, sorted_alerts, wanted_alerts
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
-from services.monitor.page.frame import ALERTS, REFRESH_S, banner, export_link, nothing_yet, page_frame
+from services.monitor.page.frame import ALERTS, PATIENCE_S, REFRESH_S, banner, export_link, nothing_yet, page_frame
 from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.tiles import Tile
+from services.monitor.page.words import NOTHING, plural
 from services.monitor.rules.engine import UnknownAlertError
 from services.monitor.web.auth.visitor import Visitor
 
@@ -41,7 +42,7 @@ ENDED_COLUMNS: Final = (
 def add_alerts(monitor: Monitor, kept: KeptAlerts) -> None:
     """Add the page."""
 
-    @ui.page(ALERTS.path)
+    @ui.page(ALERTS.path, response_timeout=PATIENCE_S)
     def alerts() -> None:
         with page_frame(monitor, "Alerts", ALERTS) as visitor:
             _Alerts(monitor, kept, visitor)
@@ -67,7 +68,7 @@ class _Alerts:
             self._unseen = Tile("Nobody looks after")
         self._open_panel()
         self._ended_panel()
-        for part in (self._elsewhere, self._calm, self._none):
+        for part in (self._elsewhere, self._unknown, self._calm, self._none):
             part.set_visibility(False)
         ui.timer(REFRESH_S, self.refresh)  # a slow database keeps nobody from the page
         ui.timer(KeptAlerts.MAX_AGE_S, self.look_back)
@@ -84,6 +85,14 @@ class _Alerts:
                 OPEN_COLUMNS, self._load_open, row_key="id", sort="severity", body=OPEN_BODY, card=CARD
             )
             self._open.table.on("deed", self._do)
+            self._unknown = ui.element("div")
+            with self._unknown:
+                nothing_yet(
+                    "help",
+                    "Nobody knows which alerts are open",
+                    "Another monitor raises them, and what it writes cannot be read:",
+                )
+                self._why_unknown = ui.label().classes("fs-empty")
             self._calm = ui.element("div")
             with self._calm:
                 nothing_yet("check_circle", "No open alerts", *_what_raises(self._monitor))
@@ -116,11 +125,16 @@ class _Alerts:
         leads = self._monitor.history.status.leads
         self._elsewhere.set_visibility(not leads)
         try:
-            every = await self._monitor.current_alerts()
-        except HistoryError:  # what keeps the history is said at the top of the page
-            every = ()
+            every, unknown = await self._monitor.current_alerts(), ""
+        except HistoryError as error:
+            every, unknown = (), str(error)
+        self._unknown.set_visibility(bool(unknown))
+        self._why_unknown.set_text(unknown)
         found = wanted_alerts(every, self._severity, self._text)
         self._count(every, found)
+        self._calm.set_visibility(not every and not unknown)
+        for tile in [*self._tiles.values(), self._unseen] if unknown else ():
+            tile.show(NOTHING)
         shown = sorted_alerts(found, window.sort, descending=window.descending)[window.begin : window.end]
         now_ns, may_act = time.time_ns(), leads and self._visitor.may_act
         return [alert_row(each, self._monitor.acts_of(each.id), now_ns, may_act=may_act) for each in shown], len(found)
@@ -145,7 +159,6 @@ class _Alerts:
             f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}"
         )
         self._found.set_text(f"{len(found):,} of {len(every):,}" if len(found) != len(every) else "")
-        self._calm.set_visibility(not every)
         self._none.set_visibility(bool(every) and not found)
 
     async def _only(self, severity: Severity) -> None:
@@ -176,7 +189,7 @@ class _Alerts:
 def _what_raises(monitor: Monitor) -> Sequence[str]:
     rules = len(monitor.rules.book.rules)
     if rules:
-        return (f"{rules} rules are in force.",)
+        return (f"{plural(rules, 'rule')} in force.",)
     return (
         "No rules are in force, so nothing raises any.",
         "Write some and start the monitor with --rules rules.yaml.",

@@ -15,7 +15,7 @@ from services.monitor.looking.newest import Newest
 from services.monitor.looking.reasons import Reason, facts_of, why_nothing
 from services.monitor.looking.views import Views
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, page_frame
+from services.monitor.page.frame import FLEET, PATIENCE_S, page_frame
 from services.monitor.page.gaze import Gaze
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
 from services.monitor.page.words import age_text, ago, rate_text
@@ -32,7 +32,7 @@ KINDS: Final = {Stream.OVERLAY_DETECTION.value: "Boxes", Stream.OVERLAY_SEGMENTA
 def add_camera(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(PATH)
+    @ui.page(PATH, response_timeout=PATIENCE_S)
     async def camera_page(robot: str, camera: str) -> None:
         with page_frame(monitor, f"{robot}/{camera}", FLEET):
             ui.add_css(VIEW_STYLE)
@@ -63,7 +63,7 @@ class _Live:
                 self._build_head()
                 self._stage = Stage()
                 with self._stage.filling():
-                    self._image = ui.element("img").classes("fs-picture").props('alt=""')
+                    self._image = ui.element("img").classes("fs-picture fs-old").props('alt=""')
                     self._image.on("error", self._broke_off)
                 with ui.element("div").classes("fs-line fs-muted"):
                     self._age, self._rate, self._size = ui.label(), ui.label(), ui.label()

@@ -16,7 +16,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
 REFRESH_S: Final = 1.0
-PATIENCE_S: Final = 10.0
+PATIENCE_S: Final = 30.0
 """How long a page may take to be made on a machine that is busy."""
 
 STYLE: Final = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
 """The inventory: what is in view of every camera, and how many were."""
 
+import asyncio
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -168,4 +169,5 @@ class _Inventory:
 
     async def _download(self) -> None:
         found = (await self._shared.stock()).wanted(self._filters)
-        ui.download.content(as_csv(found[:MAX_CSV]), "inventory.csv", "text/csv")
+        text = await asyncio.to_thread(as_csv, found[:MAX_CSV])
+        ui.download.content(text, "inventory.csv", "text/csv")

@@ -5,6 +5,7 @@ import io
 from collections.abc import Iterable
 from typing import Any, Final
 
+from services.monitor.export.writing import as_text
 from services.monitor.inventory.inventory import Entry
 from services.monitor.page.words import NOTHING, ago, iso
 
@@ -36,14 +37,15 @@ def sighting_row(entry: Entry, now_ns: int) -> dict[str, Any]:
 
 
 def as_csv(entries: Iterable[Entry]) -> str:
-    """Return sightings as CSV with a heading; times are UTC."""
+    """Return sightings as CSV with a heading; times are UTC, and no text is a spreadsheet's formula."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(CSV_COLUMNS)
     for entry in entries:
         of = entry.sighting
-        writer.writerow([
+        cells = (
             of.key.robot, of.key.camera, of.name, of.count, round(of.score, 4), of.nearest_m, iso(of.first_ns),
             iso(of.last_ns), entry.available, of.model, of.worker,
-        ])  # fmt: skip
+        )  # fmt: skip
+        writer.writerow(map(as_text, cells))
     return text.getvalue()

@@ -44,6 +44,7 @@ class LiveTable:
 
     def __init__(self, columns: Sequence[Column], load: Load, *, row_key: str, sort: str, body: str, card: str) -> None:
         self._load = load
+        self._sortable = {column.name for column in columns if column.sortable}
         self._pagination: dict[str, Any] = {
             "page": 1,
             "rowsPerPage": ROWS,
@@ -88,11 +89,11 @@ class LiveTable:
 
     async def _turn(self, event: events.GenericEventArguments) -> None:
         asked = event.args["pagination"]
-        size = int(asked["rowsPerPage"])
+        size, sort = int(asked["rowsPerPage"]), str(asked.get("sortBy"))
         self._pagination |= {
             "page": max(1, int(asked["page"])),
             "rowsPerPage": size if size in CHOICES else ROWS,
-            "sortBy": asked.get("sortBy"),
+            "sortBy": sort if sort in self._sortable else None,
             "descending": bool(asked.get("descending")),
         }
         await self.refresh()

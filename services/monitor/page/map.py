@@ -14,7 +14,7 @@ from services.monitor.mapping.held import HeldRobots
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import MAP, nothing_yet, page_frame
+from services.monitor.page.frame import MAP, PATIENCE_S, nothing_yet, page_frame
 from services.monitor.page.gaze import Gaze
 from services.monitor.page.stage import VIEW_STYLE
 from services.monitor.page.words import NS, ago, plural
@@ -31,7 +31,7 @@ ROBOT_ICON: Final = "navigation"
 def add_map(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(MAP.path)
+    @ui.page(MAP.path, response_timeout=PATIENCE_S)
     async def map_page() -> None:
         with page_frame(monitor, "Map", MAP):
             ui.add_css(VIEW_STYLE)

@@ -13,6 +13,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.page import add_pages
 from services.monitor.web.application import guarded, make_application
 from services.monitor.web.auth.access import Access
+from services.monitor.web.protocol import BoundedProtocol
 
 STOP_S: Final = 1
 """How long requests may take to end when the monitor stops, and browsers to let go."""
@@ -44,6 +45,7 @@ async def serve(monitor: Monitor, door: socket.socket, access: Access) -> None:
         log_level="warning",
         access_log=False,
         lifespan="on",
+        http=BoundedProtocol,
         limit_concurrency=settings.web_connections,
         proxy_headers=settings.web_url is not None,
         server_header=False,

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Final
 from urllib.parse import quote
 
@@ -22,14 +23,31 @@ MAX_SECRET: Final = 256
 LOOK_S: Final = 2.0
 """How soon a WebSocket ends after its visitor was logged out."""
 
+BODY_S: Final = 30.0
+"""How long all of a request may take to arrive: who is not known yet could else keep a connection for ever."""
+
+GONE_S: Final = 10.0
+"""Who takes nothing of what a WebSocket sends for so long has gone: what is sent would pile up in memory."""
+
 POLICY_VIOLATION: Final = 1008
 
 
 class AccessMiddleware:
     """Lets through who may, marked with who they are; ends WebSockets of who may no longer."""
 
-    def __init__(self, app: ASGIApp, access: Access, *, cookie: str, place: Place) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        access: Access,
+        *,
+        cookie: str,
+        place: Place,
+        body_s: float = BODY_S,
+        gone_s: float = GONE_S,
+    ) -> None:
         self.app = app
+        self._body_s = body_s
+        self._gone_s = gone_s
         self._access = access
         self._cookie = cookie
         self._place = place
@@ -53,7 +71,7 @@ class AccessMiddleware:
         elif _announced(asking.headers) > limit:
             await problem(413, f"a request to {asking.path[:80]} has at most {limit} bytes")(scope, receive, send)
         else:
-            await self.app(scope, _bounded(receive, limit), send)
+            await self.app(scope, _bounded(receive, limit, self._body_s), send)
 
     def _known(self, headers: Mapping[str, str]) -> tuple[Visitor | None, Kind | None]:
         """Return who sends a request and what they are known by; a token, where there is one, counts alone."""
@@ -85,32 +103,46 @@ class AccessMiddleware:
             await receive()
             await send({"type": "websocket.close", "code": POLICY_VIOLATION})
             return
-        watched = _Watched(visitor, receive, send)
+        watched = _Watched(visitor, receive, send, self._gone_s)
         try:
-            await self.app(scope, watched.receive, send)
+            await self.app(scope, watched.receive, watched.send)
         finally:
             watched.end()
 
 
 class _Watched:
-    """A WebSocket's receiving side, that ends when its visitor may look no longer."""
+    """A WebSocket that ends when its visitor may look no longer, or takes nothing of what is sent."""
 
-    def __init__(self, visitor: Visitor, receive: Receive, send: Send) -> None:
+    def __init__(self, visitor: Visitor, receive: Receive, send: Send, gone_s: float) -> None:
         self._visitor = visitor
         self._receive = receive
         self._send = send
+        self._gone_s = gone_s
+        self._is_gone = False
         self._next: asyncio.Future[Message] | None = None
 
     async def receive(self) -> Message:
         """Return what comes next."""
         self._next = self._next or asyncio.ensure_future(self._receive())
-        while self._visitor.may_look:
+        while self._visitor.may_look and not self._is_gone:
             await asyncio.wait([self._next], timeout=LOOK_S)
             if self._next.done():
                 message, self._next = self._next.result(), None
                 return message
-        await self._send({"type": "websocket.close", "code": POLICY_VIOLATION})
+        with suppress(TimeoutError):
+            await self.send({"type": "websocket.close", "code": POLICY_VIOLATION})
         return {"type": "websocket.disconnect", "code": POLICY_VIOLATION}
+
+    async def send(self, message: Message) -> None:
+        """Send; nothing more after the first message that is not taken in time, which raises TimeoutError."""
+        if self._is_gone:
+            return
+        try:
+            async with asyncio.timeout(self._gone_s):
+                await self._send(message)
+        except TimeoutError:
+            self._is_gone = True
+            raise
 
     def end(self) -> None:
         """Wait for nothing more."""
@@ -118,12 +150,21 @@ class _Watched:
             self._next.cancel()
 
 
-def _bounded(receive: Receive, limit: int) -> Receive:
-    left = limit
+def _bounded(receive: Receive, limit: int, within_s: float) -> Receive:
+    """Return what receives a request's body, of so many bytes and seconds at most, and then its end."""
+    left, until_s = limit, asyncio.get_running_loop().time() + within_s
+    whole = False
 
     async def bounded() -> Message:
-        nonlocal left
-        message = await receive()
+        nonlocal left, whole
+        try:
+            async with asyncio.timeout_at(None if whole else until_s):
+                message = await receive()
+        except TimeoutError as error:
+            raise HTTPException(
+                408, f"a request has to arrive within {within_s:g} s", {"Connection": "close"}
+            ) from error
+        whole = whole or not message.get("more_body", False)
         left -= len(message.get("body", b""))
         if left < 0:
             raise HTTPException(413, f"a request has at most {limit} bytes here")

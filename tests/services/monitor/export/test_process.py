@@ -79,6 +79,20 @@ async def test_parquet_has_types(url: str, tmp_path: Path) -> None:
     assert frame["closest_m"].to_list() == [1.25] * 3
 
 
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@sum(a1)", "\t=1", "\r=1", "\n=1"])
+async def test_csv_has_no_formulas_and_parquet_what_was_said(tmp_path: Path, name: str) -> None:
+    url, parquet = f"sqlite:///{tmp_path}/history.db", tmp_path / "seen.parquet"
+    store = await Store.open(url)
+    try:
+        await store.write([interval(1, 2, name=name)], [], 9 * S)
+    finally:
+        await store.close()
+    (row,) = await exported(url, tmp_path / "seen.csv")
+    assert (row["name"], row["score"], row["robot"]) == (f"'{name}", "0.5", "r1")
+    await run(ExportSettings(task="export", history=url, to=parquet))
+    assert pl.read_parquet(parquet)["name"].to_list() == [name]
+
+
 async def test_alerts_are_exported_too(url: str, tmp_path: Path) -> None:
     (row,) = await exported(url, tmp_path / "alerts.csv", what="alerts", camera="front")
     assert (row["id"], row["severity"], row["raised"]) == ("a1", "warning", "1970-01-01T00:00:00.000000+00:00")

@@ -1,5 +1,8 @@
 import csv
 import io
+from dataclasses import replace
+
+import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
@@ -36,3 +39,10 @@ def test_what_is_downloaded_can_be_read_again_whatever_a_class_is_called() -> No
     heading, row = csv.reader(io.StringIO(as_csv([Entry(SIGHTING, available=True)])))
     assert tuple(heading) == CSV_COLUMNS
     assert row[:6] == ["r1", "front", 'a, "b"\n<c>', "2", "0.875", "1.256"]
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@sum(a1)", "\t=1", "\r=1", "\n=1"])
+def test_no_spreadsheet_takes_a_class_a_model_or_a_worker_for_a_formula(name: str) -> None:
+    odd = replace(SIGHTING, name=name, model=name, worker=name)
+    _, row = csv.reader(io.StringIO(as_csv([Entry(odd, available=True)]), newline=""))
+    assert [row[place] for place in (2, 9, 10)] == [f"'{name}"] * 3

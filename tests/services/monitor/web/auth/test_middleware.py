@@ -1,7 +1,14 @@
-import httpx
-from fastapi.routing import iter_route_contexts
+import asyncio
+from collections.abc import AsyncIterator
 
-from services.monitor.web.auth.gate import OPEN
+import httpx
+import pytest
+from fastapi.routing import iter_route_contexts
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from services.monitor.web.application import cookie_of
+from services.monitor.web.auth.gate import OPEN, Place
+from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.web.asking import ORIGIN, Web
 
@@ -114,6 +121,47 @@ async def test_too_much_is_refused_before_and_while_it_comes(web: Web) -> None:
             {"error": "a request to /login has at most 65536 bytes"},
         )
         assert (await stranger.post("/login", content=parts())).status_code == 413  # type: ignore[arg-type]
+
+
+def guarding(web: Web, app: ASGIApp) -> AccessMiddleware:
+    cookie = cookie_of(web.monitor.settings)
+    return AccessMiddleware(app, web.access, cookie=cookie, place=Place(), body_s=0.05, gone_s=0.05)
+
+
+async def test_who_never_ends_a_request_gets_no_place_for_it(web: Web) -> None:
+    async def never() -> AsyncIterator[bytes]:
+        yield b"name="
+        await asyncio.Event().wait()
+
+    transport = httpx.ASGITransport(guarding(web, web.app))
+    async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, headers={"Origin": ORIGIN}) as slow:
+        answer = await slow.post("/login", content=never())
+        assert (answer.status_code, answer.headers["Connection"]) == (408, "close")
+
+
+async def test_a_socket_of_which_nothing_is_taken_ends(web: Web) -> None:
+    taken: list[str] = []
+
+    async def page(_: Scope, receive: Receive, send: Send) -> None:
+        await receive()
+        await send({"type": "websocket.accept"})
+        with pytest.raises(TimeoutError):
+            await send({"type": "websocket.send", "text": "more than it takes"})
+        await send({"type": "websocket.send", "text": "and more"})
+        assert (await receive())["type"] == "websocket.disconnect"
+
+    async def take(message: Message) -> None:
+        taken.append(str(message["type"]))
+        if message["type"] == "websocket.send":
+            await asyncio.Event().wait()
+
+    said: asyncio.Queue[Message] = asyncio.Queue()
+    said.put_nowait({"type": "websocket.connect"})
+    async with await web.program() as program:
+        headers = [(b"authorization", program.headers["Authorization"].encode())]
+    async with asyncio.timeout(30):
+        await guarding(web, page)({"type": "websocket", "path": "/api/v1/live", "headers": headers}, said.get, take)
+    assert taken == ["websocket.accept", "websocket.send"]
 
 
 async def test_browsers_are_told_to_fetch_nothing_from_elsewhere_and_to_keep_nothing(web: Web) -> None:
