@@ -17,7 +17,7 @@ MAX_LISTED: Final = 20
 class Criteria:
     """What counts as a detection; see `schemas.tuning.Tuning`. labels: of those classes; None for all."""
 
-    confidence: float = 0.2
+    confidence: float = 0.25
     iou: float = 0.7
     max_detections: int = 300
     classes: tuple[str, ...] = ()

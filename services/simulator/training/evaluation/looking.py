@@ -12,7 +12,7 @@ from schemas.detections import Detection
 Look = Callable[[NDArray[np.uint8]], Sequence[Detection]]
 """Finds the objects in a height x width x 3 RGB picture, best score first, with masks of the picture's own size."""
 
-CONFIDENCE: Final = 0.2
+CONFIDENCE: Final = 0.25
 """The lowest score that counts unless a detector is told otherwise."""
 
 LOWEST_CONFIDENCE: Final = 0.001
