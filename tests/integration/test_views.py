@@ -1,6 +1,7 @@
 """What people look at live, in a real browser: it is made while they look, and not longer."""
 
 import asyncio
+import re
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -88,6 +89,14 @@ async def test_the_map_shows_where_robots_are_and_what_was_seen_where(site: Site
         assert await page.evaluate("document.documentElement.scrollWidth") == 375
         await looker.picture("map-phone-dark")
     await until(lambda: "tf" not in site.robot.wanted)
+
+
+async def test_a_robot_that_is_lost_stays_on_the_map(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/map")
+        async with robot_on(site.bus, "r3"):
+            await expect(page.locator(".fs-map .robot.live", has_text="r3")).to_be_visible()
+        await expect(page.locator(".fs-map .robot.lost text")).to_have_text(re.compile(r"r3, last seen \d+ s ago"))
 
 
 async def test_what_is_not_there_says_what_to_do(site: Site, tmp_path: Path) -> None:

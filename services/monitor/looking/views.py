@@ -3,12 +3,17 @@
 from bus import Bus
 from services.monitor.looking.newest import clouds, pictures
 from services.monitor.mapping.following import robots
+from services.monitor.mapping.last_poses import LastPoses
 
 
 class Views:
-    """pictures: overlays. clouds: of objects. robots: where they are. Each is subscribed to while somebody looks."""
+    """pictures: overlays. clouds: of objects. robots: where they are. Each is subscribed to while somebody looks.
+
+    last_poses: where robots were when somebody looked.
+    """
 
     def __init__(self, bus: Bus) -> None:
         self.pictures = pictures(bus)
         self.clouds = clouds(bus)
         self.robots = robots(bus)
+        self.last_poses = LastPoses()

@@ -102,7 +102,7 @@ def svg_of(bounds: Bounds, marks: Sequence[Mark], robots: Sequence[Robot], now_n
     drawn = [
         *_grid(scale),
         *(_mark(mark, scale, now_ns) for mark in reversed(marks[:MOST_SHOWN])),
-        *(_robot(robot, scale) for robot in robots if _is_near(robot.pose.x, robot.pose.y)),
+        *(_robot(robot, scale, now_ns) for robot in robots if _is_near(robot.pose.x, robot.pose.y)),
     ]
     return f'<svg class="fleet-map" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="map">{"".join(drawn)}</svg>'
 
@@ -122,20 +122,25 @@ def _mark(mark: Mark, scale: _Scale, now_ns: int) -> str:
     x, y = scale.at(mark.x, mark.y)
     fresh = is_fresh(mark, now_ns)
     fill = colour_of(mark.name) if fresh else STALE
-    seen = f"{mark.name}, seen by {mark.robot}/{mark.camera} {max(0, now_ns - mark.seen_ns) // NS} s ago"
+    seen = f"{mark.name}, seen by {mark.robot}/{mark.camera} {_seconds(mark.seen_ns, now_ns)} s ago"
     state = "fresh" if fresh else "stale"
     return f'<circle class="seen {state}" cx="{x}" cy="{y}" r="10" fill="{fill}"><title>{escape(seen)}</title></circle>'
 
 
-def _robot(robot: Robot, scale: _Scale) -> str:
+def _robot(robot: Robot, scale: _Scale, now_ns: int) -> str:
     x, y = scale.at(robot.pose.x, robot.pose.y)
     turn = round(-math.degrees(robot.pose.yaw), 1)
     state = "live" if robot.live else "lost"
+    says = robot.name if robot.live else f"{robot.name}, last seen {_seconds(robot.pose.at_ns, now_ns)} s ago"
     return (
         f'<g class="robot {state}" transform="translate({x} {y})">'
         f'<path transform="rotate({turn})" d="M22 0 L-14 14 L-7 0 L-14 -14 Z"/>'
-        f'<text y="-24" text-anchor="middle">{escape(robot.name)}</text></g>'
+        f'<text y="-24" text-anchor="middle">{escape(says)}</text></g>'
     )
+
+
+def _seconds(since_ns: int, now_ns: int) -> int:
+    return max(0, now_ns - since_ns) // NS
 
 
 def _grid(scale: _Scale) -> Iterator[str]:

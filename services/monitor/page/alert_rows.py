@@ -1,12 +1,13 @@
 """Alerts as rows of a table. Pure: time is an argument."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from typing import Any, Final
 
 from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.history.acts import Act
-from services.monitor.page.words import ago, iso, natural
+from services.monitor.page.words import NOTHING, ago, iso, natural
 
 URGENCY: Final = {severity: number for number, severity in enumerate(reversed(Severity))}
 """Severities, the most urgent first."""
@@ -21,6 +22,15 @@ class Deed(StrEnum):
     ACKNOWLEDGE = "acknowledge"
     ESCALATE = "escalate"
     RESOLVE = "resolve"
+
+
+class Panel(StrEnum):
+    """What the open alerts' panel shows. NOT_FOUND: there are some, and none that was searched for."""
+
+    UNKNOWN = "unknown"
+    CALM = "calm"
+    NOT_FOUND = "not found"
+    ALERTS = "alerts"
 
 
 DEEDS: Final = {
@@ -56,6 +66,28 @@ def sorted_alerts(alerts: Sequence[Alert], sort: str, *, descending: bool) -> li
         case _:
             found = most_urgent_first(alerts)
     return found[::-1] if descending else found
+
+
+def panel_of(every: Sequence[Alert] | None, found: Sequence[Alert]) -> Panel:
+    """Return what to show. every: all open alerts; None where nobody knows. found: those that were searched for."""
+    if every is None:
+        return Panel.UNKNOWN
+    if not every:
+        return Panel.CALM
+    return Panel.ALERTS if found else Panel.NOT_FOUND
+
+
+def severity_figures(every: Sequence[Alert] | None) -> dict[Severity, str]:
+    """Return how many alerts of each severity are open; every: None where nobody knows."""
+    counts = Counter(alert.severity for alert in every or ())
+    return {severity: NOTHING if every is None else f"{counts[severity]:,}" for severity in Severity}
+
+
+def unattended_figure(every: Sequence[Alert] | None) -> tuple[str, str]:
+    """Return how many open alerts nobody looks after, and of how many; every: None where nobody knows."""
+    if every is None:
+        return NOTHING, ""
+    return f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}"
 
 
 def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool) -> dict[str, Any]:

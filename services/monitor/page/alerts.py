@@ -1,23 +1,31 @@
 """Alerts: those that are open, what is done about them, and those that ended."""
 
 import time
-from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
 from nicegui import events, ui
 
-from schemas.alerts import Alert, AlertState, Severity
+from schemas.alerts import Alert, Severity
 from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
-from services.monitor.page.alert_rows import Deed, alert_row, sorted_alerts, wanted_alerts
+from services.monitor.page.alert_rows import (
+    Deed,
+    Panel,
+    alert_row,
+    panel_of,
+    severity_figures,
+    sorted_alerts,
+    unattended_figure,
+    wanted_alerts,
+)
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
 from services.monitor.page.frame import ALERTS, PATIENCE_S, REFRESH_S, banner, export_link, nothing_yet, page_frame
 from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.tiles import Tile
-from services.monitor.page.words import NOTHING, plural
+from services.monitor.page.words import plural
 from services.monitor.rules.engine import UnknownAlertError
 from services.monitor.web.auth.visitor import Visitor
 
@@ -124,17 +132,13 @@ class _Alerts:
     async def _load_open(self, window: Window) -> tuple[Rows, int]:
         leads = self._monitor.history.status.leads
         self._elsewhere.set_visibility(not leads)
+        every: Sequence[Alert] | None = None
         try:
-            every, unknown = await self._monitor.current_alerts(), ""
+            every = await self._monitor.current_alerts()
         except HistoryError as error:
-            every, unknown = (), str(error)
-        self._unknown.set_visibility(bool(unknown))
-        self._why_unknown.set_text(unknown)
-        found = wanted_alerts(every, self._severity, self._text)
+            self._why_unknown.set_text(str(error))
+        found = wanted_alerts(every or (), self._severity, self._text)
         self._count(every, found)
-        self._calm.set_visibility(not every and not unknown)
-        for tile in [*self._tiles.values(), self._unseen] if unknown else ():
-            tile.show(NOTHING)
         shown = sorted_alerts(found, window.sort, descending=window.descending)[window.begin : window.end]
         now_ns, may_act = time.time_ns(), leads and self._visitor.may_act
         return [alert_row(each, self._monitor.acts_of(each.id), now_ns, may_act=may_act) for each in shown], len(found)
@@ -149,17 +153,19 @@ class _Alerts:
             ended.alerts
         )
 
-    def _count(self, every: Sequence[Alert], found: Sequence[Alert]) -> None:
-        counts = Counter(alert.severity for alert in every)
-        for severity, tile in self._tiles.items():
-            tile.show(f"{counts[severity]:,}", on=severity is self._severity)
-        self._tiles[Severity.CRITICAL].color("fs-bad" if counts[Severity.CRITICAL] else "")
-        self._tiles[Severity.WARNING].color("fs-warn" if counts[Severity.WARNING] else "")
-        self._unseen.show(
-            f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}"
-        )
-        self._found.set_text(f"{len(found):,} of {len(every):,}" if len(found) != len(every) else "")
-        self._none.set_visibility(bool(every) and not found)
+    def _count(self, every: Sequence[Alert] | None, found: Sequence[Alert]) -> None:
+        for severity, figure in severity_figures(every).items():
+            self._tiles[severity].show(figure, on=severity is self._severity)
+        there = {alert.severity for alert in every or ()}
+        self._tiles[Severity.CRITICAL].color("fs-bad" if Severity.CRITICAL in there else "")
+        self._tiles[Severity.WARNING].color("fs-warn" if Severity.WARNING in there else "")
+        self._unseen.show(*unattended_figure(every))
+        count = len(every or ())
+        self._found.set_text(f"{len(found):,} of {count:,}" if len(found) != count else "")
+        panel = panel_of(every, found)
+        self._unknown.set_visibility(panel is Panel.UNKNOWN)
+        self._calm.set_visibility(panel is Panel.CALM)
+        self._none.set_visibility(panel is Panel.NOT_FOUND)
 
     async def _only(self, severity: Severity) -> None:
         self._severity = None if self._severity is severity else severity

@@ -8,20 +8,19 @@ from typing import Final
 from nicegui import ui
 
 from services.monitor.looking.views import Views
-from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, Robot, colour_of, is_fresh, svg_of
+from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
 from services.monitor.mapping.following import MOST_ROBOTS
 from services.monitor.mapping.held import HeldRobots
+from services.monitor.mapping.last_poses import LastPoses
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
 from services.monitor.page.frame import MAP, PATIENCE_S, nothing_yet, page_frame
 from services.monitor.page.gaze import Gaze
 from services.monitor.page.stage import VIEW_STYLE
-from services.monitor.page.words import NS, ago, plural
+from services.monitor.page.words import ago, plural
 
 REFRESH_S: Final = 1.0
-LOST_S: Final = 5.0
-"""A pose of which nothing was heard for so long is not of now."""
 
 EVERY: Final = ""
 MOST_LISTED: Final = 100
@@ -35,7 +34,7 @@ def add_map(monitor: Monitor, views: Views) -> None:
     async def map_page() -> None:
         with page_frame(monitor, "Map", MAP):
             ui.add_css(VIEW_STYLE)
-            shown = _Map(monitor)
+            shown = _Map(monitor, views.last_poses)
             gaze = Gaze()
         while await gaze.begins():
             async with HeldRobots(views.robots) as held:
@@ -47,8 +46,9 @@ def add_map(monitor: Monitor, views: Views) -> None:
 class _Map:
     """What the page shows. Its bounds only grow, so that it does not jump."""
 
-    def __init__(self, monitor: Monitor) -> None:
+    def __init__(self, monitor: Monitor, last_poses: LastPoses) -> None:
         self._monitor = monitor
+        self._last_poses = last_poses
         self._bounds: Bounds | None = None
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
@@ -77,12 +77,12 @@ class _Map:
 
     def robots(self) -> list[str]:
         """Return the robots to follow: the one that was chosen, or as many as can be of those online."""
-        online = sorted(self._monitor.fleet.inventory.robots())
-        self._offer(online)
-        return [self._robot.value] if self._robot.value else online[:MOST_ROBOTS]
+        online = self._monitor.fleet.inventory.robots()
+        self._offer(sorted(online | self._last_poses.names(time.time_ns())))
+        return [self._robot.value] if self._robot.value else sorted(online)[:MOST_ROBOTS]
 
-    def _offer(self, online: list[str]) -> None:
-        known = {EVERY: "All robots", **{name: name for name in online}}
+    def _offer(self, robots: list[str]) -> None:
+        known = {EVERY: "All robots", **{name: name for name in robots}}
         if self._robot.value not in known:
             known[self._robot.value] = self._robot.value
         if known != self._robot.options:
@@ -95,11 +95,10 @@ class _Map:
         """Draw everything as it is now."""
         now_ns = time.time_ns()
         poses = {name: where.pose() for name, where in whereabouts.items()}
-        robots = [
-            Robot(name, pose, live=now_ns - pose.at_ns <= LOST_S * NS)
-            for name, pose in poses.items()
-            if isinstance(pose, Pose)
-        ]
+        online = self._monitor.fleet.inventory.robots()
+        known = {name: pose for name, pose in poses.items() if isinstance(pose, Pose) and name in online}
+        self._last_poses.take(known, now_ns)
+        robots = self._last_poses.robots(now_ns, online, robot=self._robot.value)
         marks = self._monitor.fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN]
         points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
         self._bounds = Bounds.around(points, self._bounds)

@@ -41,16 +41,19 @@ async def _change(settings: UsersSettings, store: UserStore) -> str:
     name, there = settings.name, {user.name: user for user in await store.users()}
     user = there.get(name)
     if settings.task == "add":
-        if user is not None or len(there) >= MAX_USERS:
-            raise UsersError(f"there is a user {name} already" if user else f"there are {MAX_USERS} users already")
+        if len(there) + len(store.left_out) >= MAX_USERS:
+            raise UsersError(f"there are {MAX_USERS} users already")
         role = settings.role or Role.VIEWER
-        await store.add(User(name, role, await _hashed(), time.time_ns()))
+        if user or name in store.left_out or not await store.add(User(name, role, await _hashed(), time.time_ns())):
+            raise UsersError(f"there is a user {name} already")
         return f"{name} may log in: {role}"
-    if user is None:
-        raise UsersError(f"there is no user {name}")
     if settings.task == "remove":
-        await store.remove(name)
+        if not await store.remove(name):
+            raise UsersError(f"there is no user {name}")
         return f"{name} may not log in any more"
+    if user is None:
+        unknown = f"{name} has a role that this version does not know"
+        raise UsersError(unknown if name in store.left_out else f"there is no user {name}")
     if settings.task == "reset":
         other = replace(user, role=settings.role or user.role, password=await _hashed(), changed_ns=time.time_ns())
         await store.change(other)

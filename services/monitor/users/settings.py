@@ -1,8 +1,8 @@
 """Settings of `fleetsight users`."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from services.monitor.history.settings import HistoryUrl, default_url
 from services.monitor.web.auth.visitor import Role
@@ -25,3 +25,9 @@ class UsersSettings(BaseModel):
     history: Annotated[HistoryUrl, Field(description="database that the monitor keeps; none if it keeps none")] = Field(
         default_factory=default_url
     )
+
+    @model_validator(mode="after")
+    def _gives_a_role_to_somebody(self) -> Self:
+        if self.role is not None and self.task not in {"add", "reset"}:
+            raise ValueError(f"{self.task} was given a role, and only add and reset take a role")
+        return self

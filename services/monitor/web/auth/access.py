@@ -65,7 +65,7 @@ class Access:
     @property
     def needs_setup(self) -> bool:
         """Whether it is known that there are no users yet."""
-        return self._users is not None and not self._users
+        return self._users is not None and not self._users and not self._store.left_out
 
     @property
     def invitation(self) -> str:
@@ -109,10 +109,9 @@ class Access:
             users, logins = await self._store.load(self._now_ns())
         except HistoryError as error:
             return self._wrong("the users cannot be read", error)
-        if self._users is None and not users:
-            self._users = {}
+        is_first, self._users = self._users is None, {user.name: user for user in users}
+        if is_first and self.needs_setup:
             log.info("nobody can log in yet; make the first user at %s", self.invitation)
-        self._users = {user.name: user for user in users}
         known = {login.digest: login for login in logins if login.digest not in self._ended}
         mine = {digest: login for digest, login in self._prolonged.items() if digest in known}
         self._logins = {**known, **mine, **self._made}

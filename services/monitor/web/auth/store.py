@@ -2,12 +2,14 @@
 
 import asyncio
 import dataclasses
+import logging
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
+from enum import StrEnum
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import Row, delete, func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -16,6 +18,10 @@ from services.monitor.history.settings import NONE
 from services.monitor.history.tables import logins, metadata, users
 from services.monitor.web.auth.people import MAX_LOGINS, MAX_USERS, Kind, Login, User
 from services.monitor.web.auth.visitor import Role
+
+log = logging.getLogger(__name__)
+
+E = TypeVar("E", bound=StrEnum)
 
 MAX_LOADED: Final = MAX_USERS * MAX_LOGINS
 
@@ -28,24 +34,32 @@ def users_url(history: str) -> str:
 
 
 class UserStore:
-    """The users of a database. Every method raises HistoryError when it cannot be had."""
+    """The users of a database. Every method raises HistoryError when it cannot be had.
+
+    left_out: the users that were there at the last reading and are of a newer version: their role is not known here.
+    """
 
     def __init__(self, url: str) -> None:
+        self.left_out: set[str] = set()
         self._url = url
         self._made = False
+        self._warned: set[str] = set()
 
     async def users(self) -> list[User]:
         """Return everybody, by name."""
         async with self._connected() as connection:
-            return await _users(connection)
+            found, unknown = await self._users(connection)
+        self._warn(unknown)
+        return found
 
     async def load(self, now_ns: int) -> tuple[list[User], list[Login]]:
         """Return everybody, and the sessions and tokens that are good now."""
         async with self._connected() as connection:
             query = logins.select().where(logins.c.until_ns > now_ns).order_by(logins.c.until_ns.desc())
             rows = (await connection.execute(query.limit(MAX_LOADED))).all()
-            found = [Login(row.digest, row.user, Kind(row.kind), row.user_ns, row.until_ns) for row in rows]
-            return await _users(connection), found
+            found, unknown = await self._users(connection)
+        self._warn(unknown | {_unknown_kind(row) for row in rows if _member(Kind, row.kind) is None})
+        return found, [login for row in rows if (login := _login(row)) is not None]
 
     async def add(self, user: User, *, first: bool = False) -> bool:
         """Add somebody; return False if the name is taken or, for the first one, anybody is there."""
@@ -91,6 +105,18 @@ class UserStore:
                 await connection.execute(logins.insert(), rows)
             await connection.commit()
 
+    async def _users(self, connection: AsyncConnection) -> tuple[list[User], set[str]]:
+        """Return the users that are known here, and about the others what is to be warned of."""
+        rows = (await connection.execute(users.select().order_by(users.c.name).limit(MAX_USERS))).all()
+        others = [row for row in rows if _member(Role, row.role) is None]
+        self.left_out = {row.name for row in others}
+        return [user for row in rows if (user := _user(row)) is not None], {_unknown_role(row) for row in others}
+
+    def _warn(self, unknown: set[str]) -> None:
+        for each in sorted(unknown - self._warned):
+            log.warning("left out: %s", each)
+        self._warned = unknown
+
     @asynccontextmanager
     async def _connected(self) -> AsyncIterator[AsyncConnection]:
         async with translating():
@@ -109,9 +135,26 @@ class UserStore:
                 await engine.dispose()
 
 
-async def _users(connection: AsyncConnection) -> list[User]:
-    rows = (await connection.execute(users.select().order_by(users.c.name).limit(MAX_USERS))).all()
-    return [User(row.name, Role(row.role), row.password, row.changed_ns) for row in rows]
+def _user(row: Row[Any]) -> User | None:
+    role = _member(Role, row.role)
+    return None if role is None else User(row.name, role, row.password, row.changed_ns)
+
+
+def _login(row: Row[Any]) -> Login | None:
+    kind = _member(Kind, row.kind)
+    return None if kind is None else Login(row.digest, row.user, kind, row.user_ns, row.until_ns)
+
+
+def _member(of: type[E], value: str) -> E | None:
+    return next((each for each in of if each == value), None)
+
+
+def _unknown_role(row: Row[Any]) -> str:
+    return f"the user {row.name!r}, whose role {row.role!r} this version does not know"
+
+
+def _unknown_kind(row: Row[Any]) -> str:
+    return f"log-ins of the kind {row.kind!r}, which this version does not know"
 
 
 def _row_of(of: User | Login) -> dict[str, Any]:

@@ -51,7 +51,17 @@ def test_a_robot_points_where_it_looks_and_its_name_is_text() -> None:
     assert group.get("class") == "robot lost"
     path, label = group
     assert path.get("transform") == "rotate(-28.6)"
-    assert label.text == name
+    assert label.text == f"{name}, last seen 0 s ago"
+
+
+def test_only_of_a_robot_that_is_not_live_it_is_said_when_it_was_seen() -> None:
+    poses = [Pose(1, 1, 0, NOW), Pose(2, 2, 0, NOW - 90_999_999_999)]
+    robots = [Robot("here", poses[0], live=True), Robot("gone", poses[1], live=False)]
+    groups = drawn(svg_of(BOUNDS, [], robots, NOW)).findall("g")
+    assert [(group.get("class"), group[1].text) for group in groups] == [
+        ("robot live", "here"),
+        ("robot lost", "gone, last seen 90 s ago"),
+    ]
 
 
 def test_the_picture_is_bounded() -> None:

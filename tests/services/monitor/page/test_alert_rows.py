@@ -3,7 +3,16 @@ import pytest
 
 from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.history.acts import Act
-from services.monitor.page.alert_rows import alert_row, sorted_alerts, wanted_alerts
+from services.monitor.page.alert_rows import (
+    Panel,
+    alert_row,
+    panel_of,
+    severity_figures,
+    sorted_alerts,
+    unattended_figure,
+    wanted_alerts,
+)
+from services.monitor.page.words import NOTHING
 
 S = 1_000_000_000
 ALERT = Alert(
@@ -74,3 +83,19 @@ def test_who_did_what_is_said() -> None:
     row = alert_row(ALERT, [Act("1", AlertState.ACKNOWLEDGED, "ann", 130 * S)], 160 * S, may_act=False)
     assert row["acts"] == ["acknowledged by ann, 30 s ago"]
     assert (row["raised"], row["ended"]) == ("1 min ago", "")
+
+
+def test_that_nobody_knows_which_alerts_are_open_is_not_that_none_is() -> None:
+    assert panel_of(None, []) is Panel.UNKNOWN
+    assert panel_of([], []) is Panel.CALM
+    assert panel_of(ALERTS, []) is Panel.NOT_FOUND
+    assert panel_of(ALERTS, ALERTS[:1]) is Panel.ALERTS
+
+
+def test_figures_are_of_all_alerts_and_there_is_none_where_nobody_knows() -> None:
+    nothing, unknown = dict.fromkeys(Severity, "0"), dict.fromkeys(Severity, NOTHING)
+    assert (severity_figures(None), unattended_figure(None)) == (unknown, (NOTHING, ""))
+    assert (severity_figures([]), unattended_figure([])) == (nothing, ("0", "of 0"))
+    assert severity_figures(ALERTS) == {Severity.INFO: "1", Severity.WARNING: "0", Severity.CRITICAL: "4"}
+    assert unattended_figure(ALERTS) == ("4", "of 5")
+    assert unattended_figure(ALERTS[:1] * 1_000) == ("1,000", "of 1,000")

@@ -2,12 +2,16 @@ import io
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from services.monitor.users.process import UsersError, read_password, run
 from services.monitor.users.settings import UsersSettings
-from services.monitor.web.auth.people import Kind
+from services.monitor.web.auth.people import Kind, User
+from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.web.auth.test_access import access_to
+from tests.services.monitor.web.auth.test_store import newer
+from tests.services.monitor.web.serving import users_in
 
 PASSWORD = "correct horse battery"  # noqa: S105 - nobody's
 
@@ -65,6 +69,25 @@ async def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch: pytest.M
     ):
         with pytest.raises(UsersError, match=reason):
             await users(tmp_path, task, name)
+
+
+async def test_a_user_of_a_newer_version_can_be_removed_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    await newer(tmp_path)
+    for task, reason in (("add", "there is a user carl"), ("reset", "does not know"), ("token", "does not know")):
+        says(monkeypatch, PASSWORD)
+        with pytest.raises(UsersError, match=reason):
+            await users(tmp_path, task, "carl")
+    await users(tmp_path, "remove", "carl")
+    assert capsys.readouterr().out.splitlines() == ["carl may not log in any more"]
+    assert await UserStore(users_in(tmp_path)).add(User("carl", Role.VIEWER, "x", 1))
+
+
+@pytest.mark.parametrize("task", ["token", "remove", "list"])
+def test_a_role_is_only_taken_where_it_is_given_to_somebody(task: str) -> None:
+    with pytest.raises(ValidationError, match="only add and reset take a role"):
+        UsersSettings.model_validate({"task": task, "name": "ann", "role": "viewer"})
 
 
 def test_on_a_terminal_a_password_is_asked_for_twice(monkeypatch: pytest.MonkeyPatch) -> None:
