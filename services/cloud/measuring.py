@@ -1,6 +1,6 @@
 """Detections and points of the same instant to the clouds of the objects. Pure."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,10 +14,11 @@ from schemas.objects import MAX_OBJECT_POINTS, ObjectCloud, ObjectClouds, Shape,
 from schemas.transforms import Transform
 from services.cloud.errors import CloudError
 from services.cloud.outliers import crowded, foreground
-from services.cloud.outlines import Candidates, View, trusted
+from services.cloud.outlines import Candidates, RegisteredView, View, in_window, trusted
 from services.cloud.points import Bytes, Floats, Indices, Points
 from services.cloud.sampling import some
 from services.cloud.shape import Box, Level, fit_box
+from services.cloud.visible import Seen, shapes
 from services.geometry.errors import GeometryError
 from services.geometry.masks import Window, decode
 from services.geometry.rotation import quaternion_of
@@ -70,20 +71,24 @@ def measure(
     of: the header of the points. view: them as the camera of the detections sees them.
     """
     here = Level.of(up_in(of.frame_id, target))
-    objects: list[ObjectCloud] = []
     unmeasured: dict[int, str] = {}
-    room = MAX_OBJECT_POINTS
     masks = dict(_masks(detections, unmeasured))
-    for index, found in zip(masks, view.within(list(masks.values())), strict=True):
+    found: dict[int, tuple[Indices, Floats]] = {}
+    room = MAX_OBJECT_POINTS
+    inner = {index: trusted(mask) for index, mask in masks.items()}
+    for index, candidates in zip(masks, view.within(list(inner.values())), strict=True):
         try:
-            kept, xyz = _isolated(found, limits)
-            _check_room(len(kept), room)
+            found[index] = _isolated(candidates, limits)
+            _check_room(len(found[index][0]), room)
         except GeometryError as error:
+            found.pop(index, None)
             unmeasured[index] = str(error)
             continue
-        room -= len(kept)
-        rgb = points.take(found.at[kept]).rgb()
-        objects.append(_object(detections.objects[index], index, xyz, rgb, here=here, target=target))
+        room -= len(found[index][0])
+    objects = [
+        _object(detections.objects[index], index, xyz, points.take(at).rgb(), shape, here=here, target=target)
+        for (index, (at, xyz)), shape in zip(found.items(), _shapes(found, masks, inner, view, here), strict=True)
+    ]
     return ObjectClouds(
         header=msgspec.structs.replace(detections.header, stamp_ns=of.stamp_ns, frame_id=of.frame_id),
         objects=objects,
@@ -93,6 +98,23 @@ def measure(
         unknown_target=target.unknown,
         unmeasured=unmeasured,
     )
+
+
+def _shapes(
+    found: Mapping[int, tuple[Indices, Floats]],
+    masks: Mapping[int, Window],
+    inner: Mapping[int, Window],
+    view: View,
+    level: Level,
+) -> list[tuple[Numbers, Box]]:
+    """Return centroids and boxes of objects that consist of points (numbers in their cloud, coordinates)."""
+    if isinstance(view, RegisteredView) and view.factor == 1:
+        seen = [
+            Seen(masks[index], inner[index], in_window(at, view.points.shape[1], masks[index]), xyz)
+            for index, (at, xyz) in found.items()
+        ]
+        return shapes(seen, level)
+    return [(xyz.mean(axis=1, dtype=np.float64), fit_box(xyz, level)) for _, xyz in found.values()]
 
 
 def up_in(frame_id: str, target: Target) -> Numbers:
@@ -109,13 +131,13 @@ def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple
             unmeasured[index] = NO_MASK
             continue
         try:
-            yield index, trusted(decode(detection.mask))
+            yield index, decode(detection.mask)
         except GeometryError as error:
             unmeasured[index] = str(error)
 
 
 def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
-    """Return which of the points within a mask are the object's, and where they are, (3, n).
+    """Return which of a cloud's points within a mask are the object's, and where they are, (3, n).
 
     Raises:
         CloudError: there are none to speak of.
@@ -129,7 +151,7 @@ def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
         chosen = limits.thinned(xyz)
         kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
     _check_enough(len(kept), limits, "that stand out from what is behind it")
-    return kept, xyz
+    return found.at[kept], xyz
 
 
 def _check_enough(count: int, limits: Limits, where: str) -> None:
@@ -143,9 +165,16 @@ def _check_room(count: int, room: int) -> None:
 
 
 def _object(
-    detection: Detection, index: int, xyz: Floats, rgb: Bytes | None, *, here: Level, target: Target
+    detection: Detection,
+    index: int,
+    xyz: Floats,
+    rgb: Bytes | None,
+    shape: tuple[Numbers, Box],
+    *,
+    here: Level,
+    target: Target,
 ) -> ObjectCloud:
-    centroid, box = xyz.mean(axis=1, dtype=np.float64), fit_box(xyz, here)
+    centroid, box = shape
     return ObjectCloud(
         name=detection.name,
         label=detection.label,

@@ -71,6 +71,12 @@ class RegisteredView:
         return Candidates(at, xyz, xyz[2], xyz[:2])
 
 
+def in_window(at: Indices, width: int, window: Window) -> Indices:
+    """Return where, flat, in a window of a picture so wide its pixels `at` are."""
+    rows, columns = np.divmod(at, width)
+    return np.asarray((rows - window.top) * window.pixels.shape[1] + columns - window.left)
+
+
 def factor_of(height: int, width: int, points: Points) -> int:
     """Return how many pixels of a picture there are for each point across and down; 0 if they do not come out even."""
     rows, columns = points.shape
