@@ -3,8 +3,10 @@ SHELL := /bin/bash
 BIN := .venv/bin
 SECONDS ?=
 ROBOTS ?= 3
+BENCHMARKS ?=
+REPEAT ?= 1
 
-.PHONY: demo test lint types tests ros postgresql chromium bench fuzz clean help
+.PHONY: demo test lint types tests ros postgresql chromium screenshots bench fuzz clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -36,8 +38,11 @@ postgresql:
 chromium:
 	@tests/integration/install-chromium.sh
 
-bench: .venv/.test ros  ## measure the gateway against a rospy one, side by side
-	@$(BIN)/python -m benchmarks.gateway
+screenshots: .venv/.test chromium  ## run the demo and take the pictures that the documentation shows of its page
+	@$(BIN)/python -m tests.integration.screenshots
+
+bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMARKS="gateway space", REPEAT=3)
+	@$(BIN)/python -m benchmarks $(BENCHMARKS) --repeat $(REPEAT); done=$$?; $(BIN)/python -m benchmarks.plots && exit $$done
 
 fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000000 for more)
 	@$(BIN)/python -m tests.fuzz --inputs $(or $(INPUTS),1000000)

@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, Protocol, Self
+from typing import Final, NamedTuple, Protocol, Self
 
 
 class QoS(Enum):
@@ -42,8 +42,7 @@ QUEUE: Final = Queue
 DEFAULT_ENCODING: Final = "application/octet-stream"
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """A message as it arrived.
 
     `received_ns` is `time.time_ns()` at arrival in this process; `replaced` counts the samples of this key that were
@@ -75,10 +74,14 @@ class PublisherCounts:
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionCounts:
-    """Samples that arrived, and those among them dropped here before they were taken."""
+    """Samples that arrived, and those among them dropped here before they were taken.
+
+    missed: those that never arrived, by the numbers of publishers of LATCHED, RESULT and STATUS.
+    """
 
     received: int
     dropped: int
+    missed: int = 0
 
 
 MAX_REQUEST_BYTES: Final = 16 * 1024 * 1024
@@ -179,6 +182,10 @@ class Bus(Protocol):
     anybody noticing here. Entering raises BusError for a bad key or a refused declaration, BusClosedError after close.
     """
 
+    @property
+    def link_problem(self) -> str:
+        """Why nobody can be heard, in words; empty while there is a link, or nobody that settings say to connect to."""
+
     def publisher(
         self,
         key: str,
@@ -186,20 +193,25 @@ class Bus(Protocol):
         /,
         *,
         encoding: str = DEFAULT_ENCODING,
+        kept: int = 1,
         on_demand: Callable[[bool], None] | None = None,
     ) -> AbstractAsyncContextManager[Publisher]:
         """Publish on one key. `on_demand` is called on the event loop whenever `wanted` changes, until leaving.
 
+        kept: how many messages, the newest, are there for late subscribers and for those whose link was cut.
         Leaving waits up to a second for what was put to be handed to the link.
         """
 
     def subscribe(
-        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True
+        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1
     ) -> AbstractAsyncContextManager[Subscription]:
         """Subscribe to a key expression.
 
         With `history` the last LATCHED, RESULT or STATUS of each publisher comes first, also after a link was cut.
         Images have none: subscribe to them without, which costs the network less.
+
+        recover: how many of each publisher come so, in order, as far as it kept them; with more than one, what got
+        lost on the way is asked for again too.
         """
 
     def announce(self, key: str, /) -> AbstractAsyncContextManager[None]:

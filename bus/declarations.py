@@ -6,7 +6,7 @@ from asyncio import AbstractEventLoop
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import zenoh
 from zenoh import CongestionControl, Priority, Reliability, ext
@@ -51,18 +51,25 @@ class Lanes:
         self.results.stop(STOP_GRACE_S)
 
 
-class _Undeclarable(Protocol):
-    def undeclare(self) -> object: ...
-
-
 class ZenohPublisher(MessageWriter):
     """A publisher. All but images have a second, plain one on the same key, since only that knows who matches."""
 
-    def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, lanes: Lanes, *, shared_memory: bool) -> None:
+    def __init__(
+        self,
+        key: str,
+        qos: QoS,
+        encoding: str,
+        demand: Demand,
+        lanes: Lanes,
+        *,
+        kept: int,
+        shared_memory: bool,
+    ) -> None:
         self._lane = lanes.of(qos)
         super().__init__(key, demand, lambda payload: self._lane.offer(self, payload))
         self._qos = qos
         self._encoding = encoding
+        self._kept = kept
         self._declared = ExitStack()
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
@@ -92,7 +99,7 @@ class ZenohPublisher(MessageWriter):
             congestion_control=CongestionControl.DROP,
             priority=PRIORITIES[self._qos],
             reliability=Reliability.RELIABLE,
-            cache=ext.CacheConfig(1),
+            cache=ext.CacheConfig(self._kept),
             # No heartbeat: undeclaring one can hold the interpreter lock for ten seconds (1.10).
             sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
             publisher_detection=True,
@@ -123,29 +130,40 @@ class ZenohPublisher(MessageWriter):
 class ZenohSubscription(SampleReader):
     """A subscription."""
 
-    def __init__(self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool) -> None:
+    def __init__(
+        self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool, recover: int
+    ) -> None:
         super().__init__(keep, loop)
         self._key_expr = key_expr
         self._history = history
-        self._subscriber: _Undeclarable | None = None
+        self._recover = recover
+        self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
         callback = Callback(self._on_sample, indirect=False)
         if not self._history:
-            self._subscriber = session.declare_subscriber(self._key_expr, callback)
+            self._declared.callback(session.declare_subscriber(self._key_expr, callback).undeclare)
             return
-        self._subscriber = ext.declare_advanced_subscriber(
+        subscriber = ext.declare_advanced_subscriber(
             session,
             self._key_expr,
             callback,
-            history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+            history=ext.HistoryConfig(detect_late_publishers=True, max_samples=self._recover),
+            # Without it what comes live before history is there makes Zenoh (1.10) drop the history. Nobody sends
+            # heartbeats: what the last messages' loss leaves open is history's.
+            recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True) if self._recover > 1 else None,
         )
+        self._declared.callback(subscriber.undeclare)
+        listener = subscriber.sample_miss_listener(Callback(self._on_miss, indirect=False))
+        self._declared.callback(listener.undeclare)
 
     def undeclare(self) -> None:
         """Undeclare: a callback subscriber lives on when it is only forgotten."""
-        if self._subscriber is not None:
-            self._subscriber.undeclare()
+        self._declared.close()
+
+    def _on_miss(self, miss: ext.Miss) -> None:
+        self.miss(miss.nb)
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:

@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import TypeVar
@@ -25,7 +26,7 @@ class _FakeToken:
 
 
 class _FakeSubscription(SampleReader):
-    def __init__(self, key_expr: str, keep: Latest | Queue, loop: asyncio.AbstractEventLoop, *, history: bool) -> None:
+    def __init__(self, key_expr: str, keep: Latest | Queue, loop: asyncio.AbstractEventLoop, *, history: int) -> None:
         super().__init__(keep, loop)
         self.key = key_expr
         self.history = history
@@ -38,19 +39,17 @@ class _FakeWatch(PresenceReader):
 
 
 class _FakePublisher(MessageWriter):
-    def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, network: "FakeNetwork") -> None:
+    def __init__(self, key: str, qos: QoS, encoding: str, demand: Demand, network: "FakeNetwork", *, kept: int) -> None:
         super().__init__(key, demand, self._deliver)
         self.key = key
         self.encoding = encoding
         self.demand = demand
-        self.last: bytes | None = None
-        self._keeps_last = qos is not QoS.IMAGE
+        self.kept: deque[bytes] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
         self._network = network
 
     def _deliver(self, payload: bytes | bytearray) -> None:
         sent = bytes(payload)
-        if self._keeps_last:
-            self.last = sent
+        self.kept.append(sent)
         for subscription in self._network.matching(self.key, _FakeSubscription):
             subscription.arrive(self.key, sent, self.encoding)
 
@@ -88,8 +87,8 @@ class FakeNetwork:
         match handle:
             case _FakeSubscription():
                 for publisher in self.matching(handle.key, _FakePublisher):
-                    if handle.history and publisher.last is not None:
-                        handle.arrive(publisher.key, publisher.last, publisher.encoding)
+                    for payload in list(publisher.kept)[-handle.history :] if handle.history else []:
+                        handle.arrive(publisher.key, payload, publisher.encoding)
             case _FakeWatch():
                 for token in self.matching(handle.key, _FakeToken):
                     handle.arrive(token.key, alive=True)
@@ -142,6 +141,10 @@ class _FakeBus:
         self._asking = Unanswered()
         self._closed = False
 
+    @property
+    def link_problem(self) -> str:
+        return "the bus is closed" if self._closed else ""
+
     def publisher(
         self,
         key: str,
@@ -149,15 +152,17 @@ class _FakeBus:
         /,
         *,
         encoding: str = DEFAULT_ENCODING,
+        kept: int = 1,
         on_demand: Callable[[bool], None] | None = None,
     ) -> AbstractAsyncContextManager[Publisher]:
         demand = Demand(self._loop, on_demand)
-        return self._held(lambda: _FakePublisher(single_key(key), qos, encoding, demand, self._network))
+        return self._held(lambda: _FakePublisher(single_key(key), qos, encoding, demand, self._network, kept=kept))
 
     def subscribe(
-        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True
+        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1
     ) -> AbstractAsyncContextManager[Subscription]:
-        return self._held(lambda: _FakeSubscription(key_expression(key_expr), keep, self._loop, history=history))
+        last = recover if history else 0
+        return self._held(lambda: _FakeSubscription(key_expression(key_expr), keep, self._loop, history=last))
 
     def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
         return self._held(lambda: _FakeWatch(key_expression(key_expr), self._loop))

@@ -25,6 +25,7 @@ class Inbox(Generic[T]):
         self._ended = False
         self.received = 0
         self.dropped = 0
+        self.missed = 0
 
     def offer(self, key: str, item: T) -> None:
         """Bring an item. Any thread; never waits for the reader."""
@@ -37,6 +38,11 @@ class Inbox(Generic[T]):
                 return
             self._called = True
         call_soon(self._loop, self._wake)
+
+    def miss(self, number: int) -> None:
+        """Count items that will never be brought. Any thread."""
+        with self._lock:
+            self.missed += number
 
     def end(self) -> None:
         """Let nothing more in or out. Event loop only."""

@@ -2,22 +2,14 @@
 
 import time
 from asyncio import AbstractEventLoop
-from dataclasses import dataclass
-from typing import Self, assert_never
+from typing import Final, Self, assert_never
 
 from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
 from bus.inbox import Inbox
 from bus.mailbox import Fifo, Mailbox, PerKey
 
 
-@dataclass(frozen=True, slots=True)
-class _Arrival:
-    payload: bytes
-    encoding: str
-    received_ns: int
-
-
-def _mailbox(keep: Latest | Queue) -> Mailbox[str, _Arrival]:
+def _mailbox(keep: Latest | Queue) -> Mailbox[str, Sample]:
     match keep:
         case Latest():
             return PerKey()
@@ -35,7 +27,11 @@ class SampleReader:
 
     def arrive(self, key: str, payload: bytes, encoding: str) -> None:
         """Bring a sample. Any thread."""
-        self._inbox.offer(key, _Arrival(payload, encoding, time.time_ns()))
+        self._inbox.offer(key, Sample(key, payload, encoding, time.time_ns(), 0))
+
+    def miss(self, number: int) -> None:
+        """Count samples that will never arrive. Any thread."""
+        self._inbox.miss(number)
 
     def end(self) -> None:
         """End the iteration."""
@@ -44,22 +40,25 @@ class SampleReader:
     @property
     def counts(self) -> SubscriptionCounts:
         """What became of the samples so far."""
-        return SubscriptionCounts(self._inbox.received, self._inbox.dropped)
+        return SubscriptionCounts(self._inbox.received, self._inbox.dropped, self._inbox.missed)
 
     def __aiter__(self) -> Self:
         return self
 
     async def __anext__(self) -> Sample:
-        taken = await self._inbox.take()
-        arrival = taken.item
-        return Sample(taken.key, arrival.payload, arrival.encoding, arrival.received_ns, taken.dropped)
+        _, sample, dropped = await self._inbox.take()
+        return sample._replace(replaced=dropped) if dropped else sample
+
+
+MAX_TOKENS: Final = 100_000
+"""How many changes of presence wait: all of a large fleet come at once, and one that is dropped never comes again."""
 
 
 class PresenceReader:
     """A watch's reading end. Remembers what it reported, so that doubled events are not reported twice."""
 
     def __init__(self, loop: AbstractEventLoop) -> None:
-        self._inbox: Inbox[bool] = Inbox(PerKey(), loop)
+        self._inbox: Inbox[bool] = Inbox(PerKey(max_keys=MAX_TOKENS), loop)
         self._alive: set[str] = set()
 
     def arrive(self, key: str, *, alive: bool) -> None:

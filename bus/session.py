@@ -47,6 +47,7 @@ class SessionThread:
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._kept: dict[Declaration, None] = {}
         self._session: zenoh.Session | None = None
+        self._links: set[tuple[str, str]] = set()
         self._stopped = False
         self._retry_at: float | None = None
         self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
@@ -56,6 +57,13 @@ class SessionThread:
     def is_open(self) -> bool:
         """Whether there is a session; its links may be down all the same."""
         return self._session is not None
+
+    @property
+    def link_problem(self) -> str:
+        """Why nobody can be heard, in words, or empty."""
+        if self._session is not None and (self._links or not self._settings.connect):
+            return ""
+        return f"there is no link to {self._where}"
 
     def open(self) -> Future[None]:
         """Try to open once; a client whose routers do not answer goes on trying by itself, others fail."""
@@ -150,10 +158,12 @@ class SessionThread:
 
     def _link_up(self, own: str, other: str) -> None:
         tune(own)
+        self._links.add((own, other))
         if self._settings.mode == "client":
             _log.info("connected to the router at %s", other)
 
-    def _link_down(self, _own: str, other: str) -> None:
+    def _link_down(self, own: str, other: str) -> None:
+        self._links.discard((own, other))
         if self._settings.mode == "client" and not self._stopped:
             _log.warning("lost the router at %s, waiting for one at %s", other, self._where)
 

@@ -73,6 +73,11 @@ class ZenohBus:
         self._asking.end()
         await self._settle(self._session.stop(self._lanes.stop))
 
+    @property
+    def link_problem(self) -> str:
+        """See `bus.api.Bus.link_problem`."""
+        return "the bus is closed" if self._closed else self._session.link_problem
+
     def publisher(
         self,
         key: str,
@@ -80,21 +85,24 @@ class ZenohBus:
         /,
         *,
         encoding: str = DEFAULT_ENCODING,
+        kept: int = 1,
         on_demand: Callable[[bool], None] | None = None,
     ) -> AbstractAsyncContextManager[Publisher]:
         """See `bus.api.Bus.publisher`."""
         demand = Demand(self._loop, on_demand)
         return self._held(
             lambda: ZenohPublisher(
-                single_key(key), qos, encoding, demand, self._lanes, shared_memory=self._shared_memory
+                single_key(key), qos, encoding, demand, self._lanes, kept=kept, shared_memory=self._shared_memory
             )
         )
 
     def subscribe(
-        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True
+        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1
     ) -> AbstractAsyncContextManager[Subscription]:
         """See `bus.api.Bus.subscribe`."""
-        return self._held(lambda: ZenohSubscription(key_expression(key_expr), keep, self._loop, history=history))
+        return self._held(
+            lambda: ZenohSubscription(key_expression(key_expr), keep, self._loop, history=history, recover=recover)
+        )
 
     def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
         """See `bus.api.Bus.watch`."""

@@ -43,6 +43,7 @@ class _Offer:
 class _Results:
     """One camera's results on ROS."""
 
+    streams: list[StreamReturn[Any]]
     returns: list[Return[Any]]
     tasks: set[asyncio.Task[None]]
 
@@ -99,7 +100,11 @@ class Offers:
             if key not in plan.streams
             or (plan.streams[key].topic, plan.of_points(key)) != (offer.topic, offer.of_points)
         )
-        await self._end_results(self._results.keys() - set(plan.cameras))
+        await self._end_results(
+            camera
+            for camera, results in list(self._results.items())
+            if camera not in plan.cameras or results.streams != self._returnable(camera, plan)
+        )
         for key, source in plan.streams.items():
             if key not in self._offers:
                 self._offer(key, source.topic, of_points=plan.of_points(key))
@@ -143,17 +148,26 @@ class Offers:
         new = [camera for camera in plan.cameras if camera not in self._results]
         room = max(0, MAX_RETURNED - len(self._results))
         for camera in new[:room]:
-            self._return(camera, result_root(camera.camera, first=camera.camera == plan.first))
+            self._return(camera, plan)
         if left := len(new[room:]):
             log.warning("results are returned for %d cameras, not for %d more", MAX_RETURNED, left)
 
-    def _return(self, camera: CameraKey, root: str) -> None:
+    def _return(self, camera: CameraKey, plan: Plan) -> None:
         if camera not in self._returned:
+            root = result_root(camera.camera, first=camera.camera == plan.first)
             self._returned[camera] = self._returned_for(camera, root)
-        streams = self._returned[camera]
+        streams = self._returnable(camera, plan)
+        for stream in self._returned[camera]:
+            if stream not in streams:
+                log.warning("%s is not returned: %s is a sensor's topic", stream.key, ", ".join(stream.topics.values()))
         returns = [Return(stream) for stream in streams]
         tasks = {self._group.create_task(returned.run(self._node, self._bus)) for returned in returns}
-        self._results[camera] = _Results(returns, tasks)
+        self._results[camera] = _Results(streams, returns, tasks)
+
+    def _returnable(self, camera: CameraKey, plan: Plan) -> list[StreamReturn[Any]]:
+        """Return a camera's results without those that, remapped, would be taken for what sensors send."""
+        taken = {source.topic for source in plan.streams.values()}
+        return [stream for stream in self._returned[camera] if taken.isdisjoint(stream.topics.values())]
 
     async def _end_results(self, cameras: Iterable[CameraKey]) -> None:
         ending = [self._results.pop(camera) for camera in cameras]

@@ -75,6 +75,9 @@ MAX_BYTES: Final[dict[type, int]] = {
 }
 """Largest payload accepted per message, checked before a byte of it is read."""
 
+_encodings: Final[dict[type, str]] = {
+    schema: f"application/msgpack;fleetsight.{schema.__name__}.v{VERSION}" for schema in MAX_BYTES
+}
 _encoder: Final = msgspec.msgpack.Encoder()
 _decoders: Final[dict[type, msgspec.msgpack.Decoder[Any]]] = {
     schema: msgspec.msgpack.Decoder(schema) for schema in MAX_BYTES
@@ -83,7 +86,7 @@ _decoders: Final[dict[type, msgspec.msgpack.Decoder[Any]]] = {
 
 def encoding(schema: type[msgspec.Struct]) -> str:
     """Return the Zenoh encoding that says which schema a payload follows."""
-    return f"application/msgpack;fleetsight.{schema.__name__}.v{VERSION}"
+    return _encodings[schema]
 
 
 def encode(message: Message) -> bytes:

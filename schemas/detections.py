@@ -10,6 +10,9 @@ from schemas.image import MAX_SIDE, Side
 
 MAX_DETECTIONS: Final = 1_000
 
+KEPT_LISTS: Final = 100
+"""How many class lists of a camera whoever publishes them keeps for those whose link was cut: 10 seconds at 10 Hz."""
+
 TRACK_COUNT_BITS: Final = 20
 """How many of a track number's lowest bits count objects from 1; those above are of a tracker's own."""
 
@@ -78,7 +81,7 @@ class Detections(msgspec.Struct, frozen=True, kw_only=True):
                 raise SchemaError(f"mask of {found.mask.size} in an image of {(self.height, self.width)}")
 
 
-class ClassCount(msgspec.Struct, frozen=True):
+class ClassCount(msgspec.Struct, frozen=True, gc=False):
     """How many objects of one class are in view, and the best score among them."""
 
     name: Label
@@ -86,7 +89,7 @@ class ClassCount(msgspec.Struct, frozen=True):
     score: Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
-class ClassList(msgspec.Struct, frozen=True, kw_only=True):
+class ClassList(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """The classes in view of one camera at one frame, by name. An empty list is news too: nothing is in view."""
 
     header: Header

@@ -16,7 +16,7 @@ MAX_LABEL: Final = 256
 Label = Annotated[str, msgspec.Meta(max_length=MAX_LABEL)]
 
 
-class Header(msgspec.Struct, frozen=True, kw_only=True):
+class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Identity and times of one frame. (robot, camera, boot_id, seq) names it uniquely: stamps repeat when bags loop.
 
     camera: empty in messages that belong to the whole robot.

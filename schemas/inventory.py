@@ -6,6 +6,7 @@ import msgspec
 
 from schemas.header import Count, Label, MaybeName, Name, Nanoseconds
 from schemas.space import Distance
+from schemas.status import Drops
 
 MAX_SIGHTINGS: Final = 20_000
 """Most sightings in one answer; whoever wants more asks robot by robot."""
@@ -48,9 +49,14 @@ class ClassSighting(msgspec.Struct, frozen=True, kw_only=True):
 class InventoryAnswer(msgspec.Struct, frozen=True, kw_only=True):
     """What was asked for as it is at now_ns of the monitor's system clock, by robot, camera and class.
 
-    complete: False if there are more than fit into one answer.
+    complete: False if there are more than fit into one answer. class_lists: how many the monitor took in since it
+    started, each once. left_out: messages that it did not take in, by reason. problems: in words, what keeps it from
+    doing all that it should.
     """
 
     now_ns: Nanoseconds
     sightings: Annotated[list[ClassSighting], msgspec.Meta(max_length=MAX_SIGHTINGS)]
     complete: bool = True
+    class_lists: Count = 0
+    left_out: Drops = {}
+    problems: Annotated[list[Label], msgspec.Meta(max_length=16)] = []

@@ -1,12 +1,13 @@
-"""Keys: the only place that builds and parses them.
+"""Keys: the only place, with `schemas.worker_keys`, that builds and parses them.
 
-`fleet/{robot}/{camera}/{stream}` for a camera's streams, `fleet/{robot}/...` for what belongs to the whole robot,
-`workers/{service}/{worker}/...` for services. A chunk is a name (see `schemas.header.Name`).
+`fleet/{robot}/{camera}/{stream}` for a camera's streams, `fleet/{robot}/...` for what belongs to the whole robot. A
+chunk is a name (see `schemas.header.Name`).
 """
 
 import re
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import Final
 
 from schemas.errors import SchemaError
@@ -15,15 +16,7 @@ NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
 SERVICE: Final = re.compile(r"(?:/[A-Za-z0-9_]+)+")
 ALIVE: Final = "alive"
 WANTED: Final = "wanted"
-SERVES: Final = "serves"
 BUDGET: Final = "budget"
-
-WEIGHT: Final = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,9})?")
-MIN_WEIGHT: Final = 0.01
-MAX_WEIGHT: Final = 1000.0
-
-ANY_ROBOT: Final = "-"
-"""In a worker's presence in the place of a robot: no robot is called so."""
 
 RESERVED: Final = frozenset(
     {"actions", "alerts", ALIVE, "clock", "ros", "service", "status", "text", "tf", "tf_static"}
@@ -43,6 +36,9 @@ ACTIONS: Final = "actions"
 
 ROBOT_RESULTS: Final = frozenset({ALERTS, ACTIONS})
 """What a robot is sent once a robot."""
+
+REMEMBERED: Final = 1 << 16
+"""How many keys that were parsed are remembered: the same few thousand come again and again."""
 
 NAMED_STREAMS: Final = frozenset({TEXT, ROS})
 """What there is any number of, each with a name of one or more chunks after it."""
@@ -93,6 +89,16 @@ class CameraKey:
     def alive(self, stream: Stream) -> str:
         """Return the key of the presence token that says this stream can be had."""
         return f"{self.stream(stream)}/{ALIVE}"
+
+
+@lru_cache(REMEMBERED)
+def camera_key(robot: str, camera: str) -> CameraKey:
+    """Return a camera's key, without checking the names again of one that was asked for before.
+
+    Raises:
+        SchemaError: as CameraKey does.
+    """
+    return CameraKey(robot, camera)
 
 
 def check_name(what: str, name: str) -> None:
@@ -161,108 +167,10 @@ def parse_service(key: str) -> tuple[str, str]:
     raise SchemaError(f"not a service's key: {key[:200]!r}")
 
 
-def worker_status(service: str, worker: str) -> str:
-    """Return the key of a worker's WorkerStatus."""
-    check_name("service", service)
-    check_name("worker", worker)
-    return f"workers/{service}/{worker}/status"
-
-
-def worker_settings(service: str, worker: str) -> str:
-    """Return the key under which a worker takes other settings while it runs."""
-    check_name("service", service)
-    check_name("worker", worker)
-    return f"workers/{service}/{worker}/settings"
-
-
-def infer(worker: str) -> str:
-    """Return the key under which a detector worker answers an image with its Detections."""
-    check_name("worker", worker)
-    return f"services/detector/infer/{worker}"
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerAlive:
-    """A worker's presence. A token has no payload, so all that others must know of the worker is in its key.
-
-    weight: its share of the work beside others', above 0. robot: the one it is for, before all workers that are for
-    any; None for any. A worker that is for several robots has a token for each.
-
-    Raises:
-        SchemaError: a name that cannot be a chunk of a key, or a weight out of MIN_WEIGHT to MAX_WEIGHT.
-    """
-
-    service: str
-    worker: str
-    weight: float = 1.0
-    robot: str | None = None
-
-    def __post_init__(self) -> None:
-        check_name("service", self.service)
-        check_name("worker", self.worker)
-        if self.robot is not None:
-            check_name("robot", self.robot)
-        if not MIN_WEIGHT <= self.weight <= MAX_WEIGHT:
-            raise SchemaError(f"a worker's weight of {self.weight:g}: use {MIN_WEIGHT:g} to {MAX_WEIGHT:g}")
-
-    def __str__(self) -> str:
-        return f"workers/{self.service}/{self.worker}/{self.weight:g}/{self.robot or ANY_ROBOT}/{ALIVE}"
-
-
-def every_worker_alive(service: str) -> str:
-    """Return the key expression of the presence tokens of a service's workers."""
-    check_name("service", service)
-    return f"workers/{service}/*/*/*/{ALIVE}"
-
-
-def parse_worker_alive(key: str) -> WorkerAlive:
-    """Parse a worker's presence token.
-
-    Raises:
-        SchemaError: the key is none.
-    """
-    match key.split("/"):
-        case ["workers", service, worker, weight, robot, last] if last == ALIVE and WEIGHT.fullmatch(weight):
-            return WorkerAlive(service, worker, float(weight), None if robot == ANY_ROBOT else robot)
-    raise SchemaError(f"not a worker's presence: {key[:200]!r}")
-
-
-@dataclass(frozen=True, slots=True)
-class Serves:
-    """A worker's word that it has taken a camera over: results have come, or nobody wants any.
-
-    Raises:
-        SchemaError: a name that cannot be a chunk of a key.
-    """
-
-    service: str
-    worker: str
-    camera: CameraKey
-
-    def __post_init__(self) -> None:
-        check_name("service", self.service)
-        check_name("worker", self.worker)
-
-    def __str__(self) -> str:
-        return f"workers/{self.service}/{self.worker}/{SERVES}/{self.camera}"
-
-
-def every_serves(service: str) -> str:
-    """Return the key expression of the tokens by which a service's workers say which cameras they have taken over."""
-    check_name("service", service)
-    return f"workers/{service}/*/{SERVES}/*/*"
-
-
-def parse_serves(key: str) -> Serves:
-    """Parse a token by which a worker says that it has taken a camera over.
-
-    Raises:
-        SchemaError: the key is none.
-    """
-    match key.split("/"):
-        case ["workers", service, worker, what, robot, camera] if what == SERVES:
-            return Serves(service, worker, CameraKey(robot, camera))
-    raise SchemaError(f"not the key of a camera that was taken over: {key[:200]!r}")
+def monitor_pulse(monitor: str) -> str:
+    """Return the key under which a monitor sends to itself, to know that it can hear."""
+    check_name("monitor", monitor)
+    return f"services/monitor/{monitor}/pulse"
 
 
 def budget(camera: CameraKey) -> str:
@@ -290,7 +198,6 @@ def parse_budget(key: str) -> CameraKey:
 
 EVERY_ROBOT_ALIVE: Final = f"fleet/*/{ALIVE}"
 EVERY_GATEWAY_STATUS: Final = "fleet/*/status"
-EVERY_WORKER_STATUS: Final = "workers/*/*/status"
 
 INVENTORY: Final = "services/monitor/inventory"
 """Under which the monitor answers an InventoryRequest, or nothing at all, with an InventoryAnswer."""
@@ -429,6 +336,7 @@ def sensor_key(robot: str, name: str) -> SensorKey:
     raise SchemaError(f"not a stream that sensors send: {name[:MAX_NAMED]!r}")
 
 
+@lru_cache(REMEMBERED)
 def parse_stream(key: str) -> StreamKey:
     """Parse the key of a camera's stream, or of that stream's presence token.
 
@@ -437,7 +345,7 @@ def parse_stream(key: str) -> StreamKey:
     """
     match key.removesuffix(f"/{ALIVE}").split("/"):
         case ["fleet", robot, camera, *stream] if "/".join(stream) in set(Stream):
-            return StreamKey(CameraKey(robot, camera), Stream("/".join(stream)))
+            return StreamKey(camera_key(robot, camera), Stream("/".join(stream)))
     raise SchemaError(f"not the key of a camera's stream: {key[:200]!r}")
 
 
@@ -452,17 +360,3 @@ def parse_robot(key: str) -> str:
             check_name("robot", robot)
             return robot
     raise SchemaError(f"not a robot's key: {key[:200]!r}")
-
-
-def parse_worker(key: str) -> tuple[str, str]:
-    """Return (service, worker) of any `workers/{service}/{worker}/...` key.
-
-    Raises:
-        SchemaError: the key is not of that form.
-    """
-    match key.split("/"):
-        case ["workers", service, worker, *_]:
-            check_name("service", service)
-            check_name("worker", worker)
-            return service, worker
-    raise SchemaError(f"not a worker's key: {key[:200]!r}")

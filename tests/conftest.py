@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 from collections.abc import Iterator
@@ -11,6 +12,19 @@ from hypothesis import settings
 # No test asserts how long anything takes, on machines that do many things at once least of all.
 settings.register_profile("fleetsight", deadline=None)
 settings.load_profile("fleetsight")
+
+STALL_S = 3.0
+
+
+def is_news(record: logging.LogRecord) -> bool:
+    """Whether it is not asyncio's word of a callback that took long: on a busy machine any does, but not this long."""
+    match record.args:
+        case (_, float() as seconds) if str(record.msg).startswith("Executing"):
+            return seconds >= STALL_S
+    return True
+
+
+logging.getLogger("asyncio").addFilter(is_news)
 
 # A test's monitor keeps no history unless the test says where.
 os.environ.setdefault("FLEETSIGHT_HISTORY", "none")

@@ -12,7 +12,10 @@ size. The four are measured in turn, the repeats too; figures are medians. The c
 which the bare loop has for itself. Runtimes are exported and chosen anew for each run.
 
 overhead is from just before a frame is put on the bus (a gateway would have received it then) to its class list at a
-subscriber, less the model's call, at 5 Hz. Memory is the worker's after so many frames, less before them.
+subscriber, less the model's call, at 5 Hz. That call is what the runtime computes alone: pre- and post-processing are
+overhead, whose stages (medians) are under `overhead_stages_ms`: `queue` before the model has time, `prepare` and
+`postprocess`, and as `bus` the rest, both ways over the bus and from thread to thread. Memory is the worker's after so
+many frames, less before them.
 """
 
 import argparse
@@ -25,7 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.detector.feeding import Pictures, frames, overheads_ms
+from benchmarks.detector.feeding import Pictures, frames, overheads
 from benchmarks.detector.report import medians, overhead, targets
 from benchmarks.gateway.processes import PeerError, Process, module, running
 from benchmarks.machine import machine, versions
@@ -130,7 +133,7 @@ async def _speeds(
 
 async def _alone(worker: Worker, pictures: Pictures, plan: Plan) -> dict[str, Any]:
     note("overhead")
-    found: dict[str, Any] = overhead(await overheads_ms(worker.bus, pictures, hz=HZ, number=plan.calls))
+    found = overhead(await overheads(worker.bus, pictures, hz=HZ, number=plan.calls))
     note("memory")
     await frames(worker.bus, pictures, frames=WARM_UP_FRAMES)
     before = worker.process.rss_bytes()

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.detector.report import Overhead
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from schemas import codec
 from schemas.detections import ClassList, Detections
@@ -111,7 +112,7 @@ async def _next(results: Subscription, sources: dict[str, Camera]) -> None:
     sources[f"{found.header.robot}/{found.header.camera}"].send()
 
 
-async def overheads_ms(bus: Bus, pictures: Pictures, *, hz: float, number: int) -> list[float]:
+async def overheads(bus: Bus, pictures: Pictures, *, hz: float, number: int) -> list[Overhead]:
     """Return each frame's way from the gateway that received it to its class list, less the model's call."""
     found = []
     async with (
@@ -129,6 +130,6 @@ async def overheads_ms(bus: Bus, pictures: Pictures, *, hz: float, number: int) 
             except TimeoutError:
                 continue
             seen = codec.decode(ClassList, sample.payload, sample.encoding)
-            found.append((sample.received_ns - seen.header.received_ns - seen.spans["model"]) / 1e6)
+            found.append(Overhead.of(sample.received_ns - seen.header.received_ns, seen.spans))
             await asyncio.sleep(max(0.0, 1 / hz - (time.monotonic() - began)))
     return found

@@ -42,19 +42,43 @@ class Process:
         Raises:
             PeerError: it ended.
         """
-        assert self._child.stdin is not None  # noqa: S101 - both are pipes
-        assert self._child.stdout is not None  # noqa: S101
+        self.tell("")
+        return self.answer()
+
+    def tell(self, what: str) -> None:
+        """Have a peer that obeys do something; it answers when it is done.
+
+        Raises:
+            PeerError: it ended.
+        """
+        assert self._child.stdin is not None  # noqa: S101 - it is a pipe
         try:
-            self._child.stdin.write("\n")
+            self._child.stdin.write(f"{what}\n")
             self._child.stdin.flush()
+        except OSError as error:
+            raise PeerError(self.last_words()) from error
+
+    def answer(self) -> dict[str, Any]:
+        """Return its next answer.
+
+        Raises:
+            PeerError: it ended.
+        """
+        assert self._child.stdout is not None  # noqa: S101 - it is a pipe
+        try:
             answer: dict[str, Any] = json.loads(self._child.stdout.readline())
         except (OSError, ValueError) as error:
             raise PeerError(self.last_words()) from error
         return answer
 
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._child.pid
+
     def cpu_s(self) -> float:
         """Return the user and system time so far."""
-        return time.clock_gettime(~self._child.pid << 3 | _CPU_CLOCK)
+        return cpu_s(self.pid)
 
     def rss_bytes(self) -> int:
         """Return the resident memory."""
@@ -93,6 +117,11 @@ class Process:
         """Return its command and the end of its standard error."""
         self._errors.seek(0)
         return f"{self._child.args!r} said: {self._errors.read().decode(errors='replace')[-2000:]}"
+
+
+def cpu_s(pid: int) -> float:
+    """Return a process's user and system time so far."""
+    return time.clock_gettime(~pid << 3 | _CPU_CLOCK)
 
 
 @contextmanager

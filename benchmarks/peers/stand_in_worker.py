@@ -6,8 +6,8 @@ import sys
 from collections.abc import Sequence
 
 from bus import BusSettings, open_bus
-from schemas.keys import WorkerAlive
 from schemas.tuning import Tuning
+from schemas.worker_keys import WorkerAlive
 from services.detector.model import Found, Outcome, Request
 from services.detector.worker import SERVICE, Worker
 from services.toolbox.process import run

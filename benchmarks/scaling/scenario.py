@@ -57,7 +57,8 @@ class Scenario:
         deadline = time.monotonic() + START_S
         while not condition(self._log(since_s)):
             if time.monotonic() > deadline:
-                raise PeerError("\n".join(worker.last_words() for worker in self._workers.values()))
+                words = [worker.last_words() for worker in self._workers.values()]
+                raise PeerError("\n".join([*words, f"a worker had no results {START_S:g} s after its start"]))
             time.sleep(0.1)
 
     def _log(self, from_s: float, to_s: float = float("inf")) -> Log:

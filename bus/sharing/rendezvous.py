@@ -11,7 +11,8 @@ from functools import lru_cache
 from hashlib import blake2b
 from typing import Final
 
-from schemas.keys import CameraKey, WorkerAlive
+from schemas.keys import CameraKey
+from schemas.worker_keys import WorkerAlive
 
 _BYTES: Final = 8
 _REMEMBERED: Final = 1 << 16

@@ -6,7 +6,7 @@ from typing import Final
 
 from bus.api import Bus, QoS
 from bus.shared_demand import SharedDemand
-from schemas import codec, keys
+from schemas import codec, worker_keys
 from schemas.status import WorkerStatus
 
 STATUS_PERIOD_S: Final = 1.0
@@ -17,7 +17,7 @@ UNWANTED_S: Final = 0.2
 
 async def report(bus: Bus, service: str, worker: str, status: Callable[[], WorkerStatus]) -> None:
     """Publish a worker's status every STATUS_PERIOD_S until cancelled, and then once more."""
-    key = keys.worker_status(service, worker)
+    key = worker_keys.worker_status(service, worker)
     async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WorkerStatus)) as publisher:
         try:
             while True:

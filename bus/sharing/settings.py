@@ -4,7 +4,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, Field
 
-from schemas.keys import MAX_WEIGHT, MIN_WEIGHT, NAME, WorkerAlive, parse_worker_alive
+from schemas.keys import NAME
+from schemas.worker_keys import MAX_WEIGHT, MIN_WEIGHT, WorkerAlive, parse_worker_alive
 
 RobotName = Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
 

@@ -4,7 +4,8 @@ from collections import defaultdict
 from typing import Final, TypeVar
 
 from bus.sharing.rendezvous import owner
-from schemas.keys import CameraKey, Serves, WorkerAlive
+from schemas.keys import CameraKey
+from schemas.worker_keys import Serves, WorkerAlive
 
 HAND_OVER_S: Final = 2.0
 """How long a camera that falls to another worker is still looked after here when that one does not take it over."""

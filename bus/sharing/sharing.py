@@ -9,10 +9,11 @@ from typing import Final
 
 from bus.api import Bus, Presence, Watch
 from bus.sharing.shares import HAND_OVER_S, Shares
-from schemas import keys
+from schemas import keys, worker_keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, Serves, Stream, WorkerAlive
+from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_STREAMS
+from schemas.worker_keys import Serves, WorkerAlive
 
 SETTLE_S: Final = 0.03
 """How long news of workers and cameras is gathered before it is acted upon."""
@@ -62,8 +63,8 @@ class Sharing:
     async def run(self) -> None:
         """Share the work until cancelled; then leave it to the others, which takes LEAVE_S at most."""
         async with (
-            self._bus.watch(keys.every_worker_alive(self._service)) as workers,
-            self._bus.watch(keys.every_serves(self._service)) as taken,
+            self._bus.watch(worker_keys.every_worker_alive(self._service)) as workers,
+            self._bus.watch(worker_keys.every_serves(self._service)) as taken,
             self._bus.watch(keys.every_stream_alive(self._stream)) as cameras,
             TaskGroup() as group,
         ):
@@ -151,7 +152,7 @@ class Sharing:
                 log.warning("%s: left out: %s", presence.key[:200], error)
 
     def _note_worker(self, presence: Presence) -> bool:
-        token = keys.parse_worker_alive(presence.key)
+        token = worker_keys.parse_worker_alive(presence.key)
         if token.worker != self._worker:
             return self._shares.worker(token, alive=presence.alive)
         if presence.alive and not (self._joined and token in self._tokens):
@@ -161,7 +162,7 @@ class Sharing:
         return False
 
     def _note_taken(self, presence: Presence) -> bool:
-        return self._shares.taken(keys.parse_serves(presence.key), alive=presence.alive)
+        return self._shares.taken(worker_keys.parse_serves(presence.key), alive=presence.alive)
 
     def _note_camera(self, presence: Presence) -> bool:
         return self._shares.camera(keys.parse_stream(presence.key).camera, alive=presence.alive)

@@ -10,6 +10,7 @@ import msgspec
 
 from gateway.doctor.diagnosis import healthy
 from gateway.doctor.finding import Finding, Severity
+from schemas.printing import printable
 
 _INDENT: Final = 11
 _ADVICE: Final = "-> "
@@ -45,7 +46,7 @@ def _finding(finding: Finding, width: int) -> Iterator[str]:
 
 def _wrapped(text: str, head: str, width: int, hanging: int = 0) -> list[str]:
     return textwrap.wrap(
-        text,
+        printable(text),
         width,
         initial_indent=head.ljust(_INDENT),
         subsequent_indent=" " * (_INDENT + hanging),
@@ -59,4 +60,4 @@ def _summary(findings: Sequence[Finding]) -> str:
     if not problems:
         return "All is well: what somebody wants can flow."
     number = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-    return f"{number}; the first to solve: {problems[0].subject}: {problems[0].what}"
+    return printable(f"{number}; the first to solve: {problems[0].subject}: {problems[0].what}")

@@ -12,8 +12,8 @@ SILENCE_S = 25
 _IDLE_S, _INTERVAL_S, _PROBES = 10, 5, 3
 
 
-def notice_dead_peer(connection: socket.socket | trsock.TransportSocket) -> None:
-    """Have a TCP connection break about `SILENCE_S` after its peer fell silent.
+def notice_dead_peer(connection: socket.socket | trsock.TransportSocket, silence_s: float = SILENCE_S) -> None:
+    """Have a TCP connection break about `SILENCE_S`, or `silence_s` if that is more, after its peer fell silent.
 
     One that drives out of the network sends no FIN. The time also limits how long sent data may wait for a peer that
     is there and takes nothing.
@@ -23,6 +23,6 @@ def notice_dead_peer(connection: socket.socket | trsock.TransportSocket) -> None
         (socket.TCP_KEEPIDLE, _IDLE_S),
         (socket.TCP_KEEPINTVL, _INTERVAL_S),
         (socket.TCP_KEEPCNT, _PROBES),
-        (socket.TCP_USER_TIMEOUT, SILENCE_S * 1000),
+        (socket.TCP_USER_TIMEOUT, round(silence_s * 1000)),
     ):
         connection.setsockopt(socket.IPPROTO_TCP, option, value)

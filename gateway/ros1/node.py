@@ -9,6 +9,7 @@ from random import Random
 from typing import TYPE_CHECKING, Any, Self
 
 from gateway.ros1.errors import Ros1Error
+from gateway.ros1.keepalive import SILENCE_S
 from gateway.ros1.master import MasterClient
 from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
@@ -43,6 +44,8 @@ class Node:
         poll_interval: seconds between looks at the master.
         timeout: seconds for each call, connection and handshake.
         exit_timeout: seconds for unregistering everything when the node is left.
+        silence: seconds that what is published may wait for a subscriber that takes nothing. A rospy node whose
+            callback takes longer loses its connection, and does not come back.
         rng: jitters reconnects.
 
     Raises:
@@ -59,6 +62,7 @@ class Node:
         poll_interval: float = 3.0,
         timeout: float = 5.0,
         exit_timeout: float = 1.0,
+        silence: float = SILENCE_S,
         rng: Random | None = None,
     ) -> None:
         self.name = validate_global(name)
@@ -74,7 +78,12 @@ class Node:
         self._registrar = Registrar(master=self.master, node=name, lists=self, interval=poll_interval)
         self._slave = XmlRpcServer(SlaveApi(self), host=host, timeout=timeout, max_body_bytes=MAX_CALL_BYTES)
         self._tcpros = TcprosServer(
-            callerid=name, host=host, publications=self._publications, scope=self._scope, timeout=timeout
+            callerid=name,
+            host=host,
+            publications=self._publications,
+            scope=self._scope,
+            timeout=timeout,
+            silence=silence,
         )
         self._stack = AsyncExitStack()
 

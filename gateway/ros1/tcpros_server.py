@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Self
 from gateway.ros1.acceptor import Acceptor
 from gateway.ros1.errors import TcprosError, WireError
 from gateway.ros1.hosts import listen
-from gateway.ros1.keepalive import notice_dead_peer
+from gateway.ros1.keepalive import SILENCE_S, notice_dead_peer
 from gateway.ros1.tasks import cancel_and_wait
 from gateway.ros1.wire.budget import FrameBudget
 from gateway.ros1.wire.header import MAX_HEADER_BYTES
@@ -41,12 +41,14 @@ class TcprosServer:
         publications: Mapping[str, Publication],
         scope: TaskScope,
         timeout: float,
+        silence: float = SILENCE_S,
     ) -> None:
         self._callerid = callerid
         self._host = host
         self._publications = publications
         self._scope = scope
         self._timeout = timeout
+        self._silence = silence
         self._budget = FrameBudget(_UNFINISHED_HEADERS * MAX_HEADER_BYTES)
         self._connections: set[asyncio.Task[None]] = set()
         self._acceptor: Acceptor | None = None
@@ -91,7 +93,7 @@ class TcprosServer:
             _log.warning("%s is refused: %s", peer, event.reason)
             return
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(event.tcp_nodelay))
-        notice_dead_peer(connection)
+        notice_dead_peer(connection, self._silence)
         publication = self._publications.get(event.topic)
         if publication is not None:
             await publication.serve(connection, event)

@@ -15,9 +15,10 @@ from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from schemas import codec, keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, Stream, WorkerAlive
+from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.status import MAX_STREAMS, WorkerStatus
+from schemas.worker_keys import WorkerAlive
 from services.cloud.account import Account
 from services.cloud.camera import Camera
 from services.cloud.sensors import Sensors

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import AsyncIterator, Mapping
+from concurrent.futures import Executor
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Final
@@ -9,7 +10,7 @@ from typing import Final
 from bus import Bus, Publisher, QoS
 from bus.shared_demand import SharedDemand
 from schemas import codec
-from schemas.detections import ClassList, Detections, class_list
+from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector.account import Account
@@ -37,10 +38,18 @@ class Camera:
         segmentation = self.overlays.get(Stream.OVERLAY_SEGMENTATION)
         return self.detections.wanted or (segmentation is not None and segmentation.wanted)
 
-    def publish(self, found: Detections, frame: ImageFrame) -> None:
-        """Publish what somebody wants of the results; the overlays follow when they are drawn."""
+    @property
+    def wants_tracks(self) -> bool:
+        """Whether somebody has a use for the numbers of tracks."""
+        return self.detections.wanted or any(each.wanted for each in self.overlays.values())
+
+    def publish_classes(self, found: Detections) -> None:
+        """Publish the list of classes if somebody wants it."""
         if self.classes.wanted:
             self.classes.put(codec.encode(class_list(found)))
+
+    def publish_objects(self, found: Detections, frame: ImageFrame) -> None:
+        """Publish what somebody wants of the objects; the overlays follow when they are drawn."""
         if self.detections.wanted:
             self.detections.put(codec.encode(found))
         for each in self.overlays.values():
@@ -48,20 +57,27 @@ class Camera:
 
 
 @asynccontextmanager
-async def serving(bus: Bus, key: CameraKey, account: Account, *, segments: bool = True) -> AsyncIterator[Camera]:
-    """Declare a camera's result streams for as long as the context lasts. segments: whether there are masks to draw."""
+async def serving(
+    bus: Bus, key: CameraKey, account: Account, *, segments: bool = True, painters: Executor | None = None
+) -> AsyncIterator[Camera]:
+    """Declare a camera's result streams for as long as the context lasts.
+
+    segments: whether there are masks to draw. painters: see `drawing`.
+    """
     demand = SharedDemand()
 
-    def declare(stream: Stream, qos: QoS, schema: type[codec.Message]) -> AbstractAsyncContextManager[Publisher]:
+    def declare(
+        stream: Stream, qos: QoS, schema: type[codec.Message], *, kept: int = 1
+    ) -> AbstractAsyncContextManager[Publisher]:
         encoding = codec.encoding(schema)
-        return bus.publisher(key.stream(stream), qos, encoding=encoding, on_demand=demand.of(stream))
+        return bus.publisher(key.stream(stream), qos, encoding=encoding, kept=kept, on_demand=demand.of(stream))
 
     async with AsyncExitStack() as stack:
         detections = await stack.enter_async_context(declare(Stream.DETECTIONS, QoS.RESULT, Detections))
-        classes = await stack.enter_async_context(declare(Stream.CLASSES, QoS.RESULT, ClassList))
+        classes = await stack.enter_async_context(declare(Stream.CLASSES, QoS.RESULT, ClassList, kept=KEPT_LISTS))
         overlays = {}
         for stream in OVERLAYS[: 1 + segments]:
             publisher = await stack.enter_async_context(declare(stream, QoS.IMAGE, ImageFrame))
             masks = stream is Stream.OVERLAY_SEGMENTATION
-            overlays[stream] = await stack.enter_async_context(drawing(publisher, masks=masks))
+            overlays[stream] = await stack.enter_async_context(drawing(publisher, painters, masks=masks))
         yield Camera(key, account, demand, detections, classes, overlays)

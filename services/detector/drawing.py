@@ -3,7 +3,9 @@
 import asyncio
 import logging
 from collections.abc import AsyncIterator
+from concurrent.futures import Executor
 from contextlib import asynccontextmanager
+from functools import partial
 
 from bus import Publisher
 from schemas import codec
@@ -15,10 +17,11 @@ log = logging.getLogger(__name__)
 
 
 class Overlay:
-    """One overlay stream of one camera."""
+    """One overlay stream of one camera. painters: threads that draw."""
 
-    def __init__(self, publisher: Publisher, *, masks: bool) -> None:
+    def __init__(self, publisher: Publisher, painters: Executor | None, *, masks: bool) -> None:
         self._publisher = publisher
+        self._painters = painters
         self._masks = masks
         self._waiting: tuple[Detections, ImageFrame] | None = None
         self._offered = asyncio.Event()
@@ -45,7 +48,8 @@ class Overlay:
 
     async def _draw(self, found: Detections, frame: ImageFrame) -> None:
         try:
-            drawn = await asyncio.to_thread(_encoded, found, frame, masks=self._masks)
+            draw = partial(_encoded, found, frame, masks=self._masks)
+            drawn = await asyncio.get_running_loop().run_in_executor(self._painters, draw)
         except Exception:  # one frame that cannot be drawn ends no camera
             log.exception("%s/%s: no overlay of frame %d", frame.header.robot, frame.header.camera, frame.header.seq)
             return
@@ -57,9 +61,9 @@ def _encoded(found: Detections, frame: ImageFrame, *, masks: bool) -> bytes:
 
 
 @asynccontextmanager
-async def drawing(publisher: Publisher, *, masks: bool) -> AsyncIterator[Overlay]:
-    """Draw what is offered for as long as the context lasts."""
-    made = Overlay(publisher, masks=masks)
+async def drawing(publisher: Publisher, painters: Executor | None = None, *, masks: bool) -> AsyncIterator[Overlay]:
+    """Draw what is offered for as long as the context lasts. painters: see `Overlay`; the loop's own unless given."""
+    made = Overlay(publisher, painters, masks=masks)
     async with asyncio.TaskGroup() as group:
         running = group.create_task(made.run())
         try:

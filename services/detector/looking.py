@@ -1,4 +1,7 @@
-"""From the board through the model: batches of different cameras' newest frames, several under way at once."""
+"""From the board through the model: batches of different cameras' newest frames, several under way at once.
+
+Lists of classes are published as soon as the model has answered; objects are followed first.
+"""
 
 import logging
 import time
@@ -13,7 +16,8 @@ from schemas.keys import CameraKey
 from services.detector.account import STALE, UNWANTED, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
-from services.detector.model import Failed, Found, Model, Outcome, Request
+from services.detector.model import Found, Model, Outcome, Request
+from services.detector.tracking import Tracking
 
 PATIENCE_S: Final = 0.005
 """How long a batch waits for more cameras' frames."""
@@ -42,8 +46,8 @@ class Look:
 class Looking:
     """Takes frames from the board while there is room in the model, and publishes what comes out, in that order.
 
-    cameras: those looked after now. max_age_s: how old a frame may be when its turn comes, None for as long as one call
-        takes and SPARE_S, at least LEAST_AGE_S.
+    tracking: follows objects while somebody wants their tracks. cameras: those looked after now. max_age_s: how old a
+        frame may be when its turn comes, None for as long as one call takes and SPARE_S, at least LEAST_AGE_S.
     """
 
     def __init__(
@@ -52,6 +56,7 @@ class Looking:
         worker: str,
         board: Board,
         *,
+        tracking: Tracking | None,
         cameras: dict[CameraKey, Camera],
         accounts: dict[CameraKey, Account],
         max_age_s: float | None,
@@ -60,12 +65,14 @@ class Looking:
         self._model = model
         self._worker = worker
         self._board = board
+        self._tracking = tracking
         self._cameras = cameras
         self._accounts = accounts
         self._max_age_s = max_age_s
         self._on_result = on_result
         self._room = Semaphore(model.in_flight)
         self._under_way: Queue[tuple[Sequence[Look], Task[Sequence[Outcome]]]] = Queue(model.in_flight)
+        self._seen: Queue[Sequence[tuple[Look, Found | None]]] = Queue(1)
         self._last: dict[CameraKey, Event] = {}
         self._calls = 0
         self._call_s = 0.0
@@ -76,7 +83,8 @@ class Looking:
     async def run(self) -> None:
         """Work for ever."""
         async with TaskGroup() as group:
-            group.create_task(self._publish())
+            group.create_task(self._publish_classes())
+            group.create_task(self._publish_objects())
             await self._take(group)
 
     async def settled(self, key: CameraKey) -> None:
@@ -136,28 +144,43 @@ class Looking:
             took_s = now_s - begun_s
             self._call_s += (took_s - self._call_s) * (WEIGHT_OF_NEWEST if self._call_s else 1)
 
-    async def _publish(self) -> None:
+    async def _publish_classes(self) -> None:
         while True:
             batch, call = await self._under_way.get()
             outcomes = await call
+            seen = [(look, self._counted(look, outcome)) for look, outcome in zip(batch, outcomes, strict=True)]
+            for look, found in seen:
+                if found is not None:
+                    look.camera.publish_classes(self._detections(look, found))
             self._room.release()
-            for look, outcome in zip(batch, outcomes, strict=True):
-                self._settle(look, outcome)
+            await self._seen.put(seen)
+
+    async def _publish_objects(self) -> None:
+        while True:
+            for look, found in await self._seen.get():
+                if found is not None:
+                    await self._publish_found(look, found)
                 look.settled.set()
                 if self._last.get(look.request.camera) is look.settled:
                     del self._last[look.request.camera]
 
-    def _settle(self, look: Look, outcome: Outcome) -> None:
+    async def _publish_found(self, look: Look, found: Found) -> None:
+        if self._tracking is not None and look.camera.wants_tracks:
+            found = await self._tracking.follow(look.request, found)
+        look.camera.publish_objects(self._detections(look, found), look.request.frame)
+        self._on_result(look.camera.key)
+
+    def _counted(self, look: Look, outcome: Outcome) -> Found | None:
+        """Count a frame, and return what was found in it."""
         account, header = look.camera.account, look.request.frame.header
         self._done += 1
-        if isinstance(outcome, Failed):
-            account.dropped[outcome.reason] += 1
-            text = "%s: frame %d of gateway %s left out, %s: %r"
-            log.warning(text, look.camera.key, header.seq, header.boot_id, outcome.reason, outcome.error)
-            return
-        account.inferred += 1
-        look.camera.publish(self._detections(look, outcome), look.request.frame)
-        self._on_result(look.camera.key)
+        if isinstance(outcome, Found):
+            account.inferred += 1
+            return outcome
+        account.dropped[outcome.reason] += 1
+        text = "%s: frame %d of gateway %s left out, %s: %r"
+        log.warning(text, look.camera.key, header.seq, header.boot_id, outcome.reason, outcome.error)
+        return None
 
     def _detections(self, look: Look, found: Found) -> Detections:
         frame = look.request.frame

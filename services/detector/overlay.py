@@ -1,24 +1,26 @@
 """What a model found, drawn over the image it found it in. Pure."""
 
 import colorsys
+from functools import lru_cache
 from typing import Final
 
 import cv2
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
-from pycocotools import mask as coco
 
 from schemas.compression import JPEG
 from schemas.detections import TRACK_COUNT_BITS, Detection, Detections, Mask
 from schemas.image import ImageFrame
 from services.detector.pixels import to_bgr
+from services.geometry.masks import decode
 
 Picture = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
 QUALITY: Final = 80
 OPACITY: Final = 0.45
+MAX_TINTS: Final = 256
 FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 SMALLEST_TEXT: Final = 0.4
 """Of OpenCV's font, whose capitals are about 22 pixels high at 1: less than 9 pixels nobody reads."""
@@ -56,7 +58,7 @@ def draw(picture: Picture, objects: list[Detection], *, masks: bool) -> Picture:
     if masks:
         for found in reversed(objects):
             if found.mask is not None:
-                _tint(drawn, found.mask, found, color_of(found.label))
+                _tint(drawn, found.mask, color_of(found.label))
     for found in reversed(objects):
         _frame(drawn, found, color_of(found.label), line)
     for found in reversed(objects):
@@ -75,13 +77,18 @@ def _corners(found: Detection, height: int, width: int) -> tuple[int, int, int, 
     return int(box.x1), int(box.y1), min(int(box.x2), width - 1), min(int(box.y2), height - 1)
 
 
-def _tint(drawn: Picture, mask: Mask, found: Detection, color: Color) -> None:
-    left, top, right, bottom = _corners(found, *drawn.shape[:2])
-    window = (slice(top, bottom + 1), slice(left, right + 1))
-    inside = coco.decode({"size": list(mask.size), "counts": mask.counts.encode()})[window].astype(bool)
-    under = drawn[window]
-    tint = np.array(color, np.float32) * OPACITY
-    under[inside] = (under[inside] * (1 - OPACITY) + tint).astype(np.uint8)
+def _tint(drawn: Picture, mask: Mask, color: Color) -> None:
+    window = decode(mask)
+    under = drawn[window.place]
+    if under.size:
+        cv2.copyTo(cv2.LUT(under, _tints(color)), window.pixels.view(np.uint8), under)
+
+
+@lru_cache(MAX_TINTS)
+def _tints(color: Color) -> Picture:
+    """Return what becomes of each of the 256 values of each channel under a colour."""
+    values = np.arange(256, dtype=np.uint8)[:, None] * (1 - OPACITY)
+    return (values + np.array(color, np.float32) * OPACITY).astype(np.uint8)[None]
 
 
 def _frame(drawn: Picture, found: Detection, color: Color, line: int) -> None:

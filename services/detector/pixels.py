@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.compression import ZSTD
+from schemas.compression import JPEG, ZSTD
 from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
 from services.geometry.errors import PayloadError
 from services.geometry.payload import decompressed
@@ -28,6 +28,12 @@ _TO_BGR: Final = {
 }
 _SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
 _COLOURS: Final = frozenset({"rgb8", "rgba8"})
+_REDUCED: Final = {
+    8: cv2.IMREAD_REDUCED_GRAYSCALE_8,
+    4: cv2.IMREAD_REDUCED_GRAYSCALE_4,
+    2: cv2.IMREAD_REDUCED_GRAYSCALE_2,
+}
+"""What decodes a file to so many times fewer pixels a side: of a JPEG that leaves most of the work out."""
 
 
 class PictureError(ValueError):
@@ -58,6 +64,19 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
     return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 
 
+def glance(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
+    """Return a picture in grey, no wider than `width` pixels, as height x width; see `to_bgr`."""
+    smaller = next((factor for factor in _REDUCED if frame.width >= factor * width), None)
+    if frame.format == JPEG and frame.encoding in _COLOURS and smaller is not None:
+        return _shrunk(_read(frame, _REDUCED[smaller] | cv2.IMREAD_IGNORE_ORIENTATION), width)
+    return np.asarray(cv2.cvtColor(_shrunk(to_bgr(frame), width), cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _shrunk(pixels: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    scale = min(1.0, width / pixels.shape[1])
+    return np.asarray(cv2.resize(pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def _decompressed(frame: ImageFrame) -> ImageFrame:
     try:
         data = decompressed(frame.data, frame.step * frame.height)
@@ -83,10 +102,17 @@ def _raw(frame: ImageFrame) -> NDArray[Any]:
 def _decoded(frame: ImageFrame) -> NDArray[Any]:
     """Return a file's pixels: colours in blue, green, red order, anything else as it is."""
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if frame.encoding in _COLOURS else cv2.IMREAD_UNCHANGED
+    pixels = _read(frame, flags)
+    if pixels.shape[:2] != (frame.height, frame.width):
+        raise PictureError(f"a {frame.format} that cannot be decoded")
+    return pixels
+
+
+def _read(frame: ImageFrame, flags: int) -> NDArray[Any]:
     try:
         pixels = cv2.imdecode(np.frombuffer(frame.data, np.uint8), flags)
     except cv2.error as error:
         raise PictureError(f"a {frame.format} that cannot be decoded: {error}") from error
-    if pixels is None or pixels.shape[:2] != (frame.height, frame.width):
+    if pixels is None:
         raise PictureError(f"a {frame.format} that cannot be decoded")
     return np.asarray(pixels)

@@ -46,11 +46,15 @@ async def work(settings: DetectorSettings, model: Model) -> None:
         ModelError: it does no longer.
     """
     tokens = settings.tokens(SERVICE, settings.worker)
+    following = tracking(settings.tracker)
     try:
         async with open_bus(settings) as bus, answering(bus, model, settings.worker):
-            await Worker(bus, tracking(model, settings.tracker), tokens, max_age_s=settings.max_age_s).run()
+            await Worker(bus, model, tokens, tracking=following, max_age_s=settings.max_age_s).run()
     except* ModelError as failed:
         raise _first(failed) from failed
+    finally:
+        if following is not None:
+            following.close()
 
 
 def _first(failed: BaseExceptionGroup[ModelError]) -> ModelError:

@@ -8,7 +8,7 @@ from typing import Final
 
 from bus import Bus, RefusedError, Reply
 from bus import Request as Asked
-from schemas import codec, keys
+from schemas import codec, worker_keys
 from schemas.detections import Detections
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey
@@ -36,8 +36,8 @@ async def answering(bus: Bus, model: Model, worker: str) -> AsyncIterator[None]:
         return _tune(model, asked)
 
     async with (
-        bus.serve(keys.infer(worker), infer, waiting=WAITING),
-        bus.serve(keys.worker_settings(SERVICE, worker), tune),
+        bus.serve(worker_keys.infer(worker), infer, waiting=WAITING),
+        bus.serve(worker_keys.worker_settings(SERVICE, worker), tune),
     ):
         yield
 

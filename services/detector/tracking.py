@@ -1,9 +1,12 @@
 """Objects followed from frame to frame of a camera, by Ultralytics' own trackers."""
 
 import asyncio
+import logging
 import secrets
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final, Protocol
 
 import msgspec
@@ -13,8 +16,9 @@ from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.status import MAX_STREAMS
-from schemas.tuning import Tuning
-from services.detector.model import Found, Model, Outcome, Request
+from services.detector.model import Found, Request
+
+log = logging.getLogger(__name__)
 
 GAP_NS: Final = 5_000_000_000
 """Longest time between two frames of a camera after which what moves is still known."""
@@ -63,69 +67,43 @@ def _goes_on(last: Header, now: Header) -> bool:
     return last.boot_id == now.boot_id and last.seq < now.seq and 0 <= now.received_ns - last.received_ns <= GAP_NS
 
 
-class TrackingModel:
-    """A model whose objects are followed, camera by camera."""
+class Tracking:
+    """Follows the objects of any number of cameras, on a thread of its own.
 
-    def __init__(self, model: Model, make: Callable[[], Tracker], max_cameras: int = MAX_STREAMS) -> None:
-        self._model = model
+    max_cameras: whose objects are remembered; those of the camera seen longest ago are forgotten first.
+    """
+
+    def __init__(self, make: Callable[[], Tracker], max_cameras: int = MAX_STREAMS) -> None:
         self._make = make
         self._max_cameras = max_cameras
-        self._turn = asyncio.Lock()
         self._cameras: OrderedDict[CameraKey, CameraTracks] = OrderedDict()
-
-    @property
-    def name(self) -> str:
-        """See `Model.name`."""
-        return self._model.name
-
-    @property
-    def max_batch(self) -> int:
-        """See `Model.max_batch`."""
-        return self._model.max_batch
-
-    @property
-    def in_flight(self) -> int:
-        """See `Model.in_flight`."""
-        return self._model.in_flight
-
-    @property
-    def segments(self) -> bool:
-        """See `Model.segments`."""
-        return self._model.segments
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """See `Model.remarks`."""
-        return self._model.remarks
-
-    @property
-    def tuning(self) -> Tuning:
-        """See `Model.tuning`."""
-        return self._model.tuning
-
-    def tune(self, tuning: Tuning) -> None:
-        """See `Model.tune`."""
-        self._model.tune(tuning)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="tracks")
 
     def close(self) -> None:
-        """See `Model.close`."""
-        self._model.close()
+        """Follow nothing more; what is under way is not waited for."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
-    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
-        """See `Model.infer`."""
-        outcomes = await self._model.infer(batch)
-        async with self._turn:  # it lets those who wait through in the order in which they came
-            return await asyncio.to_thread(self._all_followed, batch, outcomes)
+    async def follow(self, request: Request, found: Found) -> Found:
+        """Return what was found with the numbers of its tracks. Frames are taken in the order of the calls.
 
-    def _all_followed(self, batch: Sequence[Request], outcomes: Sequence[Outcome]) -> Sequence[Outcome]:
-        return [self._followed(*each) for each in zip(batch, outcomes, strict=True)]
+        What cannot be followed has none, and its camera begins anew.
+        """
+        return await asyncio.get_running_loop().run_in_executor(self._thread, self._followed, request, found)
 
-    def _followed(self, request: Request, outcome: Outcome) -> Outcome:
-        if not isinstance(outcome, Found):
-            return outcome
-        tracks = self._cameras.get(request.camera) or CameraTracks(self._make)
-        self._cameras[request.camera] = tracks
-        self._cameras.move_to_end(request.camera)
+    def _followed(self, request: Request, found: Found) -> Found:
+        began_ns = time.perf_counter_ns()
+        try:
+            objects = self._tracks(request.camera).follow(found.objects, request.frame)
+        except Exception:  # whatever is wrong with an image, it fails alone
+            log.exception("%s: objects of frame %d are not followed", request.camera, request.frame.header.seq)
+            self._cameras.pop(request.camera, None)
+            return found
+        return Found(objects, {**found.spans, "track": time.perf_counter_ns() - began_ns})
+
+    def _tracks(self, camera: CameraKey) -> CameraTracks:
+        tracks = self._cameras.get(camera) or CameraTracks(self._make)
+        self._cameras[camera] = tracks
+        self._cameras.move_to_end(camera)
         if len(self._cameras) > self._max_cameras:
             self._cameras.popitem(last=False)
-        return Found(tracks.follow(outcome.objects, request.frame), outcome.spans)
+        return tracks

@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Final
 
@@ -12,24 +13,29 @@ from bus.sharing.asking import Asked
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from schemas.header import MAX_LABEL
-from schemas.keys import CameraKey, Stream, WorkerAlive
+from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_STREAMS, WorkerStatus
+from schemas.worker_keys import WorkerAlive
 from services.detector.account import Account, open_account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
 from services.detector.looking import Looking
 from services.detector.model import Model
+from services.detector.tracking import Tracking
 
 SERVICE: Final = "detector"
 PACE_PERIOD_S: Final = 0.25
+
+PAINTERS: Final = 2
+"""Threads that draw overlays, of however many cameras: each draws its newest frame when its turn comes."""
 
 FINISH_S: Final = 0.5
 """How long a camera that is let go waits for what the model still has of it."""
 
 
 class Worker:
-    """Serves the cameras that fall to it. tokens: what it says of itself; max_age_s: see `Looking`."""
+    """Serves the cameras that fall to it. tokens: what it says of itself; tracking, max_age_s: see `Looking`."""
 
     def __init__(
         self,
@@ -37,6 +43,7 @@ class Worker:
         model: Model,
         tokens: Sequence[WorkerAlive],
         *,
+        tracking: Tracking | None = None,
         max_age_s: float | None = None,
         join_s: float = JOIN_S,
     ) -> None:
@@ -48,11 +55,13 @@ class Worker:
         self._accounts: dict[CameraKey, Account] = {}
         self._asked: dict[CameraKey, Asked] = {}
         self._took_over: dict[CameraKey, Callable[[], None]] = {}
+        self._painters = ThreadPoolExecutor(PAINTERS, thread_name_prefix="overlays")
         self._pace = Pace()
         self._looking = Looking(
             model,
             self._name,
             self._board,
+            tracking=tracking,
             cameras=self._cameras,
             accounts=self._accounts,
             max_age_s=max_age_s,
@@ -66,11 +75,14 @@ class Worker:
         Raises:
             ModelError: the model is of no more use.
         """
-        async with asyncio.TaskGroup() as group:
-            group.create_task(report(self._bus, SERVICE, self._name, self._status))
-            group.create_task(self._keep_pace())
-            group.create_task(self._looking.run())
-            await self._sharing.run()
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(report(self._bus, SERVICE, self._name, self._status))
+                group.create_task(self._keep_pace())
+                group.create_task(self._looking.run())
+                await self._sharing.run()
+        finally:
+            self._painters.shutdown(wait=False, cancel_futures=True)
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
         account = open_account(self._accounts, key, self._asked, MAX_STREAMS)
@@ -78,7 +90,7 @@ class Worker:
         self._took_over[key] = took_over
         try:
             async with (
-                serving(self._bus, key, account, segments=self._model.segments) as camera,
+                serving(self._bus, key, account, segments=self._model.segments, painters=self._painters) as camera,
                 asyncio.TaskGroup() as group,
             ):
                 self._cameras[key] = camera

@@ -1,6 +1,8 @@
 """Other programs' questions about the inventory."""
 
+import asyncio
 import time
+from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
 from itertools import islice
 from typing import Final
@@ -8,13 +10,18 @@ from typing import Final
 from bus import Bus, RefusedError, Reply, Request
 from schemas import codec, keys
 from schemas.errors import SchemaError
+from schemas.header import MAX_LABEL
 from schemas.inventory import MAX_SIGHTINGS, ClassSighting, InventoryAnswer, InventoryRequest
-from services.monitor.inventory.inventory import Entry, Inventory
+from services.monitor.display import Problems
+from services.monitor.fleet import Fleet
+from services.monitor.inventory.inventory import Entry
 
 WAITING: Final = 64
+AT_ONCE: Final = 200
+"""Sightings put into an answer before other things get their turn."""
 
 
-def answer_inventory(bus: Bus, inventory: Inventory) -> AbstractAsyncContextManager[None]:
+def answer_inventory(bus: Bus, fleet: Fleet, problems: Problems) -> AbstractAsyncContextManager[None]:
     """Answer until leaving."""
 
     async def answer(request: Request) -> Reply:
@@ -26,17 +33,29 @@ def answer_inventory(bus: Bus, inventory: Inventory) -> AbstractAsyncContextMana
             )
         except SchemaError as error:
             raise RefusedError(str(error)) from error
-        return Reply(codec.encode(answer_to(asked, inventory, time.time_ns())), codec.encoding(InventoryAnswer))
+        answered = await answer_to(asked, fleet, problems(), time.time_ns())
+        return Reply(codec.encode(answered), codec.encoding(InventoryAnswer))
 
     return bus.serve(keys.INVENTORY, answer, waiting=WAITING)
 
 
-def answer_to(asked: InventoryRequest, inventory: Inventory, now_ns: int) -> InventoryAnswer:
-    """Return what was asked for."""
-    entries = inventory.entries(now_ns, robot=asked.robot, camera=asked.camera, name=asked.name)
+async def answer_to(asked: InventoryRequest, fleet: Fleet, problems: Sequence[str], now_ns: int) -> InventoryAnswer:
+    """Return what was asked for; others get their turn meanwhile."""
+    entries = fleet.inventory.entries(now_ns, robot=asked.robot, camera=asked.camera, name=asked.name)
     found = (entry for entry in entries if entry.sighting.count or not asked.in_view)
-    sightings = [_sighting(entry) for entry in islice(found, MAX_SIGHTINGS)]
-    return InventoryAnswer(now_ns=now_ns, sightings=sightings, complete=next(found, None) is None)
+    sightings: list[ClassSighting] = []
+    for entry in islice(found, MAX_SIGHTINGS):
+        sightings.append(_sighting(entry))
+        if len(sightings) % AT_ONCE == 0:
+            await asyncio.sleep(0)
+    return InventoryAnswer(
+        now_ns=now_ns,
+        sightings=sightings,
+        complete=next(found, None) is None,
+        class_lists=fleet.class_lists,
+        left_out=dict(fleet.left_out),
+        problems=[problem[:MAX_LABEL] for problem in problems],
+    )
 
 
 def _sighting(entry: Entry) -> ClassSighting:

@@ -3,7 +3,7 @@
 import asyncio
 import time
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import IO, Final
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -17,6 +17,12 @@ FRAME_LINES: Final = 8
 """Lines of the picture beside the rows: title, head, rules and notes."""
 
 
+MAX_LINES: Final = 50
+"""Lines of changed cameras written at a time: thousands a second would help nobody."""
+
+AT_ONCE: Final = 200
+"""Cameras looked at before other things get their turn."""
+
 Problems = Callable[[], Sequence[str]]
 """Says what keeps the monitor itself from doing all that it should."""
 
@@ -29,12 +35,7 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
 
     if not console.is_terminal:
         console.print(note, markup=False, highlight=False, soft_wrap=True)
-        await _print_changes(
-            fleet,
-            refresh_s,
-            every_trouble,
-            lambda text: console.print(text, markup=False, highlight=False, soft_wrap=True),
-        )
+        await _print_changes(fleet, refresh_s, every_trouble, console.file)
         return
     with Live(console=console, auto_refresh=False) as live:
         while True:
@@ -45,21 +46,25 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
             await asyncio.sleep(refresh_s)
 
 
-async def _print_changes(
-    fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], write: Callable[[str], None]
-) -> None:
+async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], to: IO[str]) -> None:
     """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
     shown: dict[object, tuple[bool, str]] = {}
     wrong: set[str] = set()
     while True:
-        for row in fleet.rows(time.monotonic()):
+        changed = 0
+        for number, row in enumerate(fleet.rows(time.monotonic()), 1):
             state = (row.online, classes(row))
             if shown.get(row.key) != state:
                 shown[row.key] = state
-                write(line(row))
+                changed += 1
+                if changed <= MAX_LINES:
+                    to.write(f"{line(row)}\n")
+            if number % AT_ONCE == 0:
+                await asyncio.sleep(0)
+        if changed > MAX_LINES:
+            to.write(f"and {changed - MAX_LINES} more cameras changed\n")
         now_wrong = every_trouble()
-        for each in now_wrong:
-            if each not in wrong:
-                write(each)
+        to.writelines(f"{each}\n" for each in now_wrong if each not in wrong)
+        to.flush()
         wrong = set(now_wrong)
         await asyncio.sleep(refresh_s)

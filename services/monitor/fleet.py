@@ -7,15 +7,19 @@ from typing import Final
 
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances
-from schemas.keys import CameraKey
+from schemas.header import Header
+from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.clocks import Clocks
 from services.monitor.inventory.inventory import Inventory, Limits, make_room
 from services.monitor.inventory.sighting import Change
+from services.monitor.mapping.places import Places
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
+MAX_LAG_NS: Final = 3_600_000_000_000
+"""A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,9 @@ class _Camera:
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=64))
 
     def rate_hz(self, now_s: float) -> float:
-        recent = [at for at in self.arrivals if now_s - at <= RATE_WINDOW_S]
+        recent = self.arrivals
+        while recent and now_s - recent[0] > RATE_WINDOW_S:
+            recent.popleft()
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
 
 
@@ -60,17 +66,22 @@ class Fleet:
 
     clock_id: the clock of this machine; a robot's ages are exact when it reads the same one, or when `clocks` knows how
     far it is off. Every method that may add a member raises InventoryFullError when there are too many already.
+    heard_ns, worker_heard_ns: when the newest status of a gateway, or worker, arrived.
     """
 
     def __init__(self, clock_id: str, limits: Limits | None = None) -> None:
         self._clock_id = clock_id
         self.clocks = Clocks()
         self.inventory = Inventory(limits)
+        self.places = Places()
         self._cameras: dict[CameraKey, _Camera] = {}
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
+        self.heard_ns: dict[str, int] = {}
+        self.worker_heard_ns: dict[tuple[str, str], int] = {}
         self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
         self.first_list_s: float | None = None
+        self.class_lists = 0
         self.left_out: Counter[str] = Counter()
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
@@ -80,17 +91,18 @@ class Fleet:
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went stays on the list."""
         self.inventory.camera_presence(key, alive=alive)
-        self._cameras.setdefault(key, _Camera())
+        self._camera(key)
 
-    def gateway_status(self, status: GatewayStatus) -> None:
-        """Keep a gateway's newest account of itself."""
+    def gateway_status(self, status: GatewayStatus, received_ns: int = 0) -> None:
+        """Keep a gateway's newest account of itself, which arrived at `received_ns` (epoch)."""
         make_room(self.gateways, status.robot)
-        self.gateways[status.robot] = status
+        self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
 
-    def worker_status(self, status: WorkerStatus) -> None:
-        """Keep a worker's newest account of itself."""
-        make_room(self.workers, (status.service, status.worker))
-        self.workers[status.service, status.worker] = status
+    def worker_status(self, status: WorkerStatus, received_ns: int = 0) -> None:
+        """Keep a worker's newest account of itself, which arrived at `received_ns` (epoch)."""
+        name = (status.service, status.worker)
+        make_room(self.workers, name)
+        self.workers[name], self.worker_heard_ns[name] = status, received_ns
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).
@@ -98,13 +110,16 @@ class Fleet:
         Returns:
             What changed in the inventory; None for a list about a frame that is not newer than the camera's last one.
         """
-        key = CameraKey(seen.header.robot, seen.header.camera)
+        key = camera_key(seen.header.robot, seen.header.camera)
         theirs_ns = self._theirs_ns(key.robot, received_ns)
         lag_ns = None if theirs_ns is None else max(0, theirs_ns - seen.header.received_ns)
+        if lag_ns is not None and lag_ns > MAX_LAG_NS:
+            lag_ns = None
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
         if changes is None:
             return None
-        camera = self._cameras.setdefault(key, _Camera())
+        self.class_lists += 1
+        camera = self._camera(key)
         if self.first_list_s is None:
             self.first_list_s = now_s
         camera.latest, camera.arrived_s = seen, now_s
@@ -117,7 +132,16 @@ class Fleet:
 
     def measure(self, distances: Distances, received_ns: int) -> bool:
         """Take distances that arrived at `received_ns`; return False for a double."""
-        return self.inventory.measure(distances, received_ns)
+        if not self.inventory.measure(distances, received_ns):
+            return False
+        self.places.take(distances, received_ns)
+        return True
+
+    def age_of(self, header: Header, arrived_ns: int, now_ns: int) -> Age:
+        """Return how old at `now_ns` what a frame shows is, of which something arrived at `arrived_ns`."""
+        theirs_ns = self._theirs_ns(header.robot, now_ns)
+        since_ns = arrived_ns - now_ns if theirs_ns is None else header.received_ns - theirs_ns
+        return Age(max(0, -since_ns) / 1e9, exact=theirs_ns is not None)
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""
@@ -128,8 +152,10 @@ class Fleet:
         yield from (status.robot for status in self.online() if status.clock_id != self._clock_id)
 
     def rows(self, now_s: float) -> Iterator[Row]:
-        """Yield every camera, by robot and name."""
-        for key, camera in sorted(self._cameras.items()):
+        """Yield every camera, by robot and name; also those that were heard before a restart alone."""
+        unheard = _Camera()
+        for key in self.inventory.in_order():
+            camera = self._cameras.get(key, unheard)
             yield Row(
                 key=key,
                 online=self.inventory.online(key),
@@ -144,6 +170,12 @@ class Fleet:
         for key, camera in self._cameras.items():
             counts[key.robot] += camera.lists
         return counts
+
+    def _camera(self, key: CameraKey) -> _Camera:
+        camera = self._cameras.get(key)
+        if camera is None:
+            camera = self._cameras[key] = _Camera()
+        return camera
 
     def _theirs_ns(self, robot: str, ours_ns: int) -> int | None:
         """Return what the robot's clock shows when ours shows `ours_ns`, or None while that is not known."""

@@ -3,15 +3,15 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
 
 from rich.console import Console
 
-from bus import QUEUE, Bus, Sample, open_bus
+from bus import QUEUE, Bus, Sample, Subscription, open_bus
 from bus.clock import clock_id
-from schemas import codec, keys
-from schemas.detections import ClassList
+from schemas import codec, keys, worker_keys
+from schemas.detections import KEPT_LISTS, ClassList
 from schemas.distances import Distances
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
@@ -19,17 +19,23 @@ from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.answering import answer_inventory
-from services.monitor.display import show
+from services.monitor.display import Problems, show
 from services.monitor.fleet import Fleet
+from services.monitor.health import Health
+from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
+from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
+from services.monitor.web.process import Web
 
 log = logging.getLogger(__name__)
 
-DEPTH = 10_000
+DEPTH = 200_000
+"""Messages that wait, of one kind: what thousands of robots have to tell after a cut comes at once."""
+
 TICK_S = 1.0
 
 
@@ -42,29 +48,53 @@ async def run(settings: MonitorSettings) -> None:
 
     Raises:
         RuleFileError: the rule file cannot be used.
+        WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
     """
+    web = Web.of(settings) if settings.web else None
     fleet = Fleet(clock_id(), settings.limits())
+    async with open_bus(settings) as bus, running(settings, bus, fleet) as monitor, asyncio.TaskGroup() as group:
+        if web is not None:
+            group.create_task(web.run(monitor))
+
+        def problems() -> list[str]:
+            return [*monitor.problems(), *([] if web is None else web.notes())]
+
+        notes = [_how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
+        group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
+
+
+@asynccontextmanager
+async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIterator[Monitor]:
+    """Watch the fleet, keep its history and raise alerts until leaving.
+
+    Raises:
+        RuleFileError: the rule file cannot be used.
+    """
     rules = RuleFile(settings.rules)
     await rules.load()
     alerting = Alerting(rules, fleet.inventory)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
 
     def told(changes: Sequence[Change]) -> None:
         if changes:
             history.take(changes)
             alerting.take(changes)
 
-    def problems() -> list[str]:
-        not_kept = history.status.problem
-        return [f"history is not being kept: {not_kept}"] * bool(not_kept) + [rules.problem] * bool(rules.problem)
-
-    async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        await history.restore()
-        group.create_task(history.run())
-        group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads))
-        group.create_task(watch_fleet(bus, fleet, told, alerting.measured))
-        group.create_task(show(fleet, Console(), settings.refresh_s, note=_how_to_join(settings), problems=problems))
+    await history.restore()
+    async with asyncio.TaskGroup() as group:
+        tasks = [
+            group.create_task(history.run()),
+            group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads)),
+            group.create_task(watch_fleet(bus, fleet, told, alerting.measured, monitor.problems)),
+            group.create_task(monitor.health.run()),
+        ]
+        try:
+            yield monitor
+        finally:
+            for task in tasks:
+                task.cancel()
 
 
 def _nobody(_: object) -> None:
@@ -72,22 +102,28 @@ def _nobody(_: object) -> None:
 
 
 async def watch_fleet(
-    bus: Bus, fleet: Fleet, told: Told = _nobody, measured: Callable[[CameraKey], None] = _nobody
+    bus: Bus,
+    fleet: Fleet,
+    told: Told = _nobody,
+    measured: Callable[[CameraKey], None] = _nobody,
+    problems: Problems = tuple,
 ) -> None:
     """Keep `fleet` up to date with what is on the bus, and answer for its inventory, for ever.
 
-    measured: is told of each camera whose distances came.
+    measured: is told of each camera whose distances came. problems: what programs are told beside the inventory.
     """
+    class_lists = keys.every_stream(Stream.CLASSES)
     streams: dict[str, Callable[[Sample], None]] = {
-        keys.every_stream(Stream.CLASSES): lambda sample: told(_class_list(fleet, sample)),
+        class_lists: lambda sample: told(_class_list(fleet, sample)),
         keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
-        keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
+        worker_keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
     }
     cameras = keys.every_stream_alive(Stream.COLOR)
-    async with answer_inventory(bus, fleet.inventory), asyncio.TaskGroup() as group:
+    async with answer_inventory(bus, fleet, problems), asyncio.TaskGroup() as group:
         for key_expr, take in streams.items():
-            group.create_task(_receive(bus, fleet, key_expr, take))
+            recover = KEPT_LISTS if key_expr == class_lists else 1
+            group.create_task(_receive(bus, fleet, key_expr, take, recover))
         group.create_task(
             _watch(bus, fleet, keys.EVERY_ROBOT_ALIVE, lambda key, alive: _robot(fleet, key, alive=alive))
         )
@@ -102,33 +138,48 @@ async def _tick(fleet: Fleet, told: Told) -> None:
         told(fleet.inventory.tick(time.time_ns()))
 
 
-async def _receive(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[Sample], None]) -> None:
-    async with bus.subscribe(key_expr, QUEUE(DEPTH)) as subscription:
+async def _receive(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[Sample], None], recover: int) -> None:
+    async with (
+        bus.subscribe(key_expr, QUEUE(DEPTH), recover=recover) as subscription,
+        asyncio.TaskGroup() as group,
+    ):
+        counting = group.create_task(_count_missed(fleet, subscription))
         async for sample in subscription:
             if sample.replaced:
                 fleet.left_out["messages that came too fast"] += sample.replaced
-            with _counting(fleet, sample.key):
+            try:
                 take(sample)
+            except (SchemaError, InventoryFullError) as error:
+                _leave_out(fleet, sample.key, error)
+        counting.cancel()
+
+
+async def _count_missed(fleet: Fleet, subscription: Subscription) -> None:
+    counted = 0
+    while True:
+        await asyncio.sleep(TICK_S)
+        missed = subscription.counts.missed
+        if missed > counted:
+            fleet.left_out["messages lost on the way"] += missed - counted
+        counted = missed
 
 
 async def _watch(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[str, bool], None]) -> None:
     async with bus.watch(key_expr) as watch:
         async for presence in watch:
-            with _counting(fleet, presence.key):
+            try:
                 take(presence.key, presence.alive)
+            except (SchemaError, InventoryFullError) as error:
+                _leave_out(fleet, presence.key, error)
 
 
-@contextmanager
-def _counting(fleet: Fleet, key: str) -> Iterator[None]:
-    """Leave out what cannot be taken, and count it: one bad message harms no other."""
-    try:
-        yield
-    except SchemaError as error:
-        fleet.left_out["malformed messages"] += 1
-        log.warning("%s: left out: %s", key, error)
-    except InventoryFullError as error:
-        fleet.left_out["messages of more members than are followed"] += 1
-        log.warning("%s: left out: %s", key, error)
+def _leave_out(fleet: Fleet, key: str, error: SchemaError | InventoryFullError) -> None:
+    """Count what cannot be taken: one bad message harms no other, and a flood of them does not fill the log."""
+    malformed = isinstance(error, SchemaError)
+    reason = "malformed messages" if malformed else "messages of more members than are followed"
+    fleet.left_out[reason] += 1
+    if fleet.left_out[reason].bit_count() == 1:
+        log.warning("%s: left out: %s (%d %s so far)", key, error, fleet.left_out[reason], reason)
 
 
 def _class_list(fleet: Fleet, sample: Sample) -> Sequence[Change]:
@@ -149,14 +200,14 @@ def _gateway_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
     if status.robot != keys.parse_robot(sample.key):
         raise SchemaError(f"status of {status.robot}")
-    fleet.gateway_status(status)
+    fleet.gateway_status(status, sample.received_ns)
 
 
 def _worker_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(WorkerStatus, sample.payload, sample.encoding)
-    if (status.service, status.worker) != keys.parse_worker(sample.key):
+    if (status.service, status.worker) != worker_keys.parse_worker(sample.key):
         raise SchemaError(f"status of {status.service}/{status.worker}")
-    fleet.worker_status(status)
+    fleet.worker_status(status, sample.received_ns)
 
 
 def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:

@@ -8,9 +8,10 @@ from bus.settings import BusSettings, Endpoint
 from services.monitor.alerting.settings import AlertingSettings
 from services.monitor.history.settings import HistorySettings
 from services.monitor.inventory.settings import InventorySettings
+from services.monitor.web.settings import WebSettings
 
 
-class MonitorSettings(AlertingSettings, InventorySettings, HistorySettings, BusSettings):
+class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistorySettings, BusSettings):
     """Show what every robot of the fleet sees. The Zenoh router that the fleet connects to is part of it by default."""
 
     mode: Annotated[

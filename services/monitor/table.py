@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from rich.table import Table
 from rich.text import Text
 
+from schemas.printing import printable
 from services.monitor.fleet import Age, Row
 
 
@@ -51,10 +52,10 @@ def line(row: Row) -> str:
 
 
 def classes(row: Row) -> str:
-    """Return what is in view, in words."""
+    """Return what is in view, in words that a terminal may show: a model's names are whatever its maker called them."""
     if row.classes is None:
         return "waiting for the first class list"
-    return ", ".join(f"{seen.count} {seen.name}" for seen in row.classes) or "nothing"
+    return ", ".join(f"{seen.count} {printable(seen.name)}" for seen in row.classes) or "nothing"
 
 
 def age(value: Age | None) -> str:

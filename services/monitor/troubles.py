@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from typing import Final
 
+from schemas.printing import printable
 from schemas.status import GatewayStatus
 
 MAX_SHOWN: Final = 5
@@ -13,7 +14,7 @@ def troubles(gateways: Iterable[GatewayStatus]) -> list[str]:
 
     There are no more than MAX_SHOWN and one that counts the rest.
     """
-    every = [line for status in sorted(gateways, key=lambda status: status.robot) for line in _of(status)]
+    every = [printable(line) for status in sorted(gateways, key=lambda status: status.robot) for line in _of(status)]
     rest = [f"and {len(every) - MAX_SHOWN} more problems"] if len(every) > MAX_SHOWN else []
     return [*every[:MAX_SHOWN], *rest]
 

@@ -8,6 +8,7 @@ from typing import NoReturn
 
 from pydantic import BaseModel
 
+from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
 from services.toolbox.settings import UsageError, load
@@ -55,7 +56,7 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
         reason = f"{error.name} is not installed; fleetsight's extra [{command.extra}] brings it"
     except UsageError as error:
         reason = str(error)
-    sys.stderr.write(f"{prog}: {reason}\n")
+    sys.stderr.write(f"{prog}: {printable(reason)}\n")
     return process.EXIT_USAGE
 
 

@@ -123,8 +123,22 @@ COMMANDS: Final = (
         "centrally: show what every robot sees, live",
         "services.monitor.settings:MonitorSettings",
         "services.monitor.process:run",
-        refusals=("bus:BusError", "services.monitor.rules.loading:RuleFileError"),
+        refusals=(
+            "bus:BusError",
+            "services.monitor.rules.loading:RuleFileError",
+            "services.monitor.web.errors:WebError",
+        ),
         extra="monitor",
+    ),
+    Command(
+        "users",
+        "say who may log in to the monitor's page and API",
+        "services.monitor.users.settings:UsersSettings",
+        "services.monitor.users.process:run",
+        refusals=("services.monitor.history.errors:HistoryError", "services.monitor.users.process:UsersError"),
+        extra="monitor",
+        positional=("task", "name"),
+        log_level="error",
     ),
     Command(
         "history",

@@ -4,7 +4,12 @@ import logging
 import sys
 from collections import OrderedDict
 from dataclasses import dataclass
+from types import TracebackType
 from typing import Final, TextIO
+
+from schemas.printing import printable
+
+_ErrorInfo = tuple[type[BaseException], BaseException, TracebackType | None] | tuple[None, None, None]
 
 FORMAT: Final = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
 PERIOD_S: Final = 10.0
@@ -92,8 +97,12 @@ class OneLine(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the base class calls it so
         """Return the line, before any traceback."""
-        record.message = "".join(each if each.isprintable() else "?" for each in record.message)
+        record.message = printable(record.message)
         return super().formatMessage(record)
+
+    def formatException(self, ei: _ErrorInfo) -> str:  # noqa: N802 - the base class calls it so
+        """Return a traceback's lines."""
+        return "\n".join(map(printable, super().formatException(ei).split("\n")))
 
 
 class StderrHandler(logging.StreamHandler[TextIO]):

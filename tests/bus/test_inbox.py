@@ -19,7 +19,7 @@ async def test_everything_that_many_threads_bring_is_taken_or_counted() -> None:
         thread.start()
     seen: dict[str, int] = {}
     taken = 0
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while taken + inbox.dropped < 2000:
             try:
                 async with asyncio.timeout(0.2):

@@ -55,7 +55,6 @@ asyncio.run(main())
 
 async def test_requests_end_when_their_server_hangs_or_dies(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, logger="asyncio")
-    asyncio.get_running_loop().slow_callback_duration = 0.5
     endpoint = free_endpoint()
     async with (
         open_bus(router(endpoint)),

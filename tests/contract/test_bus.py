@@ -174,6 +174,28 @@ async def test_a_late_subscriber_gets_the_last_of_each_key_once(buses: tuple[Bus
             assert subscription.counts == SubscriptionCounts(received=10, dropped=0)
 
 
+async def test_what_a_publisher_kept_comes_in_order_to_a_late_subscriber_that_asks_for_it(
+    buses: tuple[Bus, Bus],
+) -> None:
+    here, there = buses
+    async with there.publisher(KEY, QoS.RESULT, kept=3) as out:
+        for number in range(5):
+            out.put(bytes([number]))
+        await all_sent(there)
+        async with (
+            here.subscribe(KEY, QUEUE(9), recover=4) as some,
+            here.subscribe(KEY, QUEUE(9), recover=2) as two,
+            here.subscribe(KEY, QUEUE(9)) as last,
+        ):
+            assert [(await next_of(some)).payload[0] for _ in range(3)] == [2, 3, 4]
+            assert [(await next_of(two)).payload[0] for _ in range(2)] == [3, 4]
+            assert (await next_of(last)).payload[0] == 4
+            out.put(b"live")
+            for subscription in (some, two, last):
+                assert (await next_of(subscription)).payload == b"live"
+            assert some.counts == SubscriptionCounts(received=4, dropped=0)
+
+
 @pytest.mark.parametrize("qos", [QoS.LATCHED, QoS.RESULT])
 async def test_each_of_several_publishers_of_one_key_keeps_its_last(buses: tuple[Bus, Bus], qos: QoS) -> None:
     here, there = buses
@@ -402,3 +424,9 @@ async def test_closing_the_bus_ends_everything_on_it(opener: Opener) -> None:
         for context in (bus.subscribe("**", LATEST), bus.watch("**"), bus.publisher(KEY, QoS.IMAGE), bus.announce(KEY)):
             with pytest.raises(BusClosedError):
                 await refused(context)
+
+
+async def test_members_that_hear_each_other_have_a_link_until_they_leave(opener: Opener) -> None:
+    async with opener() as bus:
+        assert bus.link_problem == ""
+    assert bus.link_problem == "the bus is closed"

@@ -7,8 +7,9 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from bus import Bus
 from bus.sharing import Sharing
 from bus.sharing.rendezvous import owner
-from schemas import keys
-from schemas.keys import CameraKey, Serves, Stream, WorkerAlive
+from schemas import worker_keys
+from schemas.keys import CameraKey, Stream
+from schemas.worker_keys import Serves, WorkerAlive
 from tests.contract.waiting import next_of, until
 
 CAMERAS = [CameraKey("r1", f"c{number}") for number in range(8)]
@@ -87,10 +88,13 @@ async def test_cameras_come_and_go(buses: tuple[Bus, Bus]) -> None:
 
 async def test_others_see_who_has_taken_a_camera_over(buses: tuple[Bus, Bus]) -> None:
     here, there = buses
-    async with there.watch(keys.every_serves("detector")) as watch, there.announce(CAMERAS[0].alive(Stream.COLOR)):
+    async with (
+        there.watch(worker_keys.every_serves("detector")) as watch,
+        there.announce(CAMERAS[0].alive(Stream.COLOR)),
+    ):
         async with Worker(here, A).running():
             seen = await next_of(watch)
-            assert (keys.parse_serves(seen.key), seen.alive) == (Serves("detector", "a", CAMERAS[0]), True)
+            assert (worker_keys.parse_serves(seen.key), seen.alive) == (Serves("detector", "a", CAMERAS[0]), True)
         assert not (await next_of(watch)).alive
 
 

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from typing import Final, TypeVar
 
-PATIENCE_S: Final = 10
+PATIENCE_S: Final = 60
 
 T = TypeVar("T")
 

@@ -17,14 +17,12 @@ from schemas.keys import (
     RobotStreamKey,
     parse_budget,
     parse_robot,
-    parse_serves,
     parse_service,
     parse_stream,
     parse_wanted,
-    parse_worker,
-    parse_worker_alive,
     sensor_key,
 )
+from schemas.worker_keys import parse_serves, parse_worker, parse_worker_alive
 from tests.fuzz.target import Target
 
 if TYPE_CHECKING:

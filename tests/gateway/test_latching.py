@@ -38,7 +38,7 @@ async def latched(bus: Bus) -> AsyncIterator[Latched]:
 
 async def kept(bus: Bus, count: int) -> set[str]:
     """Return what a late subscriber gets."""
-    async with bus.subscribe(KEY, QUEUE(MAX_PUBLISHERS + 1)) as late, asyncio.timeout(10):
+    async with bus.subscribe(KEY, QUEUE(MAX_PUBLISHERS + 1)) as late, asyncio.timeout(60):
         return {codec.decode(Text, (await anext(late)).payload, ENCODING).text for _ in range(count)}
 
 
@@ -78,7 +78,7 @@ async def test_a_publisher_more_than_there_is_room_for_is_told_so(
     assert await kept(bus, MAX_PUBLISHERS) == names
     latched.forget("0")
     assert latched.put("one more", text("x"), 1)
-    assert [record.name for record in caplog.records].count("gateway.latching") == 1  # asyncio may say that it was slow
+    assert [record.name for record in caplog.records].count("gateway.latching") == 1
 
 
 async def test_what_is_kept_is_bounded_together_and_an_old_message_never_outlives_a_newer_one(

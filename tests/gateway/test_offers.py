@@ -87,7 +87,7 @@ async def frame_from(rig: Rig, topic: str) -> ImageFrame:
         publication.publish(b"garbage")
         await until(lambda: rig.offers.streams()[0].received > before, "the garbage has come")
         publication.publish(message(0))
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             sample = await anext(frames)
     return codec.decode(ImageFrame, sample.payload, sample.encoding)
 
@@ -165,6 +165,24 @@ async def test_results_whose_topic_is_in_use_are_refused_and_others_not(caplog: 
     assert "fleet/r1/rear/classes is not returned: /gateway publishes /ultralytics/detection/classes" in caplog.text
 
 
+async def test_results_remapped_onto_a_sensors_topic_are_returned_only_while_no_sensor_is_there(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    overlay = {"/ultralytics/detection/image": "/rear/image_raw"}
+    async with rigged(lambda camera, root: camera_returns(camera, root, Names("/gateway", overlay).resolve)) as rig:
+        rear = StreamKey(REAR, Stream.COLOR)
+        async with rig.camera.subscribe("/rear/image_raw", TYPE_NAME, print):
+            await rig.offer({COLOR: TOPIC}, first="front")
+            await until(lambda: returned_to(rig) == {("front", "overlay/detection")}, "no sensor is there yet")
+            await rig.offer({COLOR: TOPIC, rear: "/rear/image_raw"}, first="front")
+            assert returned_to(rig) == set()
+            assert "/rear/image_raw" not in {returned.topic for returned in rig.offers.returns()}
+            await rig.offer({COLOR: TOPIC}, first="front")
+            await until(lambda: returned_to(rig) == {("front", "overlay/detection")}, "the sensor has gone")
+    refused = "fleet/r1/front/overlay/detection is not returned: /rear/image_raw is a sensor's topic"
+    assert caplog.messages.count(refused) == 1
+
+
 def returned_to(rig: Rig) -> set[tuple[str, str]]:
     return {(status.camera, status.stream) for status in rig.offers.returns() if status.wanted}
 
@@ -180,7 +198,7 @@ async def test_points_and_the_picture_in_them_share_a_subscription(rig: Rig) -> 
         await until(lambda: publication.subscriber_count == 1, "it is subscribed once")
         await until(lambda: all(status.publishers == 1 for status in rig.offers.streams()), "both are connected")
         publication.publish(bytes(colored().data))
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             picture, cloud = await anext(pictures), await anext(clouds)
         frame = codec.decode(ImageFrame, picture.payload, picture.encoding)
         about = codec.decode(PointCloud, cloud.payload, cloud.encoding).header

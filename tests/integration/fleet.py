@@ -28,6 +28,10 @@ class FleetRig:
         self.endpoint = endpoint
         self._stack = stack
 
+    def at(self, port: int) -> "FleetRig":
+        """Return the same rig for processes that connect to another port, behind which the router is."""
+        return FleetRig(self.bus, f"tcp/127.0.0.1:{port}", self._stack)
+
     async def start(self, command: str, *options: str) -> Child:
         """Start `fleetsight COMMAND OPTIONS` until the rig is taken down."""
         arguments = [command, "--connect", self.endpoint, *options]

@@ -27,7 +27,7 @@ _PACKAGES = Path("/usr/lib/python3/dist-packages")
 _PROGRAMS = (ROSMASTER, ROSTOPIC, "/usr/bin/rosbag")
 _PYTHON_PACKAGES = ("rospy", "sensor_msgs", "std_msgs")
 END_TIMEOUT_S = 5.0
-START_TIMEOUT_S = 20.0
+START_TIMEOUT_S = 60.0
 
 
 def require_ros(*packages: str) -> None:

@@ -33,9 +33,9 @@ def until_said(running: subprocess.Popen[str], pattern: str) -> None:
 
 
 def processes(running: subprocess.Popen[str]) -> list[psutil.Process]:
-    """Return the demo's five processes: simulator, three gateways and the detector."""
+    """Return the demo's seven processes: simulator, three gateways, distance and cloud service, and the detector."""
     found = psutil.Process(running.pid).children(recursive=True)
-    assert len(found) == 5
+    assert len(found) == 7
     return found
 
 

@@ -29,7 +29,7 @@ async def rig() -> AsyncIterator[FleetRig]:
 
 
 async def monitor(rig: FleetRig, file: Path) -> Child:
-    return await rig.start("monitor", "--mode", "client", "--history", f"sqlite:///{file}", *QUICK)
+    return await rig.start("monitor", "--mode", "client", "--no-web", "--history", f"sqlite:///{file}", *QUICK)
 
 
 @asynccontextmanager

@@ -74,7 +74,7 @@ async def test_a_robot_picks_up_the_box_that_its_camera_sees(
     await planner.until_output("listener up")
     await people.until_output("listener up")
     await rig.gateway("r1", ros.master_uri, {}, "--actions", "pick_up=/planner/pick_up")
-    await rig.start("monitor", "--mode", "client", "--history", "none", "--rules", str(rules))
+    await rig.start("monitor", "--mode", "client", "--no-web", "--history", "none", "--rules", str(rules))
     async with seeing_a_box(rig):
         await planner.until_output("heard box at r1/front")
         await people.until_output('"text":"1 box in view of r1/front, over 0"')

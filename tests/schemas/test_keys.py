@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from bus.keys import matches
 from schemas import keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, RobotStreamKey, Serves, Stream, StreamKey, Wanted, WorkerAlive
+from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
@@ -18,11 +18,22 @@ def test_stream_keys_parse_back(robot: str, camera: str, stream: Stream) -> None
 
 
 @given(names)
-def test_robot_and_worker_keys_parse_back(name: str) -> None:
+def test_robot_keys_parse_back(name: str) -> None:
     assert keys.parse_robot(keys.robot_alive(name)) == name
     assert keys.parse_robot(keys.gateway_status(name)) == name
-    assert keys.parse_worker(keys.worker_status("detector", name)) == ("detector", name)
-    assert keys.parse_worker(str(WorkerAlive("detector", name))) == ("detector", name)
+
+
+@given(names, names.filter(lambda name: name not in keys.RESERVED))
+def test_what_consumers_can_use_parses_back(robot: str, camera: str) -> None:
+    key = CameraKey(robot, camera)
+    assert keys.parse_budget(keys.budget(key)) == key
+    assert matches(keys.budget(key), keys.every_budget(robot))
+
+
+@pytest.mark.parametrize("key", ["workers/detector/w1/1/alive", "fleet/r1/ros/budget", "fleet/r1/front/color/budget"])
+def test_other_keys_are_no_budgets(key: str) -> None:
+    with pytest.raises(SchemaError):
+        keys.parse_budget(key)
 
 
 @given(
@@ -41,47 +52,6 @@ def test_a_consumers_token_says_what_it_wants_and_where(
     assert matches(str(token), keys.every_wanted(robot))
 
 
-@given(names, names, st.floats(keys.MIN_WEIGHT, keys.MAX_WEIGHT), st.none() | names)
-def test_a_workers_presence_says_its_weight_and_its_robot(
-    service: str, worker: str, weight: float, robot: str | None
-) -> None:
-    parsed = keys.parse_worker_alive(str(WorkerAlive(service, worker, weight, robot)))
-    assert parsed == WorkerAlive(service, worker, parsed.weight, robot)
-    assert parsed.weight == pytest.approx(weight, rel=1e-5)
-    assert keys.parse_worker_alive(str(parsed)) == parsed
-    assert matches(str(parsed), keys.every_worker_alive(service))
-
-
-@given(names, names, names, names.filter(lambda name: name not in keys.RESERVED))
-def test_what_workers_have_taken_over_and_can_use_parses_back(
-    service: str, worker: str, robot: str, camera: str
-) -> None:
-    token = Serves(service, worker, CameraKey(robot, camera))
-    assert keys.parse_serves(str(token)) == token
-    assert matches(str(token), keys.every_serves(service))
-    assert keys.parse_budget(keys.budget(token.camera)) == token.camera
-    assert matches(keys.budget(token.camera), keys.every_budget(robot))
-
-
-@pytest.mark.parametrize(
-    "key",
-    [
-        "workers/detector/w1/1/alive",
-        "workers/detector/w1/0/-/alive",
-        "workers/detector/w1/1001/-/alive",
-        "workers/detector/w1/1e3/-/alive",
-        "workers/detector/w1/nan/-/alive",
-        "workers/detector/w1/serves/r1/status",
-        "fleet/r1/ros/budget",
-        "fleet/r1/front/color/budget",
-    ],
-)
-def test_other_keys_are_no_workers_tokens_nor_budgets(key: str) -> None:
-    for parse in (keys.parse_worker_alive, keys.parse_serves, keys.parse_budget):
-        with pytest.raises(SchemaError):
-            parse(key)
-
-
 @pytest.mark.parametrize(
     "key",
     ["fleet/r1/front/color/wanted/a", "fleet/r1/front/color/wanted/a/b/c", "fleet/r1/wanted/a/b", "wanted/a/b", "a"],
@@ -96,9 +66,6 @@ def test_whatever_the_key_parsing_raises_schema_errors_only(key: str) -> None:
     for parse in (
         keys.parse_stream,
         keys.parse_robot,
-        keys.parse_worker,
-        keys.parse_worker_alive,
-        keys.parse_serves,
         keys.parse_budget,
         keys.parse_wanted,
         keys.parse_service,
@@ -240,13 +207,3 @@ def test_a_robots_clock_has_a_key() -> None:
 def test_whose_a_stream_is() -> None:
     assert keys.owner_of(StreamKey(CameraKey("r1", "front"), Stream.DEPTH)) == ("r1", "front")
     assert keys.owner_of(RobotStreamKey("r1", "tf")) == ("r1", "")
-
-
-def test_what_a_worker_is_asked_under() -> None:
-    assert keys.infer("w1") == "services/detector/infer/w1"
-    assert keys.worker_settings("detector", "w1") == "workers/detector/w1/settings"
-    assert keys.every_worker_alive("detector") == "workers/detector/*/*/*/alive"
-    with pytest.raises(SchemaError, match="worker name"):
-        keys.infer("a/b")
-    with pytest.raises(SchemaError, match="worker name"):
-        keys.worker_settings("detector", "a/b")

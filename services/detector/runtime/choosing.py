@@ -41,13 +41,17 @@ KEPT_S: Final = 7 * 24 * 3600
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a model is to run. digest: of its weights; longest: its input's longer side in pixels."""
+    """Where a model is to run. digest: of its weights; longest: its input's longer side in pixels.
+
+    spare: where what is made goes if the cache cannot be written.
+    """
 
     digest: str
     longest: int
     device: str
     threads: int
     cache: Path
+    spare: Path
 
 
 def check_installed(runtime: Runtime) -> None:
@@ -60,6 +64,8 @@ def check_installed(runtime: Runtime) -> None:
 def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
     """Return the fastest runtime for a device and the model under it. What was measured is kept for a week.
 
+    What was the fastest and no longer works is left out, with a warning.
+
     blank: a batch to measure with.
 
     Raises:
@@ -68,9 +74,9 @@ def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.ui
     candidates = [each for each in FOR_DEVICE.get(place.device, ("torch",)) if _is_installed(each)]
     memory = _memory(place, candidates)
     known = _recall(memory)
-    if known in candidates:
-        candidates = [known]
-    engines = dict(_made(make, candidates))
+    engines = dict(_made(make, [known], blank)) if known in candidates else {}
+    if not engines:
+        engines = dict(_made(make, [each for each in candidates if each != known], blank))
     if len(engines) == 1:
         return next(iter(engines.items()))
     if not engines:
@@ -102,11 +108,15 @@ def _is_installed(runtime: Runtime) -> bool:
     return all(find_spec(package) is not None for package in NEEDS[runtime])
 
 
-def _made(make: Callable[[Runtime], Engine], candidates: list[Runtime]) -> list[tuple[Runtime, Engine]]:
+def _made(
+    make: Callable[[Runtime], Engine], candidates: list[Runtime], blank: NDArray[np.uint8]
+) -> list[tuple[Runtime, Engine]]:
     made: list[tuple[Runtime, Engine]] = []
     for each in candidates:
         try:
-            made.append((each, make(each)))
+            engine = make(each)
+            engine.run(blank)
+            made.append((each, engine))
         except Exception as error:  # noqa: BLE001 - whatever ails one library, another one may work
             log.warning("not with --runtime %s: %s", each, error)
     return made
@@ -130,6 +140,9 @@ def _recall(memory: Path) -> Runtime | None:
 
 
 def _remember(memory: Path, runtime: Runtime) -> None:
-    with tempfile.NamedTemporaryFile("w", dir=memory.parent, delete=False) as file:
-        file.write(runtime)
-    Path(file.name).replace(memory)
+    try:
+        with tempfile.NamedTemporaryFile("w", dir=memory.parent, delete=False) as file:
+            file.write(runtime)
+        Path(file.name).replace(memory)
+    except OSError as error:
+        log.warning("%s is measured again at the next start: --cache %s: %s", runtime, memory.parent, error.strerror)

@@ -25,19 +25,21 @@ ABANDONED_S: Final = 24 * 3600
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
 
 
-def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int) -> Path:
+def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, spare: Path) -> Path:
     """Return the model as a file that other libraries run, exported by Ultralytics if it is not in the cache yet.
 
     Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
 
-    kind: of FILES. device: an engine is for one, an ONNX file for any.
+    kind: of FILES. device: an engine is for one, an ONNX file for any. spare: where it goes if the cache cannot be
+    written.
 
     Raises:
         ModelError: the export failed.
     """
-    folder = (
-        cache / f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
-    )
+    name = f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
+    if (cache / name / FILES[kind]).is_file():
+        return cache / name / FILES[kind]
+    folder = writable(cache, spare) / name
     if not (folder / FILES[kind]).is_file():
         log.info("exporting %s for %s, once", weights.path.name, kind)
         try:
@@ -45,6 +47,17 @@ def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: i
         except Exception as error:
             raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
     return folder / FILES[kind]
+
+
+def writable(cache: Path, spare: Path) -> Path:
+    """Return the cache, or with a warning `spare` if the cache cannot be written."""
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=cache):
+            return cache
+    except OSError as error:
+        log.warning("--cache %s: %s: what is exported is not kept", cache, error.strerror)
+        return spare
 
 
 def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: int) -> None:

@@ -19,7 +19,7 @@ from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
 from services.detector.settings import DetectorSettings
-from services.detector.tracking import TrackingModel
+from services.detector.tracking import Tracking
 
 if TYPE_CHECKING:
     import torch
@@ -46,7 +46,8 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
 def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -> Pipeline:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
-    folder: where Ultralytics keeps its settings, so that they are nobody's but ours. option: what errors speak of.
+    folder: where Ultralytics keeps its settings, so that they are nobody's but ours, and what is exported if the cache
+    cannot be written. option: what errors speak of.
 
     Raises:
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
@@ -59,7 +60,7 @@ def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -
     longest = settings.image_size or weights.longest
     on_gpu = device.type == "cuda"
     try:
-        runtime, engine, reference = _engines(settings, weights, device, longest)
+        runtime, engine, reference = _engines(settings, weights, device, longest, folder)
         return Pipeline(
             Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
@@ -76,13 +77,13 @@ def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -
         raise ModelError(f"{option} {settings.model}: not a model that can be used: {first_line(error)}") from error
 
 
-def tracking(model: Model, tracker: Literal["off", "bytetrack", "botsort"]) -> Model:
-    """Return the model with its objects followed from frame to frame; it must have been loaded here."""
+def tracking(tracker: Literal["off", "bytetrack", "botsort"]) -> Tracking | None:
+    """Return what follows objects from frame to frame; a model must have been loaded here."""
     if tracker == "off":
-        return model
+        return None
     from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
 
-    return TrackingModel(model, partial(UltralyticsTracker, tracker))
+    return Tracking(partial(UltralyticsTracker, tracker))
 
 
 def _tuning(settings: DetectorSettings) -> Tuning:
@@ -95,7 +96,7 @@ def _tuning(settings: DetectorSettings) -> Tuning:
 
 
 def _engines(
-    settings: DetectorSettings, weights: "Weights", device: "torch.device", longest: int
+    settings: DetectorSettings, weights: "Weights", device: "torch.device", longest: int, folder: Path
 ) -> tuple[Runtime, Engine, Engine]:
     """Return the runtime, the model under it, and the model under torch."""
     import torch  # noqa: PLC0415
@@ -106,7 +107,7 @@ def _engines(
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     reference = TorchEngine(weights.yolo.model, device)
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
-    place = Place(weights.digest, longest, device.type, threads, settings.cache)
+    place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported")
     make = partial(_make, weights=weights, device=device, place=place, reference=reference)
     blank = _blank(longest, weights.stride)
     if settings.runtime == "auto":
@@ -120,7 +121,7 @@ def _engines(
 
 
 def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place: Place, reference: Engine) -> Engine:
-    file = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest)
+    file = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest, spare=place.spare)
     match runtime:
         case "torch":
             return reference

@@ -7,12 +7,20 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from services.detector.runtime.engine import outputs
+from services.detector.model import first_line
+from services.detector.runtime.engine import OutOfMemoryError, outputs
 from services.detector.runtime.postprocess import Output
 
 _CPU: Final = "CPUExecutionProvider"
 _CUDA: Final = "CUDAExecutionProvider"
 ERRORS_ONLY: Final = 3
+NO_MEMORY: Final = (
+    "failed to allocate memory",
+    "out of memory",
+    "cudnn_status_alloc_failed",
+    "cublas_status_alloc_failed",
+)
+"""What the errors of its arena, CUDA, cuDNN and cuBLAS say, in small letters."""
 
 
 def session_options(threads: int) -> onnxruntime.SessionOptions:
@@ -22,6 +30,11 @@ def session_options(threads: int) -> onnxruntime.SessionOptions:
     options.log_severity_level = ERRORS_ONLY
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return options
+
+
+def is_out_of_memory(error: Exception) -> bool:
+    """Return whether ONNX Runtime, whose errors have no type for that, found too little memory on the GPU."""
+    return any(sign in str(error).lower() for sign in NO_MEMORY)
 
 
 class OnnxEngine:
@@ -38,5 +51,10 @@ class OnnxEngine:
         """See `Engine.run`."""
         batch = images.transpose(0, 3, 1, 2).astype(np.float32, order="C")
         batch /= 255
-        predictions, *prototypes = self._session.run(None, {self._input: batch})
+        try:
+            predictions, *prototypes = self._session.run(None, {self._input: batch})
+        except Exception as error:
+            if is_out_of_memory(error):
+                raise OutOfMemoryError(first_line(error)) from error
+            raise
         return outputs(predictions, prototypes[0] if prototypes else None)

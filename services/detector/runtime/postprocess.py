@@ -1,4 +1,4 @@
-"""A model's output to objects, as Ultralytics does it, but each mask only where its box is. Pure."""
+"""A model's output to objects, as Ultralytics does it, but each mask only where its box is, and its own. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +20,11 @@ PLACES: Final = 4
 """Numbers of a box."""
 ENDED: Final = 6
 """Numbers of a box, its score and its class, in the output of a model that suppresses doubles itself."""
+
+
+MOSTLY: Final = 0.5
+"""The share of a mask that surer objects of its class may cover at most: masks of things that there are do not overlap,
+whatever their boxes do, and what shows no more of its own is one of them again, or a part of it."""
 
 
 class OutputError(ValueError):
@@ -62,6 +67,8 @@ def objects(
     """
     found = _candidates(output, len(names), criteria)
     kept = found[_suppressed(found, criteria)] if _is_dense(output, len(names)) else found[: criteria.max_detections]
+    if output.prototypes is not None:
+        kept = kept[_apart(kept, output.prototypes, letterbox)]
     boxes = _in_image(kept.corners, letterbox)
     encoded: Sequence[Mask | None] = [None] * len(boxes)
     if masks and output.prototypes is not None:
@@ -129,6 +136,23 @@ def _suppressed(found: _Candidates, criteria: Criteria) -> NDArray[np.int64]:
     return np.array(kept, np.int64)
 
 
+def _apart(found: _Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArray[np.int64]:
+    """Return which objects, best first, are not MOSTLY covered by better ones of their class."""
+    height, width = prototypes.shape[1:]
+    scale = np.array([width / letterbox.columns.input, height / letterbox.rows.input] * 2, np.float32)
+    windows = np.clip(np.rint(found.corners * scale), 0, [width, height] * 2).astype(int).tolist()
+    covered: dict[int, NDArray[np.bool_]] = {}
+    apart: list[int] = []
+    for n, (label, (left, top, right, bottom)) in enumerate(zip(found.labels.tolist(), windows, strict=True)):
+        window = (slice(top, bottom), slice(left, right))
+        mask = np.einsum("c,chw->hw", found.coefficients[n], prototypes[:, *window]) > 0  # no BLAS, so no threads
+        before = covered.setdefault(label, np.zeros((height, width), np.bool_))[window]
+        if np.count_nonzero(mask & before) <= MOSTLY * np.count_nonzero(mask):
+            before |= mask
+            apart.append(n)
+    return np.array(apart, np.int64)
+
+
 def _in_image(corners: Floats, letterbox: Letterbox) -> Floats:
     across = letterbox.columns.to_image(corners[:, 0::2])
     down = letterbox.rows.to_image(corners[:, 1::2])
@@ -140,7 +164,7 @@ def _mask(coefficients: Floats, box: Floats, prototypes: Floats, letterbox: Lett
     left, top, right, bottom = np.ceil(box).astype(int).tolist()
     rows = _Taps.of(letterbox.rows, top, bottom, prototypes.shape[1])
     columns = _Taps.of(letterbox.columns, left, right, prototypes.shape[2])
-    small = np.einsum("c,chw->wh", coefficients, prototypes[:, rows.where, columns.where])  # no BLAS, so no threads
+    small = np.einsum("c,chw->wh", coefficients, prototypes[:, rows.where, columns.where])  # see above
     logits = rows.apply(columns.apply(small).T)
     return encode_window((logits > 0).T, top, left, letterbox.rows.image, letterbox.columns.image)
 

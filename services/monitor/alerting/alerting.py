@@ -134,8 +134,10 @@ class Alerting:
             if number % AT_ONCE == 0:
                 await asyncio.sleep(0)
         self._spoke = speaking
-        for robot in self._robots:
+        for number, robot in enumerate(list(self._robots), 1):
             engine.robot(robot, alive=self._inventory.is_alive(robot), now_ns=time.time_ns())
+            if number % AT_ONCE == 0:
+                await asyncio.sleep(0)
 
     def _look(self, engine: RuleEngine, camera: CameraView, now_ns: int) -> None:
         if engine.concerns(camera.key):

@@ -23,7 +23,13 @@ LONG_S: Final = 3_600.0
 
 
 async def run(settings: ExportSettings) -> None:
-    """Write the file, whole or not at all.
+    """Write the file, and say how much is in it; see `export`."""
+    count = await export(settings)
+    sys.stdout.write(f"{settings.to}: {count} {settings.what}\n")
+
+
+async def export(settings: ExportSettings) -> int:
+    """Write the file, whole or not at all; return how many rows there are.
 
     Raises:
         HistoryError: the database cannot be read, or the file not be written.
@@ -36,10 +42,9 @@ async def run(settings: ExportSettings) -> None:
     try:
         async with translating(LONG_S):
             with TemporaryDirectory(dir=settings.to.parent, prefix=".fleetsight-") as folder:
-                count = await _write(engine, settings, table, Path(folder))
+                return await _write(engine, settings, table, Path(folder))
     finally:
         await engine.dispose()
-    sys.stdout.write(f"{settings.to}: {count} {settings.what}\n")
 
 
 async def _write(engine: AsyncEngine, settings: ExportSettings, table: Table, folder: Path) -> int:

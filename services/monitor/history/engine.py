@@ -1,8 +1,9 @@
 """Connections to the history's database, and its errors in one line."""
 
 import asyncio
+import os
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,6 +41,16 @@ def engine_of(url: str) -> AsyncEngine:
 def file_of(engine: AsyncEngine) -> Path | None:
     """Return the file of an SQLite database."""
     return Path(engine.url.database or "") if engine.dialect.name == "sqlite" else None
+
+
+def private_file(file: Path) -> None:
+    """Make the file of an SQLite database where there is none; nobody else may read it: it holds passwords' hashes.
+
+    One that is there is not opened: closing it again would undo the locks of whoever uses it in this process.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(FileExistsError):
+        os.close(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
 
 @asynccontextmanager

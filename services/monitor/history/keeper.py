@@ -3,12 +3,14 @@
 import asyncio
 import logging
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from schemas.alerts import Alert
 from schemas.keys import CameraKey
+from services.monitor.history.acts import Act, Acts
 from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval, Ledger
@@ -28,8 +30,8 @@ RESTORE_S: Final = 5.0
 """How long the database may keep a monitor from beginning."""
 
 PRUNE_S: Final = 3_600.0
-BATCH: Final = 20_000
-"""Rows of one transaction."""
+BATCH: Final = 2_000
+"""Rows of one transaction: what makes them of intervals holds up everything else for some microseconds each."""
 
 RESTORED_NS: Final = 86_400 * NS
 """How long ago something may have ended for a restarted monitor to know when it was seen last."""
@@ -57,6 +59,7 @@ class HistoryKeeper:
     """Writes what changes in the inventory, and alerts, to the database of the settings.
 
     on_lead: is called with the alerts that are not resolved whenever this monitor becomes the one that raises alerts.
+    acts: what people did with alerts lately, and with those that are not resolved.
     """
 
     def __init__(
@@ -70,6 +73,8 @@ class HistoryKeeper:
         self._on_lead = on_lead
         self._ledger = Ledger()
         self._alerts: dict[str, Alert] = {}
+        self.acts = Acts()
+        self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
         self._quiet: set[CameraKey] = set()
         self._store: Store | None = None
         self._problem = "" if settings.history == NONE else "not connected yet"
@@ -95,6 +100,12 @@ class HistoryKeeper:
             self._alerts[alert.id] = alert
             while len(self._alerts) > MAX_ALERTS:
                 del self._alerts[next(iter(self._alerts))]
+
+    def act(self, act: Act) -> None:
+        """Take what somebody did with an alert."""
+        self.acts.take([act])
+        if self._settings.history != NONE:
+            self._new_acts.append(act)
 
     async def restore(self) -> None:
         """Give the inventory back what the database kept of it; before anything is taken."""
@@ -143,6 +154,7 @@ class HistoryKeeper:
             going_on = [interval for interval in kept.intervals if interval.open]
             heartbeat_ns = await store.heartbeat_ns()
             self._ledger.merge(going_on, heartbeat_ns, now_ns, self._inventory.limits.lost_ns)
+            self.acts.take(kept.acts)
             if not (self._leads and self._loaded):
                 self._on_lead(kept.alerts)
             self._writes = self._leads = self._loaded = True
@@ -157,14 +169,16 @@ class HistoryKeeper:
             return
         now_ns = time.time_ns()
         self._note_silence(now_ns)
-        while True:
-            some, changed = self._ledger.pending(BATCH), dict(self._alerts)
-            await store.write(some, changed.values(), now_ns)
-            self._written(some, changed)
-            if len(some) < BATCH:
-                break
-        if time.monotonic() >= self._due_s:
-            await store.prune(now_ns - round(self._settings.history_days * DAY_NS))
+        for _ in range(len(self._ledger) // BATCH):
+            some = self._ledger.pending(BATCH)
+            await store.write(some)
+            self._ledger.written(some)
+        some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), list(self._new_acts)
+        await store.write(some, changed.values(), now_ns, acts)
+        self._written(some, changed)
+        self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
+        before_ns = now_ns - round(self._settings.history_days * DAY_NS)
+        if time.monotonic() >= self._due_s and await store.prune(before_ns):
             self._due_s = time.monotonic() + PRUNE_S
 
     def _written(self, some: Iterable[Interval], changed: dict[str, Alert]) -> None:

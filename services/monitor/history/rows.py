@@ -5,8 +5,9 @@ from typing import Any
 import msgspec
 from sqlalchemy import Row
 
-from schemas.alerts import Alert
+from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
+from services.monitor.history.acts import Act
 from services.monitor.history.intervals import Interval
 
 
@@ -46,6 +47,16 @@ def row_of_alert(alert: Alert) -> dict[str, Any]:
 def alert_of_row(row: Row[Any]) -> Alert:
     """Return the alert of a row."""
     return msgspec.convert(_columns(row), Alert)
+
+
+def row_of_act(act: Act) -> dict[str, Any]:
+    """Return an act's columns."""
+    return {"alert_id": act.alert_id, "at_ns": act.at_ns, "state": act.state, "who": storable(act.who)}
+
+
+def act_of_row(row: Row[Any]) -> Act:
+    """Return the act of a row."""
+    return Act(row.alert_id, AlertState(row.state), row.who, row.at_ns)
 
 
 def _columns(row: Row[Any]) -> dict[str, Any]:

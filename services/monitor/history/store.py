@@ -14,24 +14,40 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.history.engine import engine_of, file_of, translating
+from services.monitor.history.acts import Act
+from services.monitor.history.engine import engine_of, file_of, private_file, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
-from services.monitor.history.rows import alert_of_row, interval_of_row, row_of_alert, row_of_interval
-from services.monitor.history.tables import alerts, heartbeat, intervals, metadata
+from services.monitor.history.rows import (
+    act_of_row,
+    alert_of_row,
+    interval_of_row,
+    row_of_act,
+    row_of_alert,
+    row_of_interval,
+)
+from services.monitor.history.tables import acts, alerts, heartbeat, intervals, metadata, open_intervals
+from services.monitor.inventory.settling import NS
 
 LOCK: Final = 0x666C656574
 """The advisory lock's number: "fleet", for whoever looks at pg_locks."""
 
 MAX_LOADED: Final = 200_000
 
+SLICE_NS: Final = 3_600 * NS
+"""How much history is forgotten at once: a database takes its time over many rows, and others wait."""
+
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts."""
+    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
+
+    acts: what was done with these alerts.
+    """
 
     intervals: Sequence[Interval]
     alerts: Sequence[Alert]
+    acts: Sequence[Act] = ()
 
 
 class Store:
@@ -50,11 +66,12 @@ class Store:
         file = file_of(engine)
         async with translating():
             if file is not None:
-                await asyncio.to_thread(file.parent.mkdir, parents=True, exist_ok=True)
+                await asyncio.to_thread(private_file, file)
             store = cls(engine, await engine.connect(), file)
         try:
             async with translating():
                 await store._connection.run_sync(metadata.create_all)
+                await store._connection.run_sync(open_intervals.create, checkfirst=True)  # tables may be there without
                 await store._connection.commit()
         except BaseException:
             await store.close()
@@ -77,10 +94,12 @@ class Store:
         async with translating():
             unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
-            await self._connection.commit()
             found = [alert_of_row(row) for row in rows]
+            theirs = acts.select().where(acts.c.alert_id.in_(unresolved.with_only_columns(alerts.c.id)))
+            done = (await self._connection.execute(theirs.order_by(acts.c.at_ns).limit(MAX_LOADED))).all()
+            await self._connection.commit()
         newest = {interval.place: interval for interval in [*ended, *going_on]}
-        return Kept(list(newest.values()), found)
+        return Kept(list(newest.values()), found, [act_of_row(row) for row in done])
 
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
@@ -100,22 +119,32 @@ class Store:
         for interval in found:
             yield interval
 
-    async def write(self, some: Iterable[Interval], changed: Iterable[Alert], at_ns: int) -> None:
-        """Write intervals and alerts, all of them or none, and that everything open goes on at `at_ns`."""
+    async def write(
+        self,
+        some: Iterable[Interval],
+        changed: Iterable[Alert] = (),
+        at_ns: int | None = None,
+        done: Iterable[Act] = (),
+    ) -> None:
+        """Write intervals, alerts and acts, all of them or none, and that everything open goes on at `at_ns`."""
         async with translating(), self._connection.begin():
             await self._put(intervals, [row_of_interval(interval) for interval in some])
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
-            await self._put(heartbeat, [{"id": 1, "at_ns": at_ns}])
+            await self._put(acts, [row_of_act(act) for act in done])
+            await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 
-    async def prune(self, before_ns: int) -> None:
-        """Forget what ended before then."""
+    async def prune(self, before_ns: int) -> bool:
+        """Forget what ended before then, no more at a time than of SLICE_NS; return whether that was all."""
         async with translating(), self._connection.begin():
-            await self._connection.execute(
-                delete(intervals).where(intervals.c.until_ns < before_ns, intervals.c.open.is_(False))
-            )
+            ended = intervals.c.open.is_(False)
+            oldest_ns = await self._connection.scalar(select(func.min(intervals.c.until_ns)).where(ended))
+            until_ns = min(before_ns, (oldest_ns or 0) + SLICE_NS)
+            await self._connection.execute(delete(intervals).where(intervals.c.until_ns < until_ns, ended))
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
+            await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
+        return oldest_ns is None or until_ns == before_ns
 
     async def close(self) -> None:
         """Let go of the connection and the lock; raises nothing."""

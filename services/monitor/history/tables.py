@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text
+from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text, true
 
 from schemas.header import MAX_LABEL
 
@@ -33,6 +33,11 @@ intervals: Final = Table(
 open: it goes on; until_ns is then the heartbeat's. first_ns: when the class came into view, with whatever count.
 """
 
+open_intervals: Final = Index(
+    "intervals_open", intervals.c.since_ns, postgresql_where=intervals.c.open, sqlite_where=intervals.c.open == true()
+)
+"""However long the history is, what goes on is found at once."""
+
 heartbeat: Final = Table(
     "heartbeat",
     metadata,
@@ -57,3 +62,35 @@ alerts: Final = Table(
     Index("alerts_by_change", "changed_ns"),
 )
 """Every alert as it stands or ended."""
+
+acts: Final = Table(
+    "acts",
+    metadata,
+    Column("alert_id", NAME, primary_key=True),
+    Column("at_ns", BigInteger, primary_key=True),
+    Column("state", String(16), primary_key=True),
+    Column("who", NAME, nullable=False),
+)
+"""What people did with alerts."""
+
+users: Final = Table(
+    "users",
+    metadata,
+    Column("name", NAME, primary_key=True),
+    Column("role", String(16), nullable=False),
+    Column("password", Text, nullable=False),
+    Column("changed_ns", BigInteger, nullable=False),
+)
+"""Who may log in. password: its argon2 hash."""
+
+logins: Final = Table(
+    "logins",
+    metadata,
+    Column("digest", String(64), primary_key=True),
+    Column("user", NAME, nullable=False),
+    Column("kind", String(16), nullable=False),
+    Column("user_ns", BigInteger, nullable=False),
+    Column("until_ns", BigInteger, nullable=False),
+    Index("logins_by_user", "user"),
+)
+"""Sessions and tokens that are good until then. digest: SHA-256, in hexadecimal, of what shows that one has it."""

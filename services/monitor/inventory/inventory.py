@@ -1,5 +1,6 @@
 """The inventory: what every camera of the fleet has in view, and since when. Pure."""
 
+from bisect import insort
 from collections.abc import Collection, Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
@@ -7,7 +8,7 @@ from typing import Final
 
 from schemas.detections import ClassList
 from schemas.distances import Distances
-from schemas.keys import CameraKey
+from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.settling import NS, Debounce
 from services.monitor.inventory.sighting import Change, Sighting
@@ -50,6 +51,7 @@ class Inventory:
     def __init__(self, limits: Limits | None = None) -> None:
         self.limits = limits or Limits()
         self._cameras: dict[CameraKey, CameraView] = {}
+        self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
         self._present: set[CameraKey] = set()
 
@@ -69,12 +71,12 @@ class Inventory:
 
         Lists of one camera are to come in order, but a clock that was set back is lived with.
         """
-        camera = self._camera(CameraKey(seen.header.robot, seen.header.camera))
+        camera = self._camera(camera_key(seen.header.robot, seen.header.camera))
         return camera.see(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
-        return self._camera(CameraKey(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
+        return self._camera(camera_key(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
 
     def tick(self, now_ns: int) -> list[Change]:
         """Let time pass; return what is not known any more."""
@@ -100,6 +102,10 @@ class Inventory:
         """Return every camera ever heard of; to be looked at only."""
         return self._cameras.values()
 
+    def in_order(self) -> tuple[CameraKey, ...]:
+        """Return every camera ever heard of, by robot and name."""
+        return tuple(self._in_order)
+
     def camera(self, key: CameraKey) -> CameraView | None:
         """Return one camera, to be looked at only."""
         return self._cameras.get(key)
@@ -121,18 +127,18 @@ class Inventory:
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
         """Yield what is or was in view, by robot, camera and class; of one of them if it is named."""
         since_ns = now_ns - self.limits.stale_ns
-        for key in sorted(self._cameras):
-            if robot in ("", key.robot) and camera in ("", key.camera):
-                view = self._cameras[key]
-                available = self.speaks(view, now_ns)
-                of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
-                yield from (Entry(sighting, available) for sighting in of if name in ("", sighting.name))
+        for key in [key for key in self._in_order if robot in ("", key.robot) and camera in ("", key.camera)]:
+            view = self._cameras[key]
+            available = self.speaks(view, now_ns)
+            of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
+            yield from (Entry(sighting, available) for sighting in of if name in ("", sighting.name))
 
     def _camera(self, key: CameraKey) -> CameraView:
         found = self._cameras.get(key)
         if found is None:
             make_room(self._cameras, key)
             found = self._cameras[key] = CameraView(key)
+            insort(self._in_order, key)
         return found
 
 

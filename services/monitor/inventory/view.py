@@ -1,6 +1,5 @@
 """What one model says about one camera. Pure."""
 
-from collections.abc import Iterable
 from typing import Final
 
 from schemas.detections import ClassCount, ClassList
@@ -16,10 +15,22 @@ MAX_CLASSES: Final = 64
 class Tracked:
     """One class in a view: its settled count, and its sighting while there is one, or the last.
 
-    closest_m: the nearest that any came since the count last moved; before_m: the same until then.
+    closest_m: the nearest that any came since the count last moved; before_m: the same until then. listed: the number
+    of the view's newest list that named it.
     """
 
-    __slots__ = ("before_m", "closest_m", "count", "first_ns", "last_ns", "nearest_m", "nearest_ns", "score", "worker")
+    __slots__ = (
+        "before_m",
+        "closest_m",
+        "count",
+        "first_ns",
+        "last_ns",
+        "listed",
+        "nearest_m",
+        "nearest_ns",
+        "score",
+        "worker",
+    )
 
     def __init__(self, count: int = 0) -> None:
         self.count = SettledCount(count)
@@ -31,6 +42,23 @@ class Tracked:
         self.nearest_ns = 0
         self.closest_m: float | None = None
         self.before_m: float | None = None
+        self.listed = 0
+
+    def advance(self, seen: ClassCount, worker: str, at_ns: int, debounce: Debounce) -> bool:
+        """Take what a list says of the class; return whether the count moved."""
+        if seen.count:
+            self.score, self.worker, self.last_ns = seen.score, worker, at_ns
+        appears = self.count.count == 0
+        if not self.count.advance(seen.count, at_ns, debounce):
+            return False
+        if appears:
+            self.first_ns = self.count.since_ns
+        self.move()
+        return True
+
+    def move(self) -> None:
+        """Begin a new nearest distance: the count moved."""
+        self.before_m, self.closest_m = self.closest_m, None
 
     def measure(self, nearest_m: float | None, at_ns: int) -> None:
         """Note how near the nearest is."""
@@ -76,45 +104,35 @@ class View:
         """Look again after a gap: what was in view then is not known to be now."""
         self.began_ns, self.lists = at_ns, 0
         for tracked in self.classes.values():
-            tracked.count = SettledCount()
+            tracked.count, tracked.listed = SettledCount(), 0
 
     def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
         """Take a class list that is news; return the classes whose count moved."""
         self.last_ns = at_ns
         self.lists += 1
-        moved = [each.name for each in seen.classes if self._in_view(each, seen.worker, at_ns, debounce)]
-        names = {each.name for each in seen.classes}
-        absent = [name for name in self.classes if name not in names]
-        return moved + self._out_of_view(absent, at_ns, debounce) if absent else moved
-
-    def _in_view(self, seen: ClassCount, worker: str, at_ns: int, debounce: Debounce) -> bool:
-        tracked = self.classes.get(seen.name)
-        if tracked is None:
-            tracked = self._add(seen.name)
-            if tracked is None:
-                return False
-        before = tracked.count.count
-        moved = tracked.count.advance(seen.count, at_ns, debounce)
-        if seen.count:
-            tracked.score, tracked.worker, tracked.last_ns = seen.score, worker, at_ns
-        if moved:
-            self._moved(tracked, before)
+        moved: list[str] = []
+        in_view = 0
+        for each in seen.classes:
+            tracked = self.classes.get(each.name) or self._add(each.name)
+            if tracked is not None and tracked.listed != self.lists:
+                tracked.listed = self.lists
+                in_view += 1
+                if tracked.advance(each, seen.worker, at_ns, debounce):
+                    moved.append(each.name)
+        if in_view < len(self.classes):
+            moved += self._out_of_view(at_ns, debounce)
         return moved
 
-    def _out_of_view(self, names: Iterable[str], at_ns: int, debounce: Debounce) -> list[str]:
+    def _out_of_view(self, at_ns: int, debounce: Debounce) -> list[str]:
         moved = []
-        for name in names:
-            tracked = self.classes[name]
+        absent = [(name, tracked) for name, tracked in self.classes.items() if tracked.listed != self.lists]
+        for name, tracked in absent:
             if tracked.count.count == 0 and tracked.first_ns == 0:
                 del self.classes[name]  # a flicker
             elif tracked.count.advance(0, at_ns, debounce):
+                tracked.move()
                 moved.append(name)
         return moved
-
-    def _moved(self, tracked: Tracked, before: int) -> None:
-        if before == 0:
-            tracked.first_ns = tracked.count.since_ns
-        tracked.before_m, tracked.closest_m = tracked.closest_m, None
 
     def _add(self, name: str) -> Tracked | None:
         if len(self.classes) >= MAX_CLASSES:

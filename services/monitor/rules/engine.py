@@ -63,6 +63,8 @@ class RuleEngine:
         self._alerts: dict[str, tuple[Alert, Place]] = {}
         self._effects: list[Effect] = []
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
+        self._robots: dict[str, list[SilentRule]] = {}
+        self._full = False
         self.left_out = 0
 
     @property
@@ -85,6 +87,8 @@ class RuleEngine:
         self._subjects = {rule.name: kept.get(rule.name, {}) for rule in book.rules}
         self._waiting = {key: subject for key, subject in self._waiting.items() if key[0] in same}
         self._cameras.clear()
+        self._robots.clear()
+        self._full = False
 
     def restore(self, alerts: Iterable[Alert], now_ns: int) -> None:
         """Go on with the alerts of a monitor that ran before; those of rules that are gone, or double, resolve."""
@@ -123,9 +127,14 @@ class RuleEngine:
 
     def robot(self, robot: str, *, alive: bool, now_ns: int) -> None:
         """Take whether a robot's gateway is there."""
-        for rule in self._book.rules:
-            if isinstance(rule, SilentRule) and not rule.of_cameras and rule.applies_to(robot, ""):
-                self._find(rule, (robot, "", ""), Finding("", not alive, f"{robot} is silent"), now_ns)
+        rules = self._robots.get(robot)
+        if rules is None:
+            silent = [rule for rule in self._book.rules if isinstance(rule, SilentRule) and not rule.of_cameras]
+            rules = [rule for rule in silent if rule.applies_to(robot, "")]
+            if len(self._robots) < MAX_SUBJECTS:
+                self._robots[robot] = rules
+        for rule in rules:
+            self._find(rule, (robot, "", ""), Finding("", not alive, f"{robot} is silent"), now_ns)
 
     def next_ns(self) -> int | None:
         """Return when something that is waited for may be due first, None if nothing is."""
@@ -145,6 +154,7 @@ class RuleEngine:
             waits = alert.state is AlertState.RAISED and after_s is not None
             if waits and now_ns - alert.raised_ns >= (after_s or 0) * NS:
                 self._change(alert, AlertState.ESCALATED, now_ns)
+        self._full = False
         effects, self._effects = self._effects, []
         return effects
 
@@ -211,18 +221,22 @@ class RuleEngine:
     def _subject(self, rule: str, place: Place) -> _Subject | None:
         subjects = self._subjects[rule]
         if place not in subjects:
-            if sum(map(len, self._subjects.values())) >= MAX_SUBJECTS:
-                self._forget_idle()
-            if sum(map(len, self._subjects.values())) >= MAX_SUBJECTS:
+            if not self._has_room():
                 self.left_out += 1
                 return None
             subjects[place] = _Subject()
         return subjects[place]
 
-    def _forget_idle(self) -> None:
-        """Forget what is only remembered for its cooldown."""
+    def _has_room(self) -> bool:
+        """Whether one more can be followed; once between two `due` what is remembered for its cooldown makes room."""
+        if sum(map(len, self._subjects.values())) < MAX_SUBJECTS:
+            return True
+        if self._full:
+            return False
         for name, subjects in self._subjects.items():
             self._subjects[name] = {place: subject for place, subject in subjects.items() if subject.holds}
+        self._full = sum(map(len, self._subjects.values())) >= MAX_SUBJECTS
+        return not self._full
 
     def _due_ns(self, rule: AnyRule, subject: _Subject) -> int:
         held_ns = subject.since_ns + round(rule.for_s * NS)

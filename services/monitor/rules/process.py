@@ -5,6 +5,7 @@ import sys
 from datetime import UTC, datetime
 
 from schemas.alerts import AlertState
+from schemas.printing import printable
 from services.monitor.export.settings import epoch_ns
 from services.monitor.history.engine import engine_of, file_of
 from services.monitor.history.errors import HistoryError
@@ -40,7 +41,7 @@ async def run(settings: RulesSettings) -> None:
         raised += effect.raised
         if alert.state in (AlertState.RAISED, AlertState.RESOLVED):
             moment = datetime.fromtimestamp(alert.changed_ns / NS, UTC).astimezone().isoformat(timespec="seconds")
-            sys.stdout.write(f"{moment} {alert.state} {alert.severity} {alert.rule}: {alert.text}\n")
+            sys.stdout.write(printable(f"{moment} {alert.state} {alert.severity} {alert.rule}: {alert.text}") + "\n")
     sys.stdout.write(f"{len(book.rules)} rules, {len(found)} intervals, {raised} alerts\n")
     sys.stdout.writelines(f"{note}\n" for note in caveats(book))
 

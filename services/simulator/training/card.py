@@ -120,7 +120,17 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> 
         confidence=CONFIDENCE,
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
         **settings.model_dump(
-            include={"imgsz", "seed", "images", "coarse_epochs", "epochs", "polish_epochs", "batch", "workers", "holdout"}
+            include={
+                "imgsz",
+                "seed",
+                "images",
+                "coarse_epochs",
+                "epochs",
+                "polish_epochs",
+                "batch",
+                "workers",
+                "holdout",
+            }
         ),
     )
 

@@ -6,6 +6,7 @@ from typing import Final
 from bus import Bus, RequestError, open_bus
 from schemas import codec, keys
 from schemas.errors import SchemaError
+from schemas.printing import printable
 from schemas.service import ServiceRequest, ServiceResponse
 from services.toolbox.call.settings import CallSettings
 
@@ -23,7 +24,7 @@ async def run(settings: CallSettings) -> int:
             return _fail(str(error))
     if response.success is False:
         return _fail(f"{settings.service} did not succeed: {response.message or 'it does not say why'}")
-    sys.stdout.write(f"{response.message or 'done'}\n")
+    sys.stdout.write(f"{printable(response.message or 'done')}\n")
     return 0
 
 
@@ -39,5 +40,5 @@ async def _call(bus: Bus, settings: CallSettings) -> ServiceResponse:
 
 
 def _fail(reason: str) -> int:
-    sys.stderr.write(f"fleetsight call: {' '.join(reason.split())}\n")
+    sys.stderr.write(f"fleetsight call: {printable(' '.join(reason.split()))}\n")
     return FAILED

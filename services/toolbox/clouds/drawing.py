@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.objects import ObjectClouds, UprightBox
+from services.geometry.boxes import axes_of
 from services.toolbox.clouds.files import points_of
 
 CORNERS: Final = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 EDGES: Final = np.array(
     [[a, b] for a in range(8) for b in range(a + 1, 8) if (CORNERS[a] != CORNERS[b]).sum() == 1], np.int32
 )
-_UPRIGHT: Final = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,10 +45,4 @@ def drawing_of(seen: ObjectClouds) -> Drawing:
 
 def corners_of(box: UprightBox) -> NDArray[np.float64]:
     """Return the corners of a box, (8, 3)."""
-    up = np.array(box.up)
-    first = np.eye(3)[0 if abs(up[0]) < _UPRIGHT else 2]
-    x = first - up * (up @ first)
-    x /= np.linalg.norm(x)
-    along = np.cos(box.yaw) * x + np.sin(box.yaw) * np.cross(up, x)
-    sides = np.array([along, np.cross(up, along), up])
-    return np.asarray(box.centre + (CORNERS * box.size) @ sides)
+    return np.asarray(box.centre + (CORNERS * box.size) @ axes_of(box))

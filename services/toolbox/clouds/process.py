@@ -12,6 +12,7 @@ from schemas import codec
 from schemas.errors import SchemaError
 from schemas.keys import Stream
 from schemas.objects import ObjectClouds
+from schemas.printing import printable
 from services.toolbox.clouds.drawing import Drawing, drawing_of
 from services.toolbox.clouds.errors import ViewerError
 from services.toolbox.clouds.files import pcd, ply
@@ -86,7 +87,7 @@ async def _next(samples: Subscription, settings: CloudsSettings) -> ObjectClouds
             seen = codec.decode(ObjectClouds, sample.payload, sample.encoding)
             codec.check_identity(seen.header, settings.key)
         except SchemaError as error:
-            sys.stderr.write(f"fleetsight clouds: left out: {error}\n")
+            sys.stderr.write(f"fleetsight clouds: left out: {printable(str(error))}\n")
             continue
         return seen
 

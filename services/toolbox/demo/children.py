@@ -11,7 +11,7 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Final
 
-STOP_S: Final = 1.8
+STOP_S: Final = 1.5
 """How long a process may take to end in order before it is killed; with what follows it stays under 3 s."""
 
 MAX_LINE: Final = 64 * 1024

@@ -5,17 +5,22 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from rich.console import Console
 
-from bus import BusSettings, open_bus
+from bus import open_bus
 from bus.clock import clock_id
+from schemas.printing import printable
 from services.monitor.display import show
 from services.monitor.fleet import Fleet
-from services.monitor.process import watch_fleet
+from services.monitor.monitor import Monitor
+from services.monitor.process import running
 from services.monitor.table import notes_of
 from services.toolbox.demo.children import Child, ChildFailedError, child
+from services.toolbox.demo.page import Page
 from services.toolbox.demo.ports import free_ports
 from services.toolbox.demo.settings import DemoSettings
 from services.toolbox.demo.summary import Summary, drops
@@ -31,22 +36,26 @@ REFRESH_S: Final = 0.5
 
 async def run(settings: DemoSettings) -> int:
     """Run the demo until its time is over or it is cancelled, print the summary, return 0 if every robot was seen."""
+    with TemporaryDirectory(prefix="fleetsight-demo-") as folder:
+        return await _run(settings, Path(folder))
+
+
+async def _run(settings: DemoSettings, folder: Path) -> int:
     began_s = time.monotonic()
     console = Console()
-    fleet = Fleet(clock_id())
     port = free_ports(1 + settings.robots)
     endpoint = f"tcp/127.0.0.1:{port}"
     commands = plan(settings, endpoint, port + 1)
     children: dict[str, Child] = {}
     ended_well = True
+    fleet = Fleet(clock_id())
+    page = await Page.of(endpoint, folder)
     try:
-        async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus, asyncio.TaskGroup() as group:
-            watching = group.create_task(watch_fleet(bus, fleet))
+        async with open_bus(page.settings) as bus, running(page.settings, bus, fleet) as monitor:
             try:
-                await _show_until_over(commands, children, fleet, console, settings.seconds)
+                await _show_until_over(commands, children, monitor, page, console, seconds=settings.seconds)
             finally:
                 await asyncio.sleep(LAST_WORDS_S)
-                watching.cancel()
     except* ChildFailedError as failed:
         for error in _leaves(failed):
             log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
@@ -64,6 +73,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     model = ["--model", settings.model] if settings.model else []
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
+        *("--warehouses", "1"),  # so that all of them are on one map
         *("--master-port", str(master_port)),
     ]
     gateways = {
@@ -75,7 +85,8 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     }
     # Under torch at once: whatever is quicker is exported first, which takes longer than most demos.
     detector = ["detector", "--connect", endpoint, "--runtime", "torch", *model]
-    return {"simulator": simulator, **gateways, "detector": detector}
+    measuring = {service: [service, "--connect", endpoint] for service in ("distance", "cloud")}
+    return {"simulator": simulator, **gateways, **measuring, "detector": detector}
 
 
 def _robots(settings: DemoSettings) -> list[str]:
@@ -85,20 +96,24 @@ def _robots(settings: DemoSettings) -> list[str]:
 async def _show_until_over(
     commands: Mapping[str, Sequence[str]],
     children: dict[str, Child],
-    fleet: Fleet,
+    monitor: Monitor,
+    page: Page,
     console: Console,
+    *,
     seconds: float | None,
 ) -> None:
     ending = asyncio.Event()
 
     def say(line: str) -> None:
         if not ending.is_set():  # then each misses the others, as it should
-            console.print(line, markup=False, highlight=False, soft_wrap=True, style="dim")
+            console.print(printable(line), markup=False, highlight=False, soft_wrap=True, style="dim")
 
     note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
+    notes = [note, page.note]
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(_keep(name, command, children, say)) for name, command in commands.items()]
-        tasks.append(group.create_task(show(fleet, console, REFRESH_S, note=note)))
+        tasks.append(group.create_task(page.web.run(monitor)))
+        tasks.append(group.create_task(show(monitor.fleet, console, REFRESH_S, note="\n".join(notes))))
         try:
             await (asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
         finally:
@@ -123,11 +138,12 @@ def _leaves(group: BaseExceptionGroup[ChildFailedError]) -> Iterator[ChildFailed
 
 def _add_up(settings: DemoSettings, fleet: Fleet, children: Mapping[str, Child], began_s: float) -> Summary:
     output = children["simulator"].output if "simulator" in children else []
+    detectors = [worker for (service, _), worker in fleet.workers.items() if service == "detector"]
     return Summary(
         robots=_robots(settings),
         sent=json.loads(output[-1])["sent"] if output else {},
-        inferred=sum(camera.inferred for worker in fleet.workers.values() for camera in worker.cameras),
-        dropped=drops(fleet.gateways.values(), fleet.workers.values()),
+        inferred=sum(camera.inferred for worker in detectors for camera in worker.cameras),
+        dropped=drops(fleet.gateways.values(), detectors),
         lists=fleet.lists_per_robot(),
         ages_s=tuple(fleet.ages_s),
         first_list_s=None if fleet.first_list_s is None else fleet.first_list_s - began_s,

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from schemas.keys import Stream
 from schemas.status import MISSING, NUMBERED, GatewayStatus, WorkerStatus
 
 
@@ -51,13 +52,14 @@ class Summary:
 
 
 def drops(gateways: Iterable[GatewayStatus], workers: Iterable[WorkerStatus]) -> Counter[str]:
-    """Add up every drop once, under "place: reason"."""
+    """Add up every drop of a picture once, under "place: reason". workers: the detectors."""
     at_gateways: Counter[str] = Counter()
     at_workers: Counter[str] = Counter()
     for gateway in gateways:
         at_gateways.update(gateway.withdrawn)
         for stream in gateway.streams:
-            at_gateways.update(stream.dropped)
+            if stream.stream == Stream.COLOR:
+                at_gateways.update(stream.dropped)
     for worker in workers:
         for camera in worker.cameras:
             at_workers.update(camera.dropped)

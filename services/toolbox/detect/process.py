@@ -12,9 +12,10 @@ from typing import Final
 import msgspec
 
 from bus import Bus, NotServedError, RefusedError, RequestError, open_bus
-from schemas import codec, keys
+from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
+from schemas.printing import printable
 from services.detector.overlay import overlay
 from services.detector.requests import SERVICE, detect
 from services.detector.runtime.loading import load
@@ -38,7 +39,7 @@ async def run(settings: DetectSettings) -> int:
         output = settings.output or settings.image.with_name(f"{settings.image.stem}.detected.jpg")
         await asyncio.to_thread(_draw, found, image, output)
     except (RequestError, SchemaError, OSError) as error:
-        sys.stderr.write(f"fleetsight detect: {' '.join(str(error).split())}\n")
+        sys.stderr.write(f"fleetsight detect: {printable(' '.join(str(error).split()))}\n")
         return FAILED
     sys.stdout.write(as_json(found) if settings.json_ else table(found, output))
     return 0
@@ -67,7 +68,7 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
         reason: RequestError = NotServedError(f"no detector worker was seen within {settings.timeout_s:g} s")
         for worker in random.sample(workers, len(workers)):
             try:
-                reply = await bus.request(keys.infer(worker), image, timeout_s=settings.timeout_s)
+                reply = await bus.request(worker_keys.infer(worker), image, timeout_s=settings.timeout_s)
             except RefusedError as error:
                 if BUSY not in str(error):
                     raise
@@ -94,11 +95,11 @@ async def _workers(bus: Bus, patience_s: float) -> list[str]:
 
 
 async def _appearing(bus: Bus) -> AsyncIterator[str]:
-    async with bus.watch(keys.every_worker_alive(SERVICE)) as watch:
+    async with bus.watch(worker_keys.every_worker_alive(SERVICE)) as watch:
         async for presence in watch:
             with suppress(SchemaError):
                 if presence.alive:
-                    yield keys.parse_worker_alive(presence.key).worker
+                    yield worker_keys.parse_worker_alive(presence.key).worker
 
 
 def _draw(found: Detections, image: bytes, output: Path) -> None:
@@ -120,10 +121,14 @@ def table(found: Detections, output: Path) -> str:
         )
         for row in rows
     ]
-    about = f"{len(found.objects)} objects by {found.model} of {found.worker}; drawn in {output}"
+    about = f"{len(found.objects)} objects by {printable(f'{found.model} of {found.worker}')}; drawn in {output}"
     return "\n".join([*(lines if found.objects else []), about, ""])
 
 
 def _row(found: Detection) -> tuple[str, ...]:
     box = found.box
-    return (found.name, f"{found.score:.2f}", *(str(round(edge)) for edge in (box.x1, box.y1, box.x2, box.y2)))
+    return (
+        printable(found.name),
+        f"{found.score:.2f}",
+        *(str(round(edge)) for edge in (box.x1, box.y1, box.x2, box.y2)),
+    )

@@ -14,7 +14,7 @@ from schemas.detections import Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from services.detector.model import Failed, ModelError, Outcome, Request
+from services.detector.model import Failed, Found, ModelError, Outcome, Request
 from services.detector.runtime.loading import load, tracking
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.settings import DetectorSettings
@@ -53,7 +53,7 @@ def open_follower(weights: Path, *, device: str | None, folder: Path) -> Follow:
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
     settings = _settings(weights, device)
-    model = tracking(_loaded(settings, folder), settings.tracker)
+    model, following = _loaded(settings, folder), tracking(settings.tracker)
     drives = count()
 
     def follow(images: Iterable[NDArray[np.uint8]], hz: float) -> list[Sequence[Detection]]:
@@ -64,7 +64,10 @@ def open_follower(weights: Path, *, device: str | None, folder: Path) -> Follow:
         found = []
         for seq, image in enumerate(images):
             header = msgspec.structs.replace(HEADER, seq=seq, received_ns=round(seq * 1e9 / hz))
-            (outcome,) = await model.infer([Request(camera, framed(image, header), masks=True)])
+            request = Request(camera, framed(image, header), masks=True)
+            (outcome,) = await model.infer([request])
+            if following is not None and isinstance(outcome, Found):
+                outcome = await following.follow(request, outcome)
             found.append(_objects(weights, outcome))
         return found
 

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.sharing.rendezvous import owner
-from schemas.keys import CameraKey, WorkerAlive
+from schemas.keys import CameraKey
+from schemas.worker_keys import WorkerAlive
 
 FLEET = [CameraKey(f"r{robot}", f"c{camera}") for robot in range(8) for camera in range(8)]
 CAMERAS = FLEET[::4]

@@ -4,7 +4,7 @@ from bus import QUEUE
 from bus.fake import FakeNetwork
 from bus.shared_demand import SharedDemand
 from bus.sharing.reporting import report, say_unwanted
-from schemas import codec, keys
+from schemas import codec, worker_keys
 from schemas.status import WorkerStatus
 
 
@@ -18,7 +18,7 @@ async def test_a_status_comes_at_once_and_a_last_one_at_the_end() -> None:
     async with (
         network.open_bus() as ours,
         network.open_bus() as theirs,
-        theirs.subscribe(keys.worker_status("distance", "w"), QUEUE(4), history=False) as samples,
+        theirs.subscribe(worker_keys.worker_status("distance", "w"), QUEUE(4), history=False) as samples,
     ):
         reporting = asyncio.create_task(report(ours, "distance", "w", status))
         for _ in range(2):

@@ -2,7 +2,7 @@ import pytest
 from pydantic import ValidationError
 
 from bus.sharing import SharingSettings
-from schemas.keys import WorkerAlive
+from schemas.worker_keys import WorkerAlive
 
 
 def test_a_worker_is_for_any_robot_and_weighs_one_unless_told() -> None:

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from bus.sharing import shares as limits
 from bus.sharing.rendezvous import owner
 from bus.sharing.shares import HAND_OVER_S, Shares
-from schemas.keys import CameraKey, Serves, WorkerAlive
+from schemas.keys import CameraKey
+from schemas.worker_keys import Serves, WorkerAlive
 
 CAMERAS = [CameraKey(f"r{robot}", f"c{camera}") for robot in range(4) for camera in range(4)]
 MOST = 1000

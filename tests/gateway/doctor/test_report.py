@@ -57,3 +57,10 @@ def test_json_for_programs() -> None:
         "advice": "start the sensor's driver",
     }
     assert json.loads(as_json(FINDINGS[:1]))["ok"] is True
+
+
+def test_what_others_are_called_is_shown_as_it_is_written() -> None:
+    text = as_text([problem(Stage.SENSORS, "/a\x1b[2J", "gone", "start /a\x07")], 80)
+    assert text.count(r"/a\x1b[2J: gone") == 2
+    assert r"-> start /a\x07" in text
+    assert text.replace("\n", "").isprintable()

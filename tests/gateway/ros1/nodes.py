@@ -11,4 +11,4 @@ if TYPE_CHECKING:
 
 
 def node(name: str, master: RosMaster) -> Node:
-    return Node(name, master_uri=master.uri, poll_interval=0.1, timeout=2.0)
+    return Node(name, master_uri=master.uri, poll_interval=0.1, timeout=20.0)

@@ -52,7 +52,7 @@ class Rig:
 
 
 async def receive(arrived: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         sample = await anext(arrived)
     return codec.decode(schema, sample.payload, sample.encoding)
 

@@ -13,7 +13,7 @@ import pytest
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from bus.clock import clock_id
 from bus.fake import FakeNetwork
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.camera_info import CameraInfo
 from schemas.codec import M
 from schemas.detections import Detections
@@ -93,19 +93,19 @@ class Rig:
 
 
 async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while not condition():  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.005)
 
 
 async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         sample = await anext(subscription)
     return codec.decode(schema, sample.payload, sample.encoding)
 
 
 async def load_when(rig: Rig, such: Callable[[CameraLoad], bool]) -> CameraLoad:
-    async with rig.bus.subscribe(keys.worker_status(SERVICE, "w1"), QUEUE(9)) as statuses:
+    async with rig.bus.subscribe(worker_keys.worker_status(SERVICE, "w1"), QUEUE(9)) as statuses:
         while True:
             for load in (await receive(statuses, WorkerStatus)).cameras:
                 if such(load):

@@ -56,13 +56,13 @@ class FakeModel:
             return await asyncio.to_thread(lambda: [self._look(request) for request in batch])
 
     def _look(self, request: Request) -> Outcome:
+        self.called.release()
         try:
             image = to_bgr(request.frame)
         except PictureError as error:
             return Failed(MALFORMED, error)
         self.seen.append(image)
-        self.called.release()
-        self.may_answer.wait(10)
+        self.may_answer.wait(60)
         if tuple(image[0, 0]) == self.FATAL:
             return Failed(FAILED, RuntimeError("this image is fatal"))
         height, width = image.shape[:2]

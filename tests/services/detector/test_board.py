@@ -107,7 +107,7 @@ async def test_a_fuller_board_is_waited_for_until_it_is_full() -> None:
 async def test_a_fuller_board_is_not_waited_for_longer_than_it_is_worth() -> None:
     board = Board()
     board.post(FRONT, waiting(0))
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         await board.filled(2, 0.01)
 
 

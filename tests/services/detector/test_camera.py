@@ -43,7 +43,7 @@ async def test_an_overlay_is_drawn_while_somebody_looks(stream: Stream) -> None:
         assert not made.demand.wanted
         async with bus.subscribe(FRONT.stream(stream), QUEUE(9)) as overlays:
             await until(lambda: made.demand.wanted)
-            made.publish(*looked_at(3))
+            made.publish_objects(*looked_at(3))
             drawn = await receive(overlays, ImageFrame)
         assert (drawn.header.seq, drawn.format) == (3, "jpeg")
         await until(lambda: not made.demand.wanted)
@@ -53,7 +53,7 @@ async def test_of_frames_that_wait_to_be_drawn_the_newest_is() -> None:
     async with camera() as (bus, made), bus.subscribe(FRONT.stream(DETECTION), QUEUE(9)) as overlays:
         await until(lambda: made.demand.wanted)
         for seq in range(4):
-            made.publish(*looked_at(seq))
+            made.publish_objects(*looked_at(seq))
         assert (await receive(overlays, ImageFrame)).header.seq == 3
 
 
@@ -63,6 +63,15 @@ async def test_masks_are_wanted_by_detections_and_the_segmentation_overlay() -> 
             async with bus.subscribe(FRONT.stream(stream), QUEUE(9)):
                 await until(lambda: made.demand.wanted)
                 assert made.wants_masks is masks, stream
+            await until(lambda: not made.demand.wanted)
+
+
+async def test_tracks_are_wanted_by_all_that_shows_them_and_not_by_lists_of_classes() -> None:
+    async with camera() as (bus, made):
+        for stream in NEEDS_MASKS:
+            async with bus.subscribe(FRONT.stream(stream), QUEUE(9)):
+                await until(lambda: made.demand.wanted)
+                assert made.wants_tracks is (stream is not Stream.CLASSES), stream
             await until(lambda: not made.demand.wanted)
 
 

@@ -6,7 +6,8 @@ from bus import QUEUE, QoS
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, WorkerAlive
+from schemas.keys import CameraKey, Stream
+from schemas.worker_keys import WorkerAlive
 from services.detector.worker import Worker
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until

@@ -1,8 +1,9 @@
 """Batches of several cameras' frames through a model that is told when to answer."""
 
 import asyncio
+import threading
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 
 import msgspec
@@ -11,7 +12,7 @@ import pytest
 from bus import QUEUE, Bus, Subscription
 from bus.fake import FakeNetwork
 from schemas import codec, keys
-from schemas.detections import ClassList
+from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector.account import FAILED, STALE, Account
@@ -19,6 +20,7 @@ from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, serving
 from services.detector.looking import Looking
 from services.detector.model import ModelError
+from services.detector.tracking import Tracking
 from tests.contract.waiting import next_of, until
 from tests.schemas.frames import header, image
 from tests.services.detector.told_model import FATAL, ToldModel
@@ -33,7 +35,7 @@ def frame(camera: CameraKey, seq: int) -> ImageFrame:
 class Rig:
     """Four cameras whose class lists are wanted, a board, and what takes frames from it."""
 
-    def __init__(self, model: ToldModel, max_age_s: float | None = 3600) -> None:
+    def __init__(self, model: ToldModel, max_age_s: float | None = 3600, *, tracking: Tracking | None = None) -> None:
         self.model = model
         self.board = Board()
         self.cameras: dict[CameraKey, Camera] = {}
@@ -43,6 +45,7 @@ class Rig:
             model,
             "w1",
             self.board,
+            tracking=tracking,
             cameras=self.cameras,
             accounts=self.accounts,
             max_age_s=max_age_s,
@@ -156,6 +159,60 @@ async def test_what_is_under_way_of_a_camera_can_be_waited_for(bus: Bus) -> None
         rig.model.answers[0].set()
         await settled
         assert await result(lists) == ("c0", 1)
+
+
+class HeldUp:
+    """A tracker that takes as long as it is told to."""
+
+    def __init__(self) -> None:
+        self.may_go_on = threading.Event()
+        self.frames: list[int] = []
+
+    def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
+        self.may_go_on.wait(10)
+        self.frames.append(frame.header.seq)
+        return [None for _ in objects]
+
+
+async def test_lists_of_classes_do_not_wait_for_tracks_and_nobody_elses_objects_are_followed(bus: Bus) -> None:
+    tracker = HeldUp()
+    tracking = Tracking(lambda: tracker)
+    rig = Rig(ToldModel(at_once=True), tracking=tracking)
+    async with (
+        rig.running(bus) as lists,
+        bus.subscribe(CAMERAS[1].stream(Stream.DETECTIONS), QUEUE(9)) as detections,
+    ):
+        await until(lambda: rig.cameras[CAMERAS[1]].detections.wanted)
+        for seq, camera in enumerate(CAMERAS[:2]):
+            rig.post(camera, seq)
+        assert [await result(lists) for _ in range(2)] == [("c0", 0), ("c1", 1)]
+        assert detections.counts.received == 0
+        tracker.may_go_on.set()
+        sample = await next_of(detections)
+        found = codec.decode(Detections, sample.payload, sample.encoding)
+        assert (found.header.seq, set(found.spans)) == (1, {"queue", "model", "track"})
+        assert tracker.frames == [1]
+        assert rig.told == CAMERAS[:2]
+    tracking.close()
+
+
+async def test_frames_wait_for_tracks_before_they_go_to_the_model_and_not_after(bus: Bus) -> None:
+    tracker = HeldUp()
+    tracking = Tracking(lambda: tracker)
+    rig = Rig(ToldModel(at_once=True), tracking=tracking)
+    async with (
+        rig.running(bus) as lists,
+        bus.subscribe(CAMERAS[0].stream(Stream.DETECTIONS), QUEUE(9)),
+    ):
+        await until(lambda: rig.cameras[CAMERAS[0]].detections.wanted)
+        for seq in range(9):
+            rig.post(CAMERAS[0], seq)
+            await asyncio.sleep(0.01)
+        assert len(rig.model.calls) <= 4
+        tracker.may_go_on.set()
+        while await result(lists) != ("c0", 8):
+            pass
+    tracking.close()
 
 
 async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:

@@ -1,5 +1,6 @@
 import msgspec
 import numpy as np
+import pytest
 import simplejpeg
 
 from schemas.detections import Box, Detection, Detections
@@ -42,6 +43,22 @@ def test_a_mask_tints_what_it_covers() -> None:
     tinted = 0.55 * 128 + 0.45 * np.array(color_of(0))
     assert np.allclose(drawn[70, 70], tinted, atol=1)
     assert np.all(drawn[70, 110] == 128)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [(slice(0, 1), slice(0, 1)), (slice(119, 120), slice(0, 160)), (slice(0, 120), slice(7, 8)), (slice(0), slice(0))],
+)
+def test_exactly_the_pixels_of_a_mask_are_tinted(place: tuple[slice, slice]) -> None:
+    inside = np.zeros((HEIGHT, WIDTH), np.bool_)
+    inside[place] = True
+    plain = msgspec.structs.replace(INSIDE, mask=encode_window(inside.T, 0, 0, HEIGHT, WIDTH))
+    before = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+    tinted, framed = (draw(before, [plain], masks=masks) for masks in (True, False))
+    expected = before[inside] * 0.55 + 0.45 * np.array(color_of(0))
+    unframed = (framed == before).all(axis=2)
+    assert np.allclose(tinted[inside & unframed], expected[unframed[inside]], atol=1)
+    assert np.array_equal(tinted[~inside], framed[~inside])
 
 
 def test_captions_stay_in_the_picture() -> None:

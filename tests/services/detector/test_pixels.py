@@ -8,7 +8,7 @@ from backports import zstd
 from numpy.typing import NDArray
 
 from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
-from services.detector.pixels import PictureError, shows_colours, to_bgr
+from services.detector.pixels import PictureError, glance, shows_colours, to_bgr
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
 
@@ -167,6 +167,26 @@ def test_a_picture_lies_as_its_pixels_lie_whatever_its_file_says_of_up_and_down(
     )
     turned = turned[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + turned[2:]
     assert to_bgr(compressed(turned, "rgb8", 192, kind="jpeg", height=48, width=64)).shape == (48, 64, 3)
+
+
+@pytest.mark.parametrize(
+    ("width", "shape"), [(8, (6, 8)), (10, (8, 10)), (16, (12, 16)), (63, (47, 63)), (99, (48, 64))]
+)
+@pytest.mark.parametrize("kind", ["raw", "png", "jpeg"])
+def test_a_glance_is_the_picture_in_grey_and_small(kind: str, width: int, shape: tuple[int, int]) -> None:
+    raw = frame("bgr8", scene())
+    made = (
+        raw if kind == "raw" else compressed(file_of(scene(), f".{kind}"), "rgb8", 192, kind=kind, height=48, width=64)
+    )
+    expected = cv2.resize(cv2.cvtColor(scene(), cv2.COLOR_BGR2GRAY), shape[::-1], interpolation=cv2.INTER_AREA)
+    small = glance(made, width)
+    assert small.shape == shape
+    assert close(small, np.asarray(expected, np.uint8), tolerance=6)
+
+
+def test_a_damaged_jpeg_is_none_at_a_glance_either() -> None:
+    with pytest.raises(PictureError, match="a jpeg that cannot be decoded"):
+        glance(compressed(file_of(scene(), ".jpeg")[:200], "rgb8", 192, kind="jpeg", height=48, width=64), 8)
 
 
 @pytest.mark.parametrize("size", [45, 60])

@@ -8,7 +8,7 @@ from PIL import Image
 
 from bus import Bus, RefusedError
 from bus.fake import FakeNetwork
-from schemas import codec, keys
+from schemas import codec, worker_keys
 from schemas.detections import Detections
 from schemas.tuning import Tuning
 from services.detector.requests import answering
@@ -34,13 +34,13 @@ async def bus(model: FakeModel) -> AsyncIterator[Bus]:
 
 
 async def tuned(bus: Bus, tuning: Tuning) -> Tuning:
-    key = keys.worker_settings("detector", "w1")
-    reply = await bus.request(key, codec.encode(tuning), encoding=codec.encoding(Tuning), timeout_s=5)
+    key = worker_keys.worker_settings("detector", "w1")
+    reply = await bus.request(key, codec.encode(tuning), encoding=codec.encoding(Tuning), timeout_s=60)
     return codec.decode(Tuning, reply.payload, reply.encoding)
 
 
 async def test_an_image_is_answered_with_what_is_in_it(bus: Bus) -> None:
-    reply = await bus.request(keys.infer("w1"), png(), timeout_s=5)
+    reply = await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
     found = codec.decode(Detections, reply.payload, reply.encoding)
     assert (found.height, found.width, found.worker, found.model) == (4, 6, "w1", "fake")
     assert [each.name for each in found.objects] == ["box"]
@@ -50,22 +50,22 @@ async def test_an_image_is_answered_with_what_is_in_it(bus: Bus) -> None:
 @pytest.mark.parametrize(("image", "reason"), [(b"no image", "not an image"), (png(FakeModel.FATAL), "fatal")])
 async def test_what_cannot_be_looked_at_is_refused(bus: Bus, image: bytes, reason: str) -> None:
     with pytest.raises(RefusedError, match=reason):
-        await bus.request(keys.infer("w1"), image, timeout_s=5)
+        await bus.request(worker_keys.infer("w1"), image, timeout_s=60)
 
 
 async def test_a_worker_that_has_enough_to_do_says_so_at_once(bus: Bus, model: FakeModel) -> None:
     model.may_answer.clear()
     async with asyncio.TaskGroup() as group:
-        waiting = [group.create_task(bus.request(keys.infer("w1"), png(), timeout_s=5)) for _ in range(3)]
-        await asyncio.sleep(0.05)
+        waiting = [group.create_task(bus.request(worker_keys.infer("w1"), png(), timeout_s=60)) for _ in range(3)]
+        assert await asyncio.to_thread(model.called.acquire, timeout=60)
         with pytest.raises(RefusedError, match="busy:"):
-            await bus.request(keys.infer("w1"), png(), timeout_s=5)
+            await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
         model.may_answer.set()
         await asyncio.gather(*waiting)
 
 
 async def test_settings_are_told_and_changed_one_by_one(bus: Bus, model: FakeModel) -> None:
-    reply = await bus.request(keys.worker_settings("detector", "w1"), timeout_s=5)
+    reply = await bus.request(worker_keys.worker_settings("detector", "w1"), timeout_s=60)
     assert codec.decode(Tuning, reply.payload, reply.encoding) == model.tuning
     changed = await tuned(bus, Tuning(confidence=0.9))
     assert changed == model.tuning == Tuning(confidence=0.9, iou=0.7, max_detections=300, classes=[])
@@ -76,5 +76,7 @@ async def test_settings_that_cannot_be_are_refused_and_change_nothing(bus: Bus, 
     with pytest.raises(RefusedError, match="no class is called 'unicorn'"):
         await tuned(bus, Tuning(classes=["unicorn"]))
     with pytest.raises(RefusedError, match="Tuning"):
-        await bus.request(keys.worker_settings("detector", "w1"), b"\x81", encoding=codec.encoding(Tuning), timeout_s=5)
+        await bus.request(
+            worker_keys.worker_settings("detector", "w1"), b"\x81", encoding=codec.encoding(Tuning), timeout_s=60
+        )
     assert model.tuning == before

@@ -1,15 +1,16 @@
-from collections.abc import Sequence
+import asyncio
+from collections.abc import Iterator, Sequence
 
 import msgspec
+import pytest
 
 from schemas.detections import TRACK_COUNT_BITS, Box, Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from services.detector.model import Failed, Found, Request
-from services.detector.tracking import GAP_NS, CameraTracks, TrackingModel
+from services.detector.model import Found, Request
+from services.detector.tracking import GAP_NS, CameraTracks, Tracking
 from tests.schemas.frames import header
-from tests.services.detector.fakes import FakeModel
 from tests.services.detector.test_worker import frame
 
 BOX = Detection(name="box", score=0.9, box=Box(0, 0, 2, 2))
@@ -90,25 +91,64 @@ def test_two_cameras_never_share_a_number() -> None:
     assert one != other
 
 
-async def test_each_camera_has_its_own_tracker_and_failures_pass() -> None:
-    factory = Factory()
-    model = TrackingModel(FakeModel(), factory)
-    batch = [
-        Request(CameraKey("r1", "front"), frame(0), masks=False),
-        Request(CameraKey("r1", "rear"), frame(0, color=FakeModel.FATAL), masks=False),
-        Request(CameraKey("r2", "front"), frame(0), masks=False),
-    ]
-    front, failed, other = await model.infer(batch)
-    assert isinstance(front, Found)
-    assert isinstance(failed, Failed)
-    assert isinstance(other, Found)
+@pytest.fixture
+def factory() -> Factory:
+    return Factory()
+
+
+@pytest.fixture
+def tracking(factory: Factory) -> Iterator[Tracking]:
+    made = Tracking(factory, max_cameras=2)
+    yield made
+    made.close()
+
+
+def request(robot: str, seq: int = 0) -> Request:
+    return Request(CameraKey(robot, "front"), frame(seq), masks=False)
+
+
+async def test_each_camera_has_its_own_tracker_and_it_is_said_how_long_that_took(
+    factory: Factory, tracking: Tracking
+) -> None:
+    one, other = [await tracking.follow(request(robot), Found([BOX], {"model": 7})) for robot in ("r1", "r2")]
     assert len(factory.made) == 2
-    assert front.objects[0].track != other.objects[0].track
+    assert one.objects[0].track != other.objects[0].track
+    assert set(one.spans) == {"model", "track"}
+    assert one.spans["model"] == 7
 
 
-async def test_trackers_of_cameras_not_seen_for_longest_are_let_go() -> None:
-    factory = Factory()
-    model = TrackingModel(FakeModel(), factory, max_cameras=2)
+async def test_frames_are_taken_in_the_order_of_the_calls(factory: Factory, tracking: Tracking) -> None:
+    await asyncio.gather(*(tracking.follow(request("r1", seq), Found([BOX])) for seq in range(20)))
+    assert [tracker.frames for tracker in factory.made] == [20]
+
+
+async def test_trackers_of_cameras_not_seen_for_longest_are_let_go(factory: Factory, tracking: Tracking) -> None:
     for robot in ("r1", "r2", "r1", "r3", "r1", "r2"):
-        await model.infer([Request(CameraKey(robot, "front"), frame(len(factory.made)), masks=False)])
+        await tracking.follow(request(robot, len(factory.made)), Found([BOX]))
     assert len(factory.made) == 4
+
+
+class Failing(Counting):
+    """Fails on its second frame."""
+
+    def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
+        if self.frames == 1:
+            raise RuntimeError("no way")
+        return super().update(objects, frame)
+
+
+async def test_what_cannot_be_followed_is_there_all_the_same_and_its_camera_begins_anew(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    tracking = Tracking(Failing)
+    found = [await tracking.follow(request("r1", seq), Found([BOX])) for seq in range(3)]
+    assert [numbers(each.objects) for each in found] == [[1], [None], [1]]
+    assert epoch(found[0].objects) != epoch(found[2].objects)
+    assert "r1/front: objects of frame 1 are not followed" in caplog.text
+    tracking.close()
+
+
+async def test_what_was_closed_follows_nothing_more(tracking: Tracking) -> None:
+    tracking.close()
+    with pytest.raises(RuntimeError):
+        await tracking.follow(request("r1"), Found([BOX]))

@@ -10,12 +10,13 @@ from backports import zstd
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from bus.clock import clock_id
 from bus.fake import FakeNetwork
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.codec import M
 from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted, WorkerAlive
+from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from schemas.status import CameraLoad, WorkerStatus
+from schemas.worker_keys import WorkerAlive
 from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED, UNWANTED
 from services.detector.worker import Worker
 from tests.schemas.frames import header
@@ -23,6 +24,7 @@ from tests.schemas.pictures import compressed, file_of
 from tests.services.detector.fakes import FakeModel
 
 ME = WorkerAlive("detector", "w1")
+PATIENCE_S = 60
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")
 
 
@@ -48,17 +50,18 @@ class Rig:
             yield publisher
 
     async def model_called(self) -> None:
-        await asyncio.to_thread(self.model.called.acquire, timeout=5)
+        """Wait until a frame is with the model, which has been waited for as often as this was called before."""
+        assert await asyncio.to_thread(self.model.called.acquire, timeout=PATIENCE_S)
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while not condition():  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.005)
 
 
 async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         sample = await anext(subscription)
     return codec.decode(schema, sample.payload, sample.encoding)
 
@@ -127,7 +130,7 @@ async def test_pixels_reach_the_model_as_they_were(rig: Rig) -> None:
 
 
 async def test_while_the_model_works_the_newest_frame_replaces_the_waiting_one(rig: Rig) -> None:
-    status_key = keys.worker_status("detector", "w1")
+    status_key = worker_keys.worker_status("detector", "w1")
     async with (
         rig.camera(FRONT) as camera,
         rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
@@ -151,12 +154,13 @@ async def test_a_bad_frame_is_counted_and_harms_no_other(rig: Rig) -> None:
         rig.camera(FRONT) as front,
         rig.camera(REAR) as rear,
         rig.bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(9)) as classes,
-        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+        rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
     ):
         await until(lambda: front.wanted and rear.wanted)
         for bad in (b"garbage", codec.encode(other), codec.encode(frame(2, color=FakeModel.FATAL))):
             front.put(bad)
             await asyncio.sleep(0.02)
+        await rig.model_called()
         front.put(codec.encode(frame(3)))
         assert (await receive(classes, ClassList)).header.seq == 3
         rear.put(codec.encode(frame(0, REAR)))
@@ -170,7 +174,7 @@ async def test_a_depth_image_is_refused_for_what_it_is(rig: Rig) -> None:
     async with (
         rig.camera(FRONT) as camera,
         rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
-        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+        rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
     ):
         await until(lambda: camera.wanted)
         for seq, encoding in enumerate(("16UC1", "32FC1")):
@@ -187,11 +191,11 @@ async def test_a_compressed_picture_is_decoded_and_a_damaged_one_is_malformed(ri
     async with (
         rig.camera(FRONT) as camera,
         rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
-        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+        rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
     ):
         await until(lambda: camera.wanted)
         camera.put(codec.encode(compressed(file[:40], "rgb8", 18)))
-        await asyncio.sleep(0.02)
+        await rig.model_called()
         camera.put(codec.encode(msgspec.structs.replace(compressed(file, "rgb8", 18), header=header(seq=1))))
         await receive(classes, ClassList)
         assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}
@@ -244,7 +248,7 @@ async def test_a_camera_that_blinks_twice_before_anybody_has_left_is_served_agai
 async def test_a_frame_that_waits_when_the_demand_ends_is_counted(rig: Rig) -> None:
     async with (
         rig.camera(FRONT) as camera,
-        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(99)) as statuses,
+        rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(99)) as statuses,
     ):
         async with rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)):
             await until(lambda: camera.wanted)
@@ -271,11 +275,15 @@ async def test_a_key_that_is_no_camera_is_left_out(rig: Rig) -> None:
 async def test_the_worker_is_present_and_says_goodbye(rig: Rig) -> None:
     async with rig.bus.watch("workers/*/*/*/*/alive") as watch:
         presence = await anext(watch)
-        assert (keys.parse_worker(presence.key), presence.alive) == (("detector", "w1"), True)
+        assert (worker_keys.parse_worker(presence.key), presence.alive) == (("detector", "w1"), True)
 
 
 async def test_it_says_where_a_cameras_frames_go_while_it_wants_them(rig: Rig) -> None:
-    async with rig.camera(FRONT) as camera, rig.bus.watch(keys.every_wanted("r1")) as watch, asyncio.timeout(5):
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.watch(keys.every_wanted("r1")) as watch,
+        asyncio.timeout(PATIENCE_S),
+    ):
         async with rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)):
             token = await anext(watch)
             assert keys.parse_wanted(token.key) == Wanted(StreamKey(FRONT, Stream.COLOR), clock_id(), "w1")
@@ -289,13 +297,13 @@ async def test_zstd_data_is_inferred_from_and_damaged_data_is_malformed(rig: Rig
     async with (
         rig.camera(FRONT) as camera,
         rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
-        rig.bus.subscribe(keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+        rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
     ):
         await until(lambda: camera.wanted)
         for seq, sent in enumerate((data[:-1], data)):
             about = header(seq=seq)
             camera.put(codec.encode(msgspec.structs.replace(raw, header=about, format="zstd", data=memoryview(sent))))
-            await asyncio.sleep(0.02)
+            await rig.model_called()
         await receive(classes, ClassList)
         assert (await loads_after(statuses, inferred=1))["front"].dropped == {MALFORMED: 1}
     assert [tuple(image[3, 5]) for image in rig.model.seen] == [(1, 2, 3)]

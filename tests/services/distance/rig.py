@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.camera_info import CameraInfo
 from schemas.codec import M
 from schemas.detections import Detections
@@ -76,14 +76,14 @@ async def working(bus: Bus, executor: Executor, **settings: object) -> AsyncIter
 
 
 async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         sample = await anext(subscription)
     return codec.decode(schema, sample.payload, sample.encoding)
 
 
 async def load(bus: Bus, so: Callable[[CameraLoad], bool]) -> CameraLoad:
     """Wait for the worker's account of a camera to be such."""
-    async with bus.subscribe(keys.worker_status("distance", "w1"), QUEUE(9)) as statuses, asyncio.timeout(5):
+    async with bus.subscribe(worker_keys.worker_status("distance", "w1"), QUEUE(9)) as statuses, asyncio.timeout(60):
         while True:
             for each in (await receive(statuses, WorkerStatus)).cameras:
                 if so(each):

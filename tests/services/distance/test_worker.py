@@ -102,7 +102,7 @@ async def test_where_a_robot_is_is_not_guessed_from_where_it_was_when_somebody_l
 async def test_the_gateway_is_told_where_its_depth_goes(rig: Rig) -> None:
     token = str(Wanted(StreamKey(FRONT, Stream.DEPTH), clock_id(), "w1"))
     async with rig.bus.watch(token) as watch, rig.wanted():
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(60):
             assert (await anext(watch)).alive
 
 
@@ -197,10 +197,12 @@ async def test_bad_messages_are_counted_and_harm_nobody(rig: Rig) -> None:
 
 async def test_the_same_detections_of_two_workers_are_measured_once(rig: Rig) -> None:
     async with rig.wanted() as distances:
-        for seq in (1, 1, 2):
-            rig.frame(seq)
-            await asyncio.sleep(0.02)
-        assert [(await receive(distances, Distances)).header.seq for _ in range(2)] == [1, 2]
+        rig.frame(1)
+        assert (await receive(distances, Distances)).header.seq == 1
+        rig.frame(1)
+        await asyncio.sleep(0.02)
+        rig.frame(2)
+        assert (await receive(distances, Distances)).header.seq == 2
         account = await load(rig.bus, lambda of: of.inferred == 2)
     assert account.dropped["the same detections again"] == 1
 

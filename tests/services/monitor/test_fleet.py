@@ -3,13 +3,16 @@ import pytest
 
 from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
+from schemas.distances import Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
-from services.monitor.fleet import RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.fleet import MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.inventory import InventoryFullError, Limits
 from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.sighting import Sighting
 from tests.schemas.frames import header
+from tests.schemas.results import distances, known
 
 FRONT = CameraKey("r1", "front")
 CLOCK = "this machine"
@@ -95,6 +98,15 @@ def test_sightings_have_our_time_though_the_robots_clock_is_an_hour_ahead() -> N
     assert changes[0].sighting.first_ns == ours_ns
 
 
+@pytest.mark.parametrize(("old_ns", "exact"), [(MAX_LAG_NS, True), (MAX_LAG_NS + 1, False)])
+def test_a_list_that_tells_no_believable_time_is_of_now(old_ns: int, *, exact: bool) -> None:
+    fleet = online_fleet()
+    message = seen()
+    fleet.see(message, 10.0, message.header.received_ns + old_ns)
+    age = only(fleet, 10.0).age
+    assert age == Age(MAX_LAG_NS / 1e9 if exact else 0.0, exact=exact)
+
+
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:
     fleet = online_fleet()
     assert list(fleet.elsewhere()) == []
@@ -168,3 +180,33 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
         fleet.gateway_status(status(robot="r2"))
     assert fleet.see(seen(1), 1.0, 0) is not None
     fleet.robot_presence("r2", alive=False)
+
+
+def test_a_camera_that_only_the_history_knows_is_listed_as_offline() -> None:
+    fleet = Fleet(CLOCK)
+    sighting = Sighting(
+        key=FRONT, name="box", count=1, score=0.5, first_ns=1, since_ns=1, last_ns=2, model="m", worker="w"
+    )
+    fleet.inventory.restore([sighting])
+    assert only(fleet, 0) == Row(key=FRONT, online=False, classes=None, age=None, rate_hz=0)
+
+
+def test_a_frame_s_age_is_exact_where_the_clock_is_ours_and_else_since_it_came() -> None:
+    fleet = online_fleet()
+    about = header()
+    now_ns = about.received_ns + 3_000_000_000
+    assert fleet.age_of(about, now_ns - 1_000_000_000, now_ns) == Age(3.0, exact=True)
+    fleet.gateway_status(status("another machine"))
+    assert fleet.age_of(about, now_ns - 1_000_000_000, now_ns) == Age(1.0, exact=False)
+
+
+def test_distances_say_where_things_are_and_doubles_say_it_once() -> None:
+    fleet = online_fleet()
+    place = Place(frame_id="map", at=(1.0, 2.0, 0.0))
+    found = known("box", 2.0)
+    assert found.measured is not None
+    found = msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=[place]))
+    assert fleet.measure(distances(found), 5)
+    assert not fleet.measure(distances(found), 9)
+    (mark,) = fleet.places.marks(9)
+    assert (mark.x, mark.y, mark.seen_ns) == (1.0, 2.0, 5)

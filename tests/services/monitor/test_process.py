@@ -8,13 +8,13 @@ from rich.console import Console
 
 from bus import Bus, QoS
 from bus.fake import FakeNetwork
-from schemas import codec, keys
+from schemas import codec, keys, worker_keys
 from schemas.codec import Message
 from schemas.detections import ClassCount, ClassList
 from schemas.inventory import InventoryAnswer
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
-from services.monitor.display import show
+from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
 from tests.schemas.frames import header
@@ -23,6 +23,7 @@ from tests.schemas.results import distances, known
 FRONT = CameraKey("r1", "front")
 SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")
 GATEWAY = GatewayStatus(robot="r1", boot_id="b", clock_id="clock", sent_ns=1)
+STATUSES = (keys.gateway_status("r1"), worker_keys.worker_status("detector", "w1"))
 WORKER = WorkerStatus(service="detector", worker="w1", model="m", sent_ns=1)
 
 
@@ -37,7 +38,9 @@ async def bus(fleet: Fleet) -> AsyncIterator[Bus]:
     network = FakeNetwork()
     async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
         watching = group.create_task(watch_fleet(ours, fleet))
-        await asyncio.sleep(0.01)
+        for key in (FRONT.stream(Stream.DISTANCES), FRONT.stream(Stream.CLASSES), *STATUSES):
+            async with theirs.publisher(key, QoS.RESULT, encoding="") as publisher:
+                await until(lambda publisher=publisher: publisher.wanted)  # type: ignore[misc]
         yield theirs
         watching.cancel()
 
@@ -52,7 +55,7 @@ async def send(bus: Bus, key: str, payload: bytes, encoding: str) -> None:
 
 
 async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         while not condition():  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.005)
 
@@ -80,7 +83,7 @@ async def test_distances_reach_the_inventory_and_programs_may_ask(bus: Bus, flee
 
 async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     await publish(bus, keys.gateway_status("r1"), GATEWAY)
-    await publish(bus, keys.worker_status("detector", "w1"), WORKER)
+    await publish(bus, worker_keys.worker_status("detector", "w1"), WORKER)
     await until(lambda: fleet.gateways and fleet.workers)
     assert fleet.gateways == {"r1": GATEWAY}
     assert fleet.workers == {("detector", "w1"): WORKER}
@@ -137,6 +140,19 @@ async def test_without_a_terminal_changes_are_printed_once(fleet: Fleet) -> None
     assert first == "r1/front: offline, waiting for the first class list, age -, 0.0/s"
     assert second.startswith("r1/front: offline, 2 box, age > ")
     assert third == "r2 waits for a master"
+
+
+async def test_of_many_changes_at_once_some_are_printed_and_the_rest_counted(fleet: Fleet) -> None:
+    console = Console(file=io.StringIO(), force_terminal=False)
+    for number in range(MAX_LINES + 2):
+        fleet.camera_presence(CameraKey(f"r{number}", "front"), alive=True)
+    showing = asyncio.create_task(show(fleet, console, 60, note="listening"))
+    await asyncio.sleep(0.05)
+    showing.cancel()
+    await asyncio.wait([showing])
+    assert isinstance(console.file, io.StringIO)
+    _, *cameras, rest = console.file.getvalue().splitlines()
+    assert (len(cameras), rest) == (MAX_LINES, "and 2 more cameras changed")
 
 
 async def test_on_a_terminal_the_table_is_drawn(fleet: Fleet) -> None:

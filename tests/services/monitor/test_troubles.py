@@ -31,3 +31,7 @@ def test_the_rest_is_counted(count: int, last: str) -> None:
     shown = troubles([gateway(f"r{number}", waiting_for="x") for number in range(1, count + 1)])
     assert shown[-1].startswith(last)
     assert len(shown) == min(count, MAX_SHOWN + 1)
+
+
+def test_what_a_gateway_says_is_one_line() -> None:
+    assert troubles([gateway("r1", stream("gone\n\x1b[2J"))]) == [r"r1 front/color: gone\n\x1b[2J"]

@@ -2,6 +2,7 @@ import logging
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ class Slow:
 
 def place(cache: Path, digest: str = "d1") -> Place:
     cache.mkdir(exist_ok=True)
-    return Place(digest, 320, "cpu", 2, cache)
+    return Place(digest, 320, "cpu", 2, cache, spare=cache / "spare")
 
 
 def maker(asked: list[Runtime], *broken: Runtime) -> Callable[[Runtime], Engine]:
@@ -80,10 +81,47 @@ def test_what_does_not_run_is_said_and_left_out(tmp_path: Path, caplog: pytest.L
     ]
 
 
-def test_what_was_remembered_and_no_longer_runs_is_an_error_that_says_so(tmp_path: Path) -> None:
+def test_what_was_remembered_and_no_longer_runs_is_left_out_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    choose(maker([]), place(tmp_path), BLANK)
+    asked: list[Runtime] = []
+    with caplog.at_level(logging.WARNING):
+        chosen, _ = choose(maker(asked, QUICK), place(tmp_path), BLANK)
+    assert chosen in {"openvino", "torch"}
+    assert asked == [QUICK, "openvino", "torch"]
+    assert [record.getMessage() for record in caplog.records] == ["not with --runtime onnx: it does not run here"]
+    assert choose(maker([]), place(tmp_path), BLANK)[0] == chosen
+
+
+class Broken:
+    """Loads, and that is all."""
+
+    def run(self, images: NDArray[np.uint8]) -> list[Output]:
+        """See `Engine.run`."""
+        raise RuntimeError(f"no {len(images)} images today")
+
+
+def test_what_loads_and_does_not_run_is_left_out_too(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        chosen, _ = choose(lambda each: Slow(0) if each == "torch" else Broken(), place(tmp_path), BLANK)
+    assert chosen == "torch"
+    assert "not with --runtime openvino: no 1 images today" in caplog.text
+
+
+def test_none_that_works_is_an_error_that_says_so(tmp_path: Path) -> None:
     choose(maker([]), place(tmp_path), BLANK)
     with pytest.raises(ModelError, match="no runtime works here"):
-        choose(maker([], "onnx"), place(tmp_path), BLANK)
+        choose(maker([], "onnx", "openvino", "torch"), place(tmp_path), BLANK)
+
+
+def test_a_choice_that_cannot_be_kept_is_made_all_the_same(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    no_folder = tmp_path / "cache"
+    no_folder.touch()
+    with caplog.at_level(logging.WARNING):
+        assert choose(maker([]), replace(place(tmp_path), cache=no_folder), BLANK)[0] == QUICK
+    assert "onnx is measured again at the next start" in caplog.text
+    assert str(no_folder) in caplog.text
 
 
 def test_a_damaged_memory_is_no_memory(tmp_path: Path) -> None:

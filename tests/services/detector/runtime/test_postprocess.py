@@ -78,6 +78,40 @@ def test_a_mask_is_interpolated_where_its_box_is_and_nowhere_else() -> None:
     assert beside.mask.size == (64, 64)
 
 
+def striped() -> NDArray[np.float32]:
+    """Return four prototypes: left of columns 8, 12, 13 of 16, and all of it."""
+    prototypes = np.full((4, 16, 16), -1, np.float32)
+    for n, end in enumerate((8, 12, 13, 16)):
+        prototypes[n, :, :end] = 1
+    return prototypes
+
+
+@pytest.mark.parametrize(("stripe", "both"), [(3, True), (1, False)])
+def test_a_mask_that_surer_ones_of_its_class_mostly_cover_is_none_of_its_own(stripe: int, *, both: bool) -> None:
+    boxes = [(32.0, 32.0, 64.0, 64.0), (32.0, 32.0, 64.0, 62.0)]
+    coefficients = [[1.0, 0, 0, 0], np.eye(4)[stripe].tolist()]
+    loose = Criteria(confidence=0.3, iou=1)
+    assert len(found(output(boxes, [(0.9, 0), (0.8, 0)], striped(), coefficients), criteria=loose)) == 1 + both
+    assert len(found(output(boxes, [(0.9, 0), (0, 0.8)], striped(), coefficients), criteria=loose)) == 2
+
+
+def test_a_mask_is_covered_by_several_together_and_not_by_what_is_left_out_itself() -> None:
+    whole = (32.0, 32.0, 64.0, 64.0)
+    boxes = [(8.0, 32.0, 16.0, 64.0), (32.0, 32.0, 64.0, 62.0), (56.0, 32.0, 16.0, 64.0)]
+    ones = np.ones((1, 16, 16), np.float32)
+    loose = Criteria(confidence=0.3, iou=1)
+    beside = found(output([*boxes[::2], boxes[1]], [(0.9, 0), (0.8, 0), (0.7, 0)], ones, [[1.0]] * 3), criteria=loose)
+    assert [round(each.score, 1) for each in beside] == [0.9, 0.8, 0.7]  # half of the last one shows
+    half = (24.0, 32.0, 48.0, 64.0)
+    rest = found(output([half, whole, boxes[2]], [(0.9, 0), (0.8, 0), (0.7, 0)], ones, [[1.0]] * 3), criteria=loose)
+    assert [round(each.score, 1) for each in rest] == [0.9, 0.7]
+
+
+def test_objects_are_the_same_whether_masks_are_wanted_or_not() -> None:
+    twins = output([(32, 32, 64, 64)] * 2, [(0.9, 0), (0.8, 0)], np.ones((1, 16, 16), np.float32), [[1.0]] * 2)
+    assert len(objects(twins, SQUARE, Criteria(confidence=0.3, iou=1), FACTS.names, masks=False)) == 1
+
+
 def test_a_box_without_a_pixel_has_an_empty_mask() -> None:
     (seen,) = found(output([(24.4, 24, 0.2, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1.0]]))
     assert not pixels(seen).any()

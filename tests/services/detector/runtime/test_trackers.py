@@ -61,10 +61,33 @@ def test_the_cameras_motion_is_in_pixels_of_its_image_and_starts_over_with_anoth
     from services.detector.runtime.trackers import CameraMotion  # noqa: PLC0415 - it must be offline by then
 
     wide, motion = textured(480, 960), CameraMotion()
-    assert np.array_equal(motion.apply(np.ascontiguousarray(wide[:, :640])), np.eye(2, 3))
-    moved = motion.apply(np.ascontiguousarray(wide[:, 60:700]))
+
+    def seen(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+        return motion.apply(motion.look(frame_of(np.ascontiguousarray(picture))))
+
+    assert np.array_equal(seen(wide[:, :640]), np.eye(2, 3))
+    moved = seen(wide[:, 60:700])
     assert moved[:, 2] == pytest.approx([-60, 0], abs=3)
     assert moved[:, :2] == pytest.approx(np.eye(2), abs=0.02)
     small = np.zeros((48, 64, 3), np.uint8)
     for picture in (small, small, wide):
-        assert np.array_equal(motion.apply(picture), np.eye(2, 3))
+        assert np.array_equal(seen(picture), np.eye(2, 3))
+
+
+@pytest.mark.parametrize(("score", "followed"), [(0.3, False), (0.4, True)])
+def test_only_what_is_sure_begins_a_track_and_goes_on_when_it_is_less_so(
+    score: float, *, followed: bool, model_folder: Path
+) -> None:
+    keep_offline(model_folder / "ultralytics", download=False)
+    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
+
+    tracker = UltralyticsTracker("botsort")
+    picture = textured(240, 320)
+
+    def seen(step: int, left: float, score: float) -> int | None:
+        box = Detection(name="box", score=score, box=Box(left, 20, left + 40, 60))
+        (number,) = tracker.update([box], frame_of(picture, seq=step))
+        return number
+
+    numbers = [seen(0, 10, score), *(seen(step, 10 + 12 * step, 0.26) for step in range(1, 4))]
+    assert numbers == ([1] * 4 if followed else [None] * 4)

@@ -75,15 +75,17 @@ async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
 async def received(bus: Bus, stream: str, schema: type[Alert] | type[Action]) -> AsyncIterator[list[Alert | Action]]:
     """Collect what comes to robot r1."""
     found: list[Alert | Action] = []
+    subscribed = asyncio.Event()
 
     async def collect() -> None:
         async with bus.subscribe(str(RobotStreamKey("r1", stream)), QUEUE(100), history=False) as samples:
+            subscribed.set()
             async for sample in samples:
                 found.append(codec.decode(schema, sample.payload, sample.encoding))  # noqa: PERF401 - as they come
 
     collecting = asyncio.create_task(collect())
     try:
-        await asyncio.sleep(0.01)
+        await subscribed.wait()
         yield found
     finally:
         collecting.cancel()

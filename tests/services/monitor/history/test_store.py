@@ -1,17 +1,19 @@
 import asyncio
 import resource
+import sqlite3
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 
 import pytest
 from sqlalchemy import update
+from sqlalchemy.dialects import sqlite
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
-from services.monitor.history.store import Store
+from services.monitor.history.store import SLICE_NS, Store
 from services.monitor.history.tables import intervals
 from tests.schemas.results import alert
 from tests.services.monitor.history.postgresql import PostgreSQL
@@ -85,6 +87,33 @@ async def test_old_history_is_forgotten_but_not_what_goes_on(url: str) -> None:
         await store.prune(2**62)
         assert await every(store) == [interval(3, 10, is_open=True)]
         assert [each.id for each in (await store.load(0)).alerts] == [alert().id]
+
+
+async def test_much_old_history_is_forgotten_bit_by_bit(url: str) -> None:
+    hour = SLICE_NS // S
+    async with opened(url) as store:
+        assert await store.prune(9 * S)
+        await store.write([interval(end, end) for end in (2, hour, 2 * hour + 2)])
+        assert not await store.prune(9 * SLICE_NS)
+        assert await every(store) == [interval(2 * hour + 2, 2 * hour + 2)]
+        assert not await store.prune(9 * SLICE_NS)
+        assert await every(store) == []
+        assert await store.prune(9 * SLICE_NS)
+
+
+async def test_what_goes_on_is_found_without_a_look_at_all_history(tmp_path: Path) -> None:
+    file = tmp_path / "history.db"
+    async with opened(f"sqlite:///{file}"):
+        pass
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("DROP INDEX intervals_open")  # as in a database of a release before
+        database.commit()
+    async with opened(f"sqlite:///{file}"):
+        pass
+    asked = intervals.select().where(intervals.c.open).compile(dialect=sqlite.dialect())
+    with closing(sqlite3.connect(file)) as database:
+        (plan,) = database.execute(f"EXPLAIN QUERY PLAN {asked}").fetchall()
+    assert "USING INDEX intervals_open" in plan[-1]
 
 
 @pytest.mark.parametrize(

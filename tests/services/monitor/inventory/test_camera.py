@@ -1,3 +1,6 @@
+import msgspec
+
+from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from services.monitor.inventory.camera import MAX_MODELS, CameraView, nearest_of
 from services.monitor.inventory.settling import Debounce
@@ -149,3 +152,24 @@ def test_a_restored_sighting_goes_on() -> None:
     assert restored.see(11, "m") == []
     assert restored.see(12, "m") == [("vanished", "box", 0)]
     assert CameraView(CameraKey("r1", "rear")).last_ns == 0
+
+
+def test_how_near_a_class_came_is_told_when_it_vanishes() -> None:
+    camera = Seeing()
+    camera.see(1, box=1)
+    camera.see(2, box=1)
+    camera.camera.measure(distances(known("box", 2.0)), 2 * S)
+    camera.see(3)
+    (vanished,) = camera.changes(4, "m", {})
+    assert (vanished.kind, vanished.closest_m) == (ChangeKind.VANISHED, 2.125)
+    camera.see(5, box=1)
+    (appeared,) = camera.changes(6, "m", {"box": 1})
+    assert (appeared.sighting.closest_m, appeared.closest_m) == (None, None)
+
+
+def test_a_class_that_a_list_names_twice_is_seen_once() -> None:
+    camera = Seeing()
+    twice = msgspec.structs.replace(seen(1, {}), classes=[ClassCount("box", 1, 0.5), ClassCount("box", 7, 0.5)])
+    assert camera.camera.see(twice, S, camera.debounce, SILENT_NS) == []
+    camera.seq = 1
+    assert camera.see(2, box=1) == [("appeared", "box", 1)]

@@ -202,5 +202,7 @@ def test_subjects_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
     assert ruling.look(0, counts={"box": 3}, key=REAR) == []
     assert ruling.engine.left_out == 1
+    assert ruling.look(0, counts={"box": 3}, key=REAR) == []
+    assert ruling.engine.left_out == 2
     assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
     assert ruling.look(1, counts={"box": 3}, key=REAR) == ["2 raised"]

@@ -1,3 +1,4 @@
+import msgspec
 import pytest
 
 from schemas.status import ENDED, MISSING, NUMBERED, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
@@ -57,7 +58,10 @@ def test_drops_are_added_up_by_place_and_reason() -> None:
     stream = StreamStatus(
         camera="c", stream="color", topic="/t", wanted=True, publishers=1, received=5, forwarded=3, dropped={"bad": 2}
     )
-    gateways = [GatewayStatus(robot=robot, boot_id="b", clock_id="c", sent_ns=0, streams=[stream]) for robot in "ab"]
+    depth = msgspec.structs.replace(stream, stream="depth")
+    gateways = [
+        GatewayStatus(robot=robot, boot_id="b", clock_id="c", sent_ns=0, streams=[stream, depth]) for robot in "ab"
+    ]
     gateways.append(GatewayStatus(robot="c", boot_id="b", clock_id="c", sent_ns=0, withdrawn={"bad": 1}))
     load = CameraLoad(robot="a", camera="c", inferred=1, dropped={"late": 3, "bad": 0})
     workers = [WorkerStatus(service="detector", worker="w", model="m", sent_ns=0, cameras=[load])]

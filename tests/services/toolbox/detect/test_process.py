@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from bus import BusSettings, open_bus
-from schemas.keys import WorkerAlive
+from schemas.detections import Box, Detection, Detections
+from schemas.worker_keys import WorkerAlive
 from services.detector.requests import answering
 from services.toolbox.demo.ports import free_ports
-from services.toolbox.detect.process import run
+from services.toolbox.detect.process import run, table
 from services.toolbox.detect.settings import DetectSettings
+from tests.schemas.frames import header
 from tests.services.detector.fakes import FakeModel
 
 
@@ -50,6 +52,22 @@ async def test_it_prints_what_a_worker_sees_and_draws_it(image: Path, capsys: py
     drawn = cv2.imread(str(image.with_name("photo.detected.jpg")))
     assert drawn is not None
     assert drawn.shape == (40, 60, 3)
+
+
+def test_a_models_names_write_nothing_but_themselves() -> None:
+    found = Detections(
+        header=header(),
+        height=2,
+        width=2,
+        objects=[Detection(name="\x1b[2J", score=0.5, box=Box(0, 0, 2, 2))],
+        model="a\nb.pt",
+        worker="w\r1",
+    )
+    assert table(found, Path("x.jpg")).splitlines() == [
+        "object   score  left  top  right  bottom",
+        r"\x1b[2J   0.50     0    0      2       2",
+        r"1 objects by a\nb.pt of w\r1; drawn in x.jpg",
+    ]
 
 
 async def test_json_and_a_file_of_ones_own(image: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

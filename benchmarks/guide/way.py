@@ -1,0 +1,80 @@
+"""One image's way through fleetsight, measured hop by hop, and what of it leaves the robot."""
+
+import asyncio
+import statistics
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.gateway.processes import module, running
+from benchmarks.guide.hops import Limit, Seen, table
+from benchmarks.guide.limits import link_ms, memcpy_ms, tcp_ms
+from benchmarks.guide.observer import observing
+from benchmarks.guide.scene import Scene
+from benchmarks.guide.sets import mean_sizes
+from benchmarks.guide.sides import Side
+from benchmarks.guide.topics import CLASSES, DISTANCE, SEGMENTATION
+from schemas.keys import Stream
+from services.simulator.topics import Content
+
+HZ: Final = 1.0
+
+
+async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) -> dict[str, Any]:
+    """Drive at 1 Hz; return `hops`, the runtime, and the bytes that leave the robot for each set.
+
+    folder: the cache of the detector, which has chosen its runtime there.
+    """
+    async with observing(side.endpoint) as observer:
+        await side.ready()
+        stamps = await side.robot.drive(HZ, images / HZ)
+        arrivals = side.robot.taken()
+        frames = observer.frames(stamps, arrivals)
+        overlay = mean_sizes(arrivals)[SEGMENTATION]
+    await side.quiet()
+    await guide.ready()
+    await guide.robot.drive(HZ, images / HZ)
+    sizes = mean_sizes(guide.robot.taken())
+    with ExitStack() as stack:
+        bare = stack.enter_context(running(module("bare_call", "auto", str(folder))))
+        alone = await asyncio.to_thread(bare.ask)
+    link = await link_ms(side.endpoint, scene.size(Content.COLOR))
+    mean = {stream: _mean_size(frames, stream) for stream in Stream}
+    limits = await asyncio.to_thread(_limits, scene, mean, overlay, alone)
+    return {
+        "hops": table(frames, link, limits),
+        "hops_images": len(frames),
+        "runtime": alone["runtime"],
+        "class_list_bytes": mean[Stream.CLASSES],
+        "distances_bytes": mean[Stream.DISTANCES],
+        "jpeg_overlay_bytes": mean[Stream.OVERLAY_SEGMENTATION],
+        "guide_class_list_bytes": sizes.get(CLASSES),
+        "guide_distances_bytes": sizes.get(DISTANCE),
+        "raw_overlay_bytes": overlay,
+    }
+
+
+def _mean_size(frames: Sequence[Seen], stream: Stream) -> int | None:
+    sizes = [frame.sizes[stream] for frame in frames if stream in frame.sizes]
+    return round(statistics.mean(sizes)) if sizes else None
+
+
+def _limits(scene: Scene, sizes: dict[Stream, int | None], overlay: int, alone: dict[str, Any]) -> dict[str, Limit]:
+    picture = scene.size(Content.COLOR)
+    tcp = Limit("loopback TCP of the same bytes", tcp_ms(picture))
+    copied = Limit("memcpy of the same bytes", memcpy_ms(picture))
+    return {
+        "camera": tcp,
+        "gateway": copied,
+        "link": tcp,
+        "pre-processing": copied,
+        "model": Limit("the bare model call", alone["model"]),
+        "post-processing": Limit("the same with nothing else at work", alone["postprocess"]),
+        "results": Limit(tcp.what, tcp_ms(sizes[Stream.DETECTIONS] or 1)),
+        "overlays": Limit("memcpy of both", memcpy_ms(2 * overlay)),
+        "distance": Limit("memcpy of the depth image", memcpy_ms(scene.size(Content.DEPTH))),
+        "cloud": Limit("memcpy of the points", memcpy_ms(scene.size(Content.POINTS))),
+        "return to ROS": Limit("loopback TCP of the overlay", tcp_ms(overlay)),
+        "monitor": Limit("loopback TCP of the class list", tcp_ms(sizes[Stream.CLASSES] or 1)),
+    }

@@ -1,0 +1,102 @@
+"""5,000 robots' class lists through one router to one monitor process, in about four minutes.
+
+The robots are four other processes with ten sessions each, so that one session has as many robots as a busy detector
+worker has cameras; each robot and camera is present and each class list published as gateways and detectors do it.
+Gateways' statuses, one a second, are left out. The monitor is `fleetsight monitor` as it is started, as a client of the
+router, its history in SQLite, with three rules.
+
+    lost              class lists that were sent less those the monitor says, in an answer about its inventory, it took
+                      in, two seconds after the last; every list counts once, so that doubles hide no loss
+    p99_ms            from putting a list on the bus until an answer about the inventory shows it, the answer's way
+                      included; of one more camera, twenty times a second, amid the others
+    page_p95_ms       a whole answer of the page or of the API, the slowest of three addresses fetched in turn meanwhile
+    rss_mb            resident memory of the monitor after that
+    max_msgs_per_s    the highest rate at which nothing was lost; max_is_publishers: the publishers could not send more
+    cpu_share_1000x5  processor time of the monitor, of one core, with 1,000 robots at 5 lists a second
+    sessions          Zenoh sessions that the robots share
+
+All processes share the machine's cores.
+"""
+
+import argparse
+import asyncio
+import json
+import signal
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.machine import machine, versions
+from benchmarks.monitor.report import targets
+from benchmarks.monitor.scenario import PUBLISHERS, SESSIONS, Scenario, scenario
+from benchmarks.progress import note
+
+ROBOTS: Final = 5_000
+HZ: Final = 2.0
+FEWER: Final = 1_000
+FASTER_HZ: Final = 5.0
+STEPS_HZ: Final = (0.5, 1.0, 1.5, 2.5, 3.0, 4.0, 5.0, 6.0)
+STEP_S: Final = 6.0
+BEHIND_MS: Final = 1_000.0
+"""A publisher that is so late does not send what it should."""
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.monitor", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--seconds", type=float, default=30.0, help="length of one measurement (default: 30)")
+    arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
+    with tempfile.TemporaryDirectory() as folder:
+        found = asyncio.run(measure(Path(folder), arguments.seconds))
+    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+
+
+async def measure(folder: Path, seconds: float) -> dict[str, Any]:
+    """Do everything."""
+    async with scenario(folder, ROBOTS) as fleet:
+        note(f"{FEWER} robots")
+        await fleet.robots(FEWER)
+        fewer = await fleet.send(FASTER_HZ, seconds / 2)
+        note(f"{fewer.figures()}\n{ROBOTS} robots")
+        await fleet.robots(ROBOTS)
+        flow = await fleet.send(HZ, seconds)
+        found = flow.figures() | {
+            "rss_mb": round(fleet.monitor.rss_bytes() / 2**20),
+            "cpu_share_1000x5": round(fewer.cpu_share, 3),
+            "lost_1000x5": fewer.lost,
+        }
+        note(f"{found}\nfaster and faster")
+        found |= await highest(fleet)
+    return {
+        "targets": targets(found),
+        **found,
+        "robots": ROBOTS,
+        "hz": HZ,
+        "sessions": PUBLISHERS * SESSIONS,
+        "seconds": seconds,
+        "machine": machine(),
+        "versions": versions(["eclipse-zenoh", "msgspec"]),
+    }
+
+
+async def highest(fleet: Scenario) -> dict[str, Any]:
+    """Return the highest rate without loss."""
+    best = 0
+    for hz in STEPS_HZ:
+        flow = await fleet.send(hz, STEP_S)
+        note(f"{hz} Hz: {flow.figures()}")
+        if flow.lost:
+            return {"max_msgs_per_s": best, "max_is_publishers": False}
+        best = max(best, round(flow.sent_per_s))
+        if flow.late_ms > BEHIND_MS:
+            break
+    return {"max_msgs_per_s": best, "max_is_publishers": True}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+"""The robots, the router and the monitor of a measurement."""
+
+import asyncio
+import itertools
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from secrets import token_hex
+from typing import Final
+
+import httpx
+
+from benchmarks.gateway.flow import free_endpoint
+from benchmarks.gateway.processes import PeerError, Process, module, running
+from benchmarks.monitor.report import Flow
+from bus import Bus, BusSettings, Publisher, QoS, RequestError, open_bus
+from schemas import codec, keys
+from schemas.detections import ClassCount, ClassList
+from schemas.header import Header
+from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.keys import CameraKey, Stream
+from services.toolbox.demo.ports import free_ports
+
+PUBLISHERS: Final = 4
+"""Processes that the robots are shared by."""
+
+SESSIONS: Final = 10
+"""Of each of them."""
+
+SETTLED_S: Final = 2.0
+"""By then a list has arrived, or is lost."""
+
+PATIENCE_S: Final = 120.0
+"""For what takes a moment on a machine that does nothing else."""
+
+ASK_S: Final = 3.0
+PROBE_S: Final = 0.05
+VISIT_S: Final = 0.2
+PATHS: Final = ("/", "/api/v1/robots", "/api/v1/inventory?in_view=true")
+TOOLBOX: Final = (sys.executable, "-m", "services.toolbox")
+PROBE: Final = CameraKey("probe", "front")
+
+RULES: Final = """
+rules:
+  - {name: crowded, when: over, class: box, count: 50}
+  - {name: forklift too near, when: nearer, class: forklift, than_m: 2, severity: critical}
+  - {name: camera silent, when: silent, cameras: ["*"], for_s: 600}
+"""
+
+
+@dataclass
+class Probe:
+    """A robot's camera whose lists are looked for in the inventory."""
+
+    publisher: Publisher
+    seq: int = 0
+
+    def put(self) -> float:
+        """Publish a list; return the score that tells it from all others."""
+        self.seq += 1
+        now_ns, score = time.time_ns(), self.seq / 1_000_000
+        header = Header(
+            robot=PROBE.robot,
+            camera=PROBE.camera,
+            boot_id="probe",
+            seq=self.seq,
+            stamp_ns=now_ns,
+            frame_id="",
+            received_ns=now_ns,
+        )
+        seen = ClassList(header=header, classes=[ClassCount("box", 1, score)], model="m", worker="w")
+        self.publisher.put(codec.encode(seen))
+        return score
+
+
+class Scenario:
+    """5,000 robots behind a router, and one monitor."""
+
+    def __init__(
+        self, bus: Bus, monitor: Process, publishers: list[Process], probe: Probe, web: httpx.AsyncClient
+    ) -> None:
+        self.monitor = monitor
+        self._web = web
+        self._bus = bus
+        self._publishers = publishers
+        self._probe = probe
+
+    async def robots(self, number: int) -> None:
+        """Have so many robots; return when the monitor knows all of them."""
+        share = number // len(self._publishers)
+        for publisher in self._publishers:
+            publisher.tell(f"robots {share}")
+        await asyncio.gather(*(asyncio.to_thread(publisher.answer) for publisher in self._publishers))
+        await self.send(1.0, 2.0)
+        await self._until_all_are_known(share * len(self._publishers))
+
+    async def send(self, hz: float, seconds: float) -> Flow:
+        """Have every robot send at a rate for so long; return what became of it."""
+        before, cpu_s = await self.taken() - self._probe.seq, self.monitor.cpu_s()
+        for publisher in self._publishers:
+            publisher.tell(f"send {hz} {seconds}")
+        latencies, pages, ended = list[float](), dict[str, list[float]](), asyncio.Event()
+        began_s = time.monotonic()
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._look(latencies, ended))
+            group.create_task(self._visit(pages, ended))
+            answers = await asyncio.gather(*(asyncio.to_thread(each.answer) for each in self._publishers))
+            took_s = time.monotonic() - began_s
+            cpu_share = (self.monitor.cpu_s() - cpu_s) / took_s
+            ended.set()
+        await asyncio.sleep(SETTLED_S)
+        sent = sum(answer["sent"] for answer in answers)
+        return Flow(
+            lost=sent - (await self.taken() - self._probe.seq - before),
+            sent_per_s=(sent + len(latencies)) / took_s,
+            latencies_ms=latencies,
+            pages_ms=pages,
+            cpu_share=cpu_share,
+            late_ms=max(answer["late_ms"] for answer in answers),
+        )
+
+    async def taken(self) -> int:
+        """Return how many class lists the monitor took in."""
+        return (await self._inventory("nobody")).class_lists
+
+    async def _look(self, latencies: list[float], ended: asyncio.Event) -> None:
+        """Publish lists one by one; note after how many milliseconds an answer of the inventory shows each."""
+        self._probe.put()  # what one list says alone is no sighting yet
+        while not ended.is_set():
+            put_s = time.monotonic()
+            until_s, score = put_s + ASK_S, self._probe.put()
+            while not await self._shows(score):
+                if time.monotonic() > until_s:  # a loss is noticed when the next one comes
+                    until_s, score = time.monotonic() + ASK_S, self._probe.put()
+            latencies.append((time.monotonic() - put_s) * 1e3)
+            await asyncio.sleep(PROBE_S)
+
+    async def _visit(self, pages: dict[str, list[float]], ended: asyncio.Event) -> None:
+        """Fetch page and API in turn; note after how many milliseconds the whole answer is there, inf for an error."""
+        for path in itertools.cycle(PATHS):
+            if ended.is_set():
+                return
+            began_s = time.monotonic()
+            answer = await self._web.get(path)
+            took_ms = (time.monotonic() - began_s) * 1e3
+            pages.setdefault(path, []).append(took_ms if answer.is_success else inf)
+            await asyncio.sleep(VISIT_S)
+
+    async def _shows(self, score: float) -> bool:
+        answer = await self._inventory(PROBE.robot)
+        return any(sighting.score == score for sighting in answer.sightings)
+
+    async def _inventory(self, robot: str) -> InventoryAnswer:
+        request = codec.encode(InventoryRequest(robot=robot, in_view=False))
+        encoding = codec.encoding(InventoryRequest)
+        until_s = time.monotonic() + PATIENCE_S
+        while True:  # the bus drops requests rather than wait for a link
+            try:
+                reply = await self._bus.request(keys.INVENTORY, request, encoding=encoding, timeout_s=ASK_S)
+            except RequestError as error:
+                if time.monotonic() > until_s:
+                    raise PeerError(self.monitor.last_words()) from error
+                await asyncio.sleep(PROBE_S)
+            else:
+                return codec.decode(InventoryAnswer, reply.payload, reply.encoding)
+
+    async def _until_all_are_known(self, robots: int) -> None:
+        for number in itertools.count():
+            answer = await self._inventory("")
+            if len({sighting.robot for sighting in answer.sightings}) >= robots:
+                return
+            if number > PATIENCE_S:
+                raise PeerError(f"not all robots are known: {self.monitor.last_words()}")
+            await self.send(1.0, 1.0)
+
+
+@asynccontextmanager
+async def scenario(folder: Path, robots: int) -> AsyncIterator[Scenario]:
+    """Start everything; the robots are still to come."""
+    rules = folder / "rules.yaml"
+    rules.write_text(RULES, encoding="utf-8")
+    router = free_endpoint()
+    history, port = f"sqlite:///{folder}/history.db", free_ports(1)
+    token = await asyncio.to_thread(token_of_a_viewer, history)
+    command = ["monitor", "--mode", "client", "--connect", router, "--web-port", str(port)]
+    web = httpx.AsyncClient(
+        base_url=f"http://127.0.0.1:{port}", headers={"Authorization": f"Bearer {token}"}, timeout=PATIENCE_S
+    )
+    with ExitStack() as stack:
+        stack.enter_context(running(module("router", router))).ask()
+        monitor = stack.enter_context(running([*TOOLBOX, *command, "--history", history, "--rules", str(rules)]))
+        share = robots // PUBLISHERS
+        publishers = [
+            stack.enter_context(running(module("class_lists", router, str(index * share), str(SESSIONS))))
+            for index in range(PUBLISHERS)
+        ]
+        async with (
+            web,
+            open_bus(BusSettings(connect=[router], shared_memory=False)) as bus,
+            bus.announce(keys.robot_alive(PROBE.robot)),
+            bus.announce(PROBE.alive(Stream.COLOR)),
+            bus.publisher(PROBE.stream(Stream.CLASSES), QoS.RESULT, encoding=codec.encoding(ClassList)) as publisher,
+        ):
+            made = Scenario(bus, monitor, publishers, Probe(publisher), web)
+            await made.taken()
+            yield made
+
+
+def token_of_a_viewer(history: str) -> str:
+    """Make somebody who may look; return what they are known by."""
+    users = [*TOOLBOX, "users"]
+    subprocess.run(
+        [*users, "add", "viewer", "--history", history],
+        input=f"{token_hex()}\n" * 2,
+        text=True,
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
+    made = subprocess.run([*users, "token", "viewer", "--history", history], capture_output=True, text=True, check=True)
+    return made.stdout.split()[-1]

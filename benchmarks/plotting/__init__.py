@@ -1,0 +1,1 @@
+"""Pictures of what benchmarks found, each from one kept JSON file alone."""

@@ -1,0 +1,1 @@
+"""Runs benchmarks one after another and keeps what they find."""

@@ -1,0 +1,137 @@
+"""Keys of services and their workers: `workers/{service}/{worker}/...`; `schemas.keys` has those of robots."""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.errors import SchemaError
+from schemas.keys import ALIVE, CameraKey, check_name
+
+SERVES: Final = "serves"
+
+WEIGHT: Final = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,9})?")
+MIN_WEIGHT: Final = 0.01
+MAX_WEIGHT: Final = 1000.0
+
+ANY_ROBOT: Final = "-"
+"""In a worker's presence in the place of a robot: no robot is called so."""
+
+EVERY_WORKER_STATUS: Final = "workers/*/*/status"
+
+
+def worker_status(service: str, worker: str) -> str:
+    """Return the key of a worker's WorkerStatus."""
+    check_name("service", service)
+    check_name("worker", worker)
+    return f"workers/{service}/{worker}/status"
+
+
+def worker_settings(service: str, worker: str) -> str:
+    """Return the key under which a worker takes other settings while it runs."""
+    check_name("service", service)
+    check_name("worker", worker)
+    return f"workers/{service}/{worker}/settings"
+
+
+def infer(worker: str) -> str:
+    """Return the key under which a detector worker answers an image with its Detections."""
+    check_name("worker", worker)
+    return f"services/detector/infer/{worker}"
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerAlive:
+    """A worker's presence. A token has no payload, so all that others must know of the worker is in its key.
+
+    weight: its share of the work beside others', above 0. robot: the one it is for, before all workers that are for
+    any; None for any. A worker that is for several robots has a token for each.
+
+    Raises:
+        SchemaError: a name that cannot be a chunk of a key, or a weight out of MIN_WEIGHT to MAX_WEIGHT.
+    """
+
+    service: str
+    worker: str
+    weight: float = 1.0
+    robot: str | None = None
+
+    def __post_init__(self) -> None:
+        check_name("service", self.service)
+        check_name("worker", self.worker)
+        if self.robot is not None:
+            check_name("robot", self.robot)
+        if not MIN_WEIGHT <= self.weight <= MAX_WEIGHT:
+            raise SchemaError(f"a worker's weight of {self.weight:g}: use {MIN_WEIGHT:g} to {MAX_WEIGHT:g}")
+
+    def __str__(self) -> str:
+        return f"workers/{self.service}/{self.worker}/{self.weight:g}/{self.robot or ANY_ROBOT}/{ALIVE}"
+
+
+def every_worker_alive(service: str) -> str:
+    """Return the key expression of the presence tokens of a service's workers."""
+    check_name("service", service)
+    return f"workers/{service}/*/*/*/{ALIVE}"
+
+
+def parse_worker_alive(key: str) -> WorkerAlive:
+    """Parse a worker's presence token.
+
+    Raises:
+        SchemaError: the key is none.
+    """
+    match key.split("/"):
+        case ["workers", service, worker, weight, robot, last] if last == ALIVE and WEIGHT.fullmatch(weight):
+            return WorkerAlive(service, worker, float(weight), None if robot == ANY_ROBOT else robot)
+    raise SchemaError(f"not a worker's presence: {key[:200]!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Serves:
+    """A worker's word that it has taken a camera over: results have come, or nobody wants any.
+
+    Raises:
+        SchemaError: a name that cannot be a chunk of a key.
+    """
+
+    service: str
+    worker: str
+    camera: CameraKey
+
+    def __post_init__(self) -> None:
+        check_name("service", self.service)
+        check_name("worker", self.worker)
+
+    def __str__(self) -> str:
+        return f"workers/{self.service}/{self.worker}/{SERVES}/{self.camera}"
+
+
+def every_serves(service: str) -> str:
+    """Return the key expression of the tokens by which a service's workers say which cameras they have taken over."""
+    check_name("service", service)
+    return f"workers/{service}/*/{SERVES}/*/*"
+
+
+def parse_serves(key: str) -> Serves:
+    """Parse a token by which a worker says that it has taken a camera over.
+
+    Raises:
+        SchemaError: the key is none.
+    """
+    match key.split("/"):
+        case ["workers", service, worker, what, robot, camera] if what == SERVES:
+            return Serves(service, worker, CameraKey(robot, camera))
+    raise SchemaError(f"not the key of a camera that was taken over: {key[:200]!r}")
+
+
+def parse_worker(key: str) -> tuple[str, str]:
+    """Return (service, worker) of any `workers/{service}/{worker}/...` key.
+
+    Raises:
+        SchemaError: the key is not of that form.
+    """
+    match key.split("/"):
+        case ["workers", service, worker, *_]:
+            check_name("service", service)
+            check_name("worker", worker)
+            return service, worker
+    raise SchemaError(f"not a worker's key: {key[:200]!r}")

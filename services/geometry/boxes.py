@@ -1,0 +1,22 @@
+"""Upright boxes."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.objects import UprightBox
+
+_UPRIGHT: Final = 0.9
+_SHORTEST: Final = 1e-6
+
+
+def axes_of(box: UprightBox) -> NDArray[np.float64]:
+    """Return the unit vectors along a box's length, width and height, a row each; z is up where it says nothing."""
+    length = np.linalg.norm(box.up)
+    up = np.array(box.up) / length if length > _SHORTEST else np.array([0.0, 0.0, 1.0])
+    first = np.eye(3)[0 if abs(up[0]) < _UPRIGHT else 2]
+    level = first - up * (up @ first)
+    level /= np.linalg.norm(level)
+    along = np.cos(box.yaw) * level + np.sin(box.yaw) * np.cross(up, level)
+    return np.array([along, np.cross(up, along), up])

@@ -1,0 +1,46 @@
+"""Whether the monitor can hear the fleet: its link, and a message of its own that has to come back."""
+
+import asyncio
+import time
+from typing import Final
+from uuid import uuid4
+
+from bus import LATEST, Bus, Publisher, QoS
+from schemas import keys
+
+PERIOD_S: Final = 2.0
+STALLED_S: Final = 10.0
+"""After how long without its own message the monitor counts as deaf."""
+
+
+class Health:
+    """Knows why the mesh is dead."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._heard_s = time.monotonic()
+
+    @property
+    def problem(self) -> str:
+        """Why the fleet cannot be heard, in words, or empty."""
+        if self._bus.link_problem:
+            return self._bus.link_problem
+        silent_s = time.monotonic() - self._heard_s
+        return f"the bus has brought nothing for {silent_s:.0f} s" if silent_s > STALLED_S else ""
+
+    async def run(self) -> None:
+        """Send and listen, for ever."""
+        key = keys.monitor_pulse(uuid4().hex)
+        async with (
+            self._bus.subscribe(key, LATEST) as subscription,
+            self._bus.publisher(key, QoS.STATUS) as publisher,
+            asyncio.TaskGroup() as group,
+        ):
+            group.create_task(self._beat(publisher))
+            async for _ in subscription:
+                self._heard_s = time.monotonic()
+
+    async def _beat(self, publisher: Publisher) -> None:
+        while True:
+            publisher.put(b"")
+            await asyncio.sleep(PERIOD_S)

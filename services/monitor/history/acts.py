@@ -1,0 +1,45 @@
+"""What people did with alerts: who, what and when. Pure."""
+
+from collections import OrderedDict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.alerts import AlertState
+
+MAX_ALERTS: Final = 10_000
+"""Of how many alerts it is remembered here; the database keeps all."""
+
+MAX_ACTS: Final = 100
+"""What is remembered of one alert, the newest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """One thing that somebody did with an alert. state: what it became. who: a user's name. at_ns: epoch, ours."""
+
+    alert_id: str
+    state: AlertState
+    who: str
+    at_ns: int
+
+
+class Acts:
+    """The acts of each alert, in order."""
+
+    def __init__(self) -> None:
+        self._acts: OrderedDict[str, tuple[Act, ...]] = OrderedDict()
+
+    def take(self, acts: Iterable[Act]) -> None:
+        """Remember acts; those of alerts not heard of for longest are forgotten when there are too many."""
+        for act in acts:
+            known = self._acts.get(act.alert_id, ())
+            if act not in known:
+                self._acts[act.alert_id] = (*known, act)[-MAX_ACTS:]
+                self._acts.move_to_end(act.alert_id)
+        while len(self._acts) > MAX_ALERTS:
+            self._acts.popitem(last=False)
+
+    def of(self, alert_id: str) -> tuple[Act, ...]:
+        """Return what was done with an alert."""
+        return self._acts.get(alert_id, ())

@@ -1,0 +1,99 @@
+"""Where objects were seen last, as distances say it. Pure: time is an argument."""
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.distances import Distances, ObjectDistance
+
+MAP: Final = "map"
+
+MOST: Final = 2_000
+"""Places that are kept, those seen last."""
+
+FORGET_NS: Final = 1_800 * 1_000_000_000
+"""What nobody saw for half an hour is not shown any more."""
+
+SAME_M: Final = 0.6
+"""Objects of a class that were seen nearer to each other, at different times or by different robots, are one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """An object where it was seen last: x, y in metres in the map, seen_ns since the epoch on this machine's clock."""
+
+    name: str
+    x: float
+    y: float
+    robot: str
+    camera: str
+    seen_ns: int
+
+
+class Places:
+    """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one."""
+
+    def __init__(self) -> None:
+        self._marks: OrderedDict[tuple[object, ...], Mark] = OrderedDict()
+
+    def take(self, distances: Distances, seen_ns: int) -> None:
+        """Take where one image's objects are; those whose place in the map is not known are left out."""
+        of = distances.header
+        for each in distances.objects:
+            at = _in_map(each)
+            if at is not None:
+                mark = Mark(each.name, at[0], at[1], of.robot, of.camera, seen_ns)
+                key = (of.robot, of.camera, _identity(each, at))
+                self._marks[key] = mark
+                self._marks.move_to_end(key)
+        while len(self._marks) > MOST:
+            self._marks.popitem(last=False)
+
+    def marks(self, now_ns: int, *, robot: str = "") -> list[Mark]:
+        """Return what was seen where, newest first; by one robot if it is named.
+
+        Robots are taken to share one map: what several saw at about the same place is one object.
+        """
+        since_ns = now_ns - FORGET_NS
+        newest = sorted(self._marks.values(), key=lambda mark: mark.seen_ns, reverse=True)
+        wanted = (mark for mark in newest if mark.seen_ns >= since_ns and robot in ("", mark.robot))
+        return list(_apart(wanted))
+
+
+def _in_map(each: ObjectDistance) -> tuple[float, float] | None:
+    if each.measured is None:
+        return None
+    at = next((place.at for place in each.measured.places if place.frame_id.removeprefix("/") == MAP), None)
+    return None if at is None else at[:2]
+
+
+def _identity(each: ObjectDistance, at: tuple[float, float]) -> object:
+    return each.track if each.track is not None else (each.name, *_cell(at))
+
+
+def _cell(at: tuple[float, float]) -> tuple[int, int]:
+    return math.floor(at[0] / SAME_M), math.floor(at[1] / SAME_M)
+
+
+def _apart(marks: Iterable[Mark]) -> Iterator[Mark]:
+    """Yield the marks that are no object that was there before; marks of one image are never one object."""
+    cells: dict[tuple[str, int, int], list[Mark]] = {}
+    for mark in marks:
+        column, row = _cell((mark.x, mark.y))
+        near = (
+            other
+            for across in (-1, 0, 1)
+            for along in (-1, 0, 1)
+            for other in cells.get((mark.name, column + across, row + along), ())
+        )
+        if not any(_same(mark, other) for other in near):
+            cells.setdefault((mark.name, column, row), []).append(mark)
+            yield mark
+
+
+def _same(mark: Mark, other: Mark) -> bool:
+    """Whether two marks of a class are one object: near, and not two objects of one image."""
+    of_one_image = (mark.robot, mark.camera, mark.seen_ns) == (other.robot, other.camera, other.seen_ns)
+    return not of_one_image and math.hypot(mark.x - other.x, mark.y - other.y) < SAME_M

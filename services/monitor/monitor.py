@@ -1,0 +1,126 @@
+"""The monitor as its page and its API see it: what they read, and what people may do."""
+
+import asyncio
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from bus import Bus
+from schemas.alerts import Alert, AlertState
+from services.monitor.alerting.alerting import Alerting
+from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.fleet import Fleet
+from services.monitor.health import Health
+from services.monitor.history.acts import Act
+from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.inventory.inventory import Entry
+from services.monitor.picture import Painting, Picture
+from services.monitor.recent import Recent
+from services.monitor.settings import MonitorSettings
+
+MAX_AGE_S: Final = 0.5
+"""How old a picture may be; so many people may look as want to."""
+
+MAX_READ_AGE_S: Final = 2.0
+"""How old what another monitor wrote may be."""
+
+MAX_ALERTS: Final = 10_000
+NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertState.RESOLVED)
+
+AT_ONCE: Final = 100
+"""Cameras looked at before other things get their turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Monitor:
+    """Everything a running monitor has. started_ns: when it began, epoch nanoseconds.
+
+    What many look at (`picture`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
+    """
+
+    settings: MonitorSettings
+    bus: Bus
+    fleet: Fleet
+    rules: RuleFile
+    alerting: Alerting
+    history: HistoryKeeper
+    archive: Archive
+    health: Health
+    started_ns: int = field(default_factory=time.time_ns)
+    _picture: Recent[Picture] = field(init=False, repr=False)
+    _inventory: Recent[tuple[Entry, ...]] = field(init=False, repr=False)
+    _others: Recent[Sequence[Alert]] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_picture", Recent(self._paint, MAX_AGE_S))
+        object.__setattr__(self, "_inventory", Recent(self._list, MAX_AGE_S))
+        object.__setattr__(self, "_others", Recent(self._read_alerts, MAX_READ_AGE_S))
+
+    async def picture(self) -> Picture:
+        """Return robots, cameras and workers as they are now."""
+        return await self._picture.get()
+
+    async def inventory(self) -> tuple[Entry, ...]:
+        """Return what is or was in view of every camera, by robot, camera and class."""
+        return await self._inventory.get()
+
+    def alerts(self) -> list[Alert]:
+        """Return the alerts that are not resolved; none where another monitor raises them."""
+        return self.alerting.alerts()
+
+    async def current_alerts(self) -> Sequence[Alert]:
+        """Return the alerts that are not resolved; where another monitor raises them, those that it wrote down.
+
+        Raises:
+            HistoryError: they cannot be read.
+        """
+        return self.alerts() if self.history.status.leads else await self._others.get()
+
+    def acts_of(self, alert_id: str) -> tuple[Act, ...]:
+        """Return what people did with an alert that is not resolved, in order."""
+        return self.history.acts.of(alert_id)
+
+    def acknowledge(self, alert_id: str, by: str) -> Alert:
+        """Note that somebody looks after an alert; raises UnknownAlertError. by: a user's name."""
+        return self._noted(self.alerting.acknowledge(alert_id), by)
+
+    def escalate(self, alert_id: str, by: str) -> Alert:
+        """Have others look after an alert; raises UnknownAlertError. by: a user's name."""
+        return self._noted(self.alerting.escalate(alert_id), by)
+
+    def resolve(self, alert_id: str, by: str) -> Alert:
+        """Close an alert; raises UnknownAlertError. by: a user's name."""
+        return self._noted(self.alerting.resolve(alert_id), by)
+
+    def problems(self) -> list[str]:
+        """Say what keeps the monitor itself from doing all that it should."""
+        not_kept = self.history.status.problem
+        return [f"history is not being kept: {not_kept}"] * bool(not_kept) + [self.rules.problem] * bool(
+            self.rules.problem
+        )
+
+    def _noted(self, alert: Alert, by: str) -> Alert:
+        self.history.act(Act(alert.id, AlertState(alert.state), by, time.time_ns()))
+        return alert
+
+    async def _paint(self) -> Picture:
+        painting = Painting(self.fleet, time.time_ns(), time.monotonic())
+        for number, _ in enumerate(painting.steps(), 1):
+            if number % AT_ONCE == 0:
+                await asyncio.sleep(0)
+        return painting.picture()
+
+    async def _list(self) -> tuple[Entry, ...]:
+        found = []
+        for number, entry in enumerate(self.fleet.inventory.entries(time.time_ns()), 1):
+            found.append(entry)
+            if number % AT_ONCE == 0:
+                await asyncio.sleep(0)
+        return tuple(found)
+
+    async def _read_alerts(self) -> Sequence[Alert]:
+        found = await self.archive.alerts(Asked(), MAX_ALERTS, states=NOT_RESOLVED)
+        self.history.acts.take(await self.archive.acts([alert.id for alert in found]))
+        return found

@@ -1,0 +1,81 @@
+"""Alerts as rows of a table. Pure: time is an argument."""
+
+from collections.abc import Iterable, Sequence
+from enum import StrEnum
+from typing import Any, Final
+
+from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.history.acts import Act
+from services.monitor.page.words import ago, iso, natural
+
+URGENCY: Final = {severity: number for number, severity in enumerate(reversed(Severity))}
+"""Severities, the most urgent first."""
+
+NEED: Final = {AlertState.ESCALATED: 0, AlertState.RAISED: 1, AlertState.ACKNOWLEDGED: 2, AlertState.RESOLVED: 3}
+"""States, those first that need somebody most."""
+
+
+class Deed(StrEnum):
+    """What somebody may do with an alert."""
+
+    ACKNOWLEDGE = "acknowledge"
+    ESCALATE = "escalate"
+    RESOLVE = "resolve"
+
+
+DEEDS: Final = {
+    AlertState.RAISED: (Deed.ACKNOWLEDGE, Deed.ESCALATE, Deed.RESOLVE),
+    AlertState.ACKNOWLEDGED: (Deed.ESCALATE, Deed.RESOLVE),
+    AlertState.ESCALATED: (Deed.ACKNOWLEDGE, Deed.RESOLVE),
+    AlertState.RESOLVED: (),
+}
+
+
+def most_urgent_first(alerts: Iterable[Alert]) -> list[Alert]:
+    """Return alerts by severity, then those that nobody looks after, then the newest."""
+    return sorted(alerts, key=lambda each: (URGENCY[each.severity], NEED[each.state], -each.raised_ns))
+
+
+def wanted_alerts(alerts: Iterable[Alert], severity: Severity | None, text: str) -> list[Alert]:
+    """Return the alerts of a severity, or of any, that say `text` anywhere."""
+    text = text.strip().casefold()
+    return [each for each in alerts if severity in (None, each.severity) and (not text or _says(each, text))]
+
+
+def sorted_alerts(alerts: Sequence[Alert], sort: str, *, descending: bool) -> list[Alert]:
+    """Return alerts by severity, robot, state or the time they were raised or ended."""
+    match sort:
+        case "robot":
+            found = sorted(alerts, key=lambda each: (natural(each.robot), each.camera))
+        case "state":
+            found = sorted(alerts, key=lambda each: NEED[each.state])
+        case "raised":
+            found = sorted(alerts, key=lambda each: -each.raised_ns)
+        case "ended":
+            found = sorted(alerts, key=lambda each: -each.changed_ns)
+        case _:
+            found = most_urgent_first(alerts)
+    return found[::-1] if descending else found
+
+
+def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool) -> dict[str, Any]:
+    """Return an alert as its templates take it. may_act: who looks may do something about it."""
+    return {
+        "id": alert.id,
+        "severity": alert.severity,
+        "text": alert.text,
+        "rule": alert.rule,
+        "robot": alert.robot,
+        "camera": alert.camera,
+        "state": alert.state,
+        "raised": ago(alert.raised_ns, now_ns),
+        "raised_at": iso(alert.raised_ns),
+        "ended": ago(alert.changed_ns, now_ns) if alert.state is AlertState.RESOLVED else "",
+        "ended_at": iso(alert.changed_ns),
+        "acts": [f"{act.state} by {act.who}, {ago(act.at_ns, now_ns)}" for act in acts],
+        "deeds": [str(deed) for deed in DEEDS[alert.state]] if may_act else [],
+    }
+
+
+def _says(alert: Alert, text: str) -> bool:
+    return any(text in each.casefold() for each in (alert.text, alert.rule, alert.robot, alert.camera, alert.name))

@@ -1,0 +1,183 @@
+"""Alerts: those that are open, what is done about them, and those that ended."""
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+from typing import Final
+
+from nicegui import events, ui
+
+from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.history.errors import HistoryError
+from services.monitor.monitor import Monitor
+from services.monitor.page.alert_rows import Deed, alert_row, sorted_alerts, wanted_alerts
+from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
+from services.monitor.page.frame import ALERTS, REFRESH_S, banner, export_link, nothing_yet, page_frame
+from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.tiles import Tile
+from services.monitor.rules.engine import UnknownAlertError
+from services.monitor.web.auth.visitor import Visitor
+
+OPEN_COLUMNS: Final = (
+    Column("severity", "Severity"),
+    Column("text", "What", sortable=False),
+    Column("robot", "Where"),
+    Column("state", "State"),
+    Column("raised", "Raised", align="right"),
+    Column("deeds", "", sortable=False, align="right"),
+)
+
+ENDED_COLUMNS: Final = (
+    Column("severity", "Severity"),
+    Column("text", "What", sortable=False),
+    Column("robot", "Where"),
+    Column("raised", "Raised", align="right"),
+    Column("ended", "Resolved", align="right"),
+)
+
+
+def add_alerts(monitor: Monitor, kept: KeptAlerts) -> None:
+    """Add the page."""
+
+    @ui.page(ALERTS.path)
+    def alerts() -> None:
+        with page_frame(monitor, "Alerts", ALERTS) as visitor:
+            _Alerts(monitor, kept, visitor)
+
+
+class _Alerts:
+    """One browser's view of the alerts."""
+
+    def __init__(self, monitor: Monitor, kept: KeptAlerts, visitor: Visitor) -> None:
+        self._monitor = monitor
+        self._kept = kept
+        self._visitor = visitor
+        self._severity: Severity | None = None
+        self._text = ""
+        self._elsewhere = ui.element("div")
+        with self._elsewhere:
+            banner("Another monitor raises the alerts. Those below are from the shared history; act on them there.")
+        with ui.element("div").classes("fs-tiles"):
+            self._tiles = {
+                severity: Tile(severity.capitalize(), on_click=partial(self._only, severity))
+                for severity in reversed(Severity)
+            }
+            self._unseen = Tile("Nobody looks after")
+        self._open_panel()
+        self._ended_panel()
+        for part in (self._elsewhere, self._calm, self._none):
+            part.set_visibility(False)
+        ui.timer(REFRESH_S, self.refresh)  # a slow database keeps nobody from the page
+        ui.timer(KeptAlerts.MAX_AGE_S, self.look_back)
+
+    def _open_panel(self) -> None:
+        with ui.element("div").classes("fs-panel"):
+            with ui.element("div").classes("fs-panel-head"):
+                with ui.element("h2"):
+                    ui.label("Open")
+                search = ui.input(placeholder="Robot, rule or text", on_change=self._look_for)
+                search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+                self._found = ui.label().classes("fs-muted")
+            self._open = LiveTable(
+                OPEN_COLUMNS, self._load_open, row_key="id", sort="severity", body=OPEN_BODY, card=CARD
+            )
+            self._open.table.on("deed", self._do)
+            self._calm = ui.element("div")
+            with self._calm:
+                nothing_yet("check_circle", "No open alerts", *_what_raises(self._monitor))
+            self._none = ui.element("div")
+            with self._none:
+                nothing_yet("search_off", "No alert is like that", "Clear the search, or choose another severity.")
+
+    def _ended_panel(self) -> None:
+        with ui.element("div").classes("fs-panel"):
+            with ui.element("div").classes("fs-panel-head"):
+                with ui.element("h2"):
+                    ui.label("Resolved")
+                ui.label(f"the newest {MAX_KEPT}").classes("fs-muted fs-small")
+                ui.element("div").classes("fs-spring")
+                export_link(self._monitor, "alerts")
+            self._ended = LiveTable(
+                ENDED_COLUMNS, self._load_ended, row_key="id", sort="ended", body=ENDED_BODY, card=CARD
+            )
+            self._no_history = ui.label().classes("fs-empty")
+
+    async def refresh(self) -> None:
+        """Show the alerts as they are now."""
+        await self._open.refresh()
+
+    async def look_back(self) -> None:
+        """Show the alerts that ended."""
+        await self._ended.refresh()
+
+    async def _load_open(self, window: Window) -> tuple[Rows, int]:
+        leads = self._monitor.history.status.leads
+        self._elsewhere.set_visibility(not leads)
+        try:
+            every = await self._monitor.current_alerts()
+        except HistoryError:  # what keeps the history is said at the top of the page
+            every = ()
+        found = wanted_alerts(every, self._severity, self._text)
+        self._count(every, found)
+        shown = sorted_alerts(found, window.sort, descending=window.descending)[window.begin : window.end]
+        now_ns, may_act = time.time_ns(), leads and self._visitor.may_act
+        return [alert_row(each, self._monitor.acts_of(each.id), now_ns, may_act=may_act) for each in shown], len(found)
+
+    async def _load_ended(self, window: Window) -> tuple[Rows, int]:
+        ended = await self._kept.ended()
+        self._no_history.set_text(ended.problem or "No alert has been resolved yet.")
+        self._no_history.set_visibility(not ended.alerts)
+        now_ns = time.time_ns()
+        shown = sorted_alerts(ended.alerts, window.sort, descending=window.descending)[window.begin : window.end]
+        return [alert_row(each, ended.acts.get(each.id, ()), now_ns, may_act=False) for each in shown], len(
+            ended.alerts
+        )
+
+    def _count(self, every: Sequence[Alert], found: Sequence[Alert]) -> None:
+        counts = Counter(alert.severity for alert in every)
+        for severity, tile in self._tiles.items():
+            tile.show(f"{counts[severity]:,}", on=severity is self._severity)
+        self._tiles[Severity.CRITICAL].color("fs-bad" if counts[Severity.CRITICAL] else "")
+        self._tiles[Severity.WARNING].color("fs-warn" if counts[Severity.WARNING] else "")
+        self._unseen.show(
+            f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}"
+        )
+        self._found.set_text(f"{len(found):,} of {len(every):,}" if len(found) != len(every) else "")
+        self._calm.set_visibility(not every)
+        self._none.set_visibility(bool(every) and not found)
+
+    async def _only(self, severity: Severity) -> None:
+        self._severity = None if self._severity is severity else severity
+        await self._open.begin()
+
+    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
+        self._text = (event.value or "")[:100]
+        await self._open.begin()
+
+    async def _do(self, event: events.GenericEventArguments) -> None:
+        deed, alert_id = Deed(event.args[0]), str(event.args[1])
+        if not self._visitor.may_act:
+            ui.notify("Only operators may do that.", type="warning")
+            return
+        do = {
+            Deed.ACKNOWLEDGE: self._monitor.acknowledge,
+            Deed.ESCALATE: self._monitor.escalate,
+            Deed.RESOLVE: self._monitor.resolve,
+        }[deed]
+        try:
+            do(alert_id, by=self._visitor.name)
+        except UnknownAlertError:
+            ui.notify("That alert is not open any more.", type="info")
+        await self.refresh()
+
+
+def _what_raises(monitor: Monitor) -> Sequence[str]:
+    rules = len(monitor.rules.book.rules)
+    if rules:
+        return (f"{rules} rules are in force.",)
+    return (
+        "No rules are in force, so nothing raises any.",
+        "Write some and start the monitor with --rules rules.yaml.",
+    )

@@ -1,0 +1,167 @@
+"""One camera live: its picture with what was found drawn over it, and what is in view how far away."""
+
+import time
+from collections import deque
+from typing import Final
+
+from nicegui import ui
+
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey, Stream, StreamKey
+from services.monitor.fleet import STALE_S, Age
+from services.monitor.inventory.sighting import Sighting
+from services.monitor.looking.motion import path_of
+from services.monitor.looking.newest import Newest
+from services.monitor.looking.reasons import Reason, facts_of, why_nothing
+from services.monitor.looking.views import Views
+from services.monitor.monitor import Monitor
+from services.monitor.page.frame import FLEET, page_frame
+from services.monitor.page.gaze import Gaze
+from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
+from services.monitor.page.words import age_text, ago, rate_text
+
+PATH: Final = "/cameras/{robot}/{camera}"
+REFRESH_S: Final = 0.5
+AGAIN_S: Final = 3.0
+"""When a picture that broke off is asked for again."""
+
+SERVICE: Final = "detector"
+KINDS: Final = {Stream.OVERLAY_DETECTION.value: "Boxes", Stream.OVERLAY_SEGMENTATION.value: "Masks"}
+
+
+def add_camera(monitor: Monitor, views: Views) -> None:
+    """Add the page."""
+
+    @ui.page(PATH)
+    async def camera_page(robot: str, camera: str) -> None:
+        with page_frame(monitor, f"{robot}/{camera}", FLEET):
+            ui.add_css(VIEW_STYLE)
+            key = camera_key(robot, camera)
+            if key is None:
+                return
+            live = _Live(monitor, views, key)
+            gaze = Gaze()
+        while await gaze.begins():
+            live.show()
+            while not await gaze.ends(REFRESH_S):
+                await live.refresh()
+            live.hide()
+
+
+class _Live:
+    """What the page shows of one camera. The picture's own connection is what looks at the overlay."""
+
+    def __init__(self, monitor: Monitor, views: Views, key: CameraKey) -> None:
+        self._monitor, self._views, self._key = monitor, views, key
+        self._stream = StreamKey(key, Stream.OVERLAY_DETECTION)
+        self._asked = 0
+        self._again_s = 0.0
+        self._arrivals: deque[tuple[float, int]] = deque(maxlen=8)
+        self._listed: tuple[tuple[Sighting, ...], bool] | None = None
+        with ui.element("div").classes("fs-view"):
+            with ui.element("section").classes("fs-panel"):
+                self._build_head()
+                self._stage = Stage()
+                with self._stage.filling():
+                    self._image = ui.element("img").classes("fs-picture").props('alt=""')
+                    self._image.on("error", self._broke_off)
+                with ui.element("div").classes("fs-line fs-muted"):
+                    self._age, self._rate, self._size = ui.label(), ui.label(), ui.label()
+            with ui.element("section").classes("fs-panel"):
+                with ui.element("div").classes("fs-panel-head"):
+                    ui.label("In view").classes("fs-title")
+                self._classes = ui.element("div").classes("fs-classes")
+                self._served = ui.label().classes("fs-line fs-muted")
+
+    def _build_head(self) -> None:
+        with ui.element("div").classes("fs-panel-head"):
+            ui.label(str(self._key)).classes("fs-title")
+            ui.element("div").classes("fs-spring")
+            ui.toggle(KINDS, value=self._stream.stream.value, on_change=lambda event: self._choose(event.value)).props(
+                "dense unelevated no-caps"
+            ).classes("fs-toggle")
+            with ui.link(target=f"/objects/{self._key}").classes("fs-link"):
+                ui.label("In 3D")
+
+    def _choose(self, stream: str) -> None:
+        self._stream = StreamKey(self._key, Stream(stream))
+        self.show()
+
+    def show(self) -> None:
+        """Ask for the picture, anew."""
+        self._asked += 1
+        self._again_s = 0.0
+        self._arrivals.clear()
+        self._image.props(f'src="{path_of(self._stream)}?{self._asked}"')
+
+    def hide(self) -> None:
+        """Ask for no picture: its connection ends, and the overlay is not drawn any more."""
+        self._image.props(remove="src")
+
+    def _broke_off(self) -> None:
+        self._again_s = time.monotonic() + AGAIN_S
+
+    async def refresh(self) -> None:
+        """Bring everything up to date."""
+        if self._again_s and time.monotonic() >= self._again_s:
+            self.show()
+        newest, now_ns = self._views.pictures.peek(self._stream), time.time_ns()
+        age = self._age_of(newest, now_ns)
+        fresh = age is not None and age.seconds <= STALE_S
+        self._image.classes(**{"remove" if fresh else "add": "fs-old"})
+        await self._explain(newest, age, fresh=fresh)
+        self._tell(newest, age)
+        self._list(now_ns)
+
+    def _age_of(self, newest: Newest[ImageFrame] | None, now_ns: int) -> Age | None:
+        if newest is None or newest.message is None:
+            return None
+        return self._monitor.fleet.age_of(newest.message.header, newest.received_ns, now_ns)
+
+    async def _explain(self, newest: Newest[ImageFrame] | None, age: Age | None, *, fresh: bool) -> None:
+        picture = await self._monitor.picture()
+        workers = [line.status for line in picture.workers if line.online and line.status.service == SERVICE]
+        facts = facts_of(self._monitor.fleet, self._key, workers, came=age is not None)
+        served = ", ".join(f"{worker.worker} ({worker.model})" for worker in facts.serving)
+        self._served.set_text(f"Found by {served}" if served else "No detector looks at it")
+        if fresh:
+            self._stage.explain(None)
+        elif newest is not None and newest.problem:
+            self._stage.explain(Reason("What arrives is no picture", newest.problem))
+        else:
+            reason = why_nothing(self._key, self._stream.stream, SERVICE, facts)
+            self._stage.explain(reason, f"The picture is {age_text(age)} old" if age else "")
+
+    def _tell(self, newest: Newest[ImageFrame] | None, age: Age | None) -> None:
+        if newest is None or newest.message is None:
+            for label in (self._age, self._rate, self._size):
+                label.set_text("")
+            return
+        self._arrivals.append((time.monotonic(), newest.number))
+        (first_s, first), (last_s, last) = self._arrivals[0], self._arrivals[-1]
+        self._age.set_text(f"{age_text(age)} old")
+        self._rate.set_text(rate_text((last - first) / (last_s - first_s)) if last_s > first_s else "")
+        self._size.set_text(f"{newest.message.width} \N{MULTIPLICATION SIGN} {newest.message.height}")
+
+    def _list(self, now_ns: int) -> None:
+        inventory = self._monitor.fleet.inventory
+        view = inventory.camera(self._key)
+        since_ns = now_ns - inventory.limits.stale_ns
+        seen = sorted(view.sightings(since_ns), key=lambda each: each.name) if view else []
+        listed = (tuple(each for each in seen if each.count), view is not None and inventory.speaks(view, now_ns))
+        if listed != self._listed:
+            self._listed = listed
+            self._classes.clear()
+            with self._classes:
+                _rows(*listed, now_ns)
+
+
+def _rows(sightings: tuple[Sighting, ...], available: bool, now_ns: int) -> None:  # noqa: FBT001 - as they are compared
+    if not sightings:
+        ui.label("Nothing" if available else "Not known").classes("fs-line fs-muted")
+    for each in sightings:
+        with ui.element("div").classes("fs-row" if available else "fs-row fs-stale"):
+            ui.label(str(each.count)).classes("fs-many")
+            ui.label(each.name)
+            ui.label("" if each.nearest_m is None else f"{each.nearest_m:.2f} m").classes("fs-far")
+            ui.label(f"{each.score:.0%} sure, came {ago(each.first_ns, now_ns)}").classes("fs-more")

@@ -1,0 +1,124 @@
+"""How many were in view over time, drawn."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from nicegui import ui
+
+from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.errors import HistoryError
+from services.monitor.page.counting import Points, counts_over_time
+from services.monitor.page.words import NS
+from services.monitor.recent import Recent
+
+RANGES: Final = {"1 h": 3_600, "6 h": 21_600, "24 h": 86_400, "7 d": 604_800}
+MAX_INTERVALS: Final = 5_000
+MAX_AGE_S: Final = 10.0
+MAX_KEPT: Final = 32
+"""Charts that are kept for others who look at the same."""
+
+COLORS: Final = ("#3b7ddd", "#e08a2e", "#2fa36b", "#c94f7c", "#8a63d2", "#1aa3b8", "#b5892b", "#7a8794")
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What a chart is about: one robot, camera or class, each all of them if empty, over the last seconds."""
+
+    robot: str = ""
+    camera: str = ""
+    name: str = ""
+    seconds: int = 3_600
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        where = "/".join(part for part in (self.robot, self.camera) if part)
+        return f"{self.name or 'all classes'}, {where or 'whole fleet'}"
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """Points of each class, or in words why there are none. since_ns: from when on they are known.
+
+    whole: that is from when on they were asked for.
+    """
+
+    lines: Mapping[str, Points]
+    since_ns: int
+    until_ns: int
+    whole: bool
+    problem: str = ""
+
+
+class Charts:
+    """Charts of an archive, each read once for all who look at it."""
+
+    def __init__(self, archive: Archive) -> None:
+        self._archive = archive
+        self._kept: dict[Subject, Recent[Drawn]] = {}
+
+    async def of(self, subject: Subject) -> Drawn:
+        """Return a chart that is no older than MAX_AGE_S."""
+        kept = self._kept.pop(subject, None) or Recent(lambda: self._draw(subject), MAX_AGE_S)
+        self._kept[subject] = kept
+        while len(self._kept) > MAX_KEPT:
+            del self._kept[next(iter(self._kept))]
+        return await kept.get()
+
+    async def _draw(self, subject: Subject) -> Drawn:
+        until_ns = time.time_ns()
+        since_ns = until_ns - subject.seconds * NS
+        asked = Asked(since_ns, until_ns, subject.robot, subject.camera, subject.name)
+        try:
+            found = await self._archive.sightings(asked, MAX_INTERVALS)
+        except HistoryError as error:
+            return Drawn({}, since_ns, until_ns, whole=True, problem=str(error))
+        whole = len(found) < MAX_INTERVALS
+        since_ns = since_ns if whole else max(since_ns, found[-1].since_ns)
+        return Drawn(counts_over_time(found, since_ns, until_ns), since_ns, until_ns, whole)
+
+
+def chart() -> ui.echart:
+    """Make an empty chart."""
+    return ui.echart({"series": []}).classes("fs-chart")
+
+
+def options(drawn: Drawn, *, dark: bool | None) -> dict[str, Any]:
+    """Return what ECharts draws. dark: None where the browser chooses."""
+    muted, line = ("#94a1af", "#2a343f") if dark else ("#66727f", "#dde3e9")
+    if dark is None:
+        muted, line = "#7d8a97", "#8894a040"
+    label = {"color": muted, "fontSize": 12}
+    return {
+        "animation": False,
+        "color": list(COLORS),
+        "grid": {"left": 40, "right": 16, "top": 30, "bottom": 24},
+        "legend": {"type": "scroll", "top": 0, "left": 0, "icon": "roundRect", "textStyle": label},
+        "tooltip": {"trigger": "axis", "renderMode": "richText"},
+        "xAxis": {
+            "type": "time",
+            "min": drawn.since_ns * 1_000 // NS,
+            "max": drawn.until_ns * 1_000 // NS,
+            "axisLabel": {**label, "hideOverlap": True},
+            "axisLine": {"lineStyle": {"color": line}},
+        },
+        "yAxis": {
+            "type": "value",
+            "minInterval": 1,
+            "axisLabel": label,
+            "splitLine": {"lineStyle": {"color": line}},
+        },
+        "series": [
+            {
+                "name": name,
+                "type": "line",
+                "step": "end",
+                "showSymbol": False,
+                "lineStyle": {"width": 2},
+                "areaStyle": {"opacity": 0.08},
+                "data": [list(point) for point in points],
+            }
+            for name, points in drawn.lines.items()
+        ],
+    }

@@ -1,0 +1,148 @@
+"""Health: workers, gateways and the monitor itself; who serves which camera, and what is wrong."""
+
+import time
+from dataclasses import replace
+from itertools import islice
+from typing import Final
+
+from nicegui import events, ui
+
+from services.monitor.monitor import Monitor
+from services.monitor.page.frame import HEALTH, PATIENCE_S, REFRESH_S, banner, nothing_yet, page_frame
+from services.monitor.page.health_rows import gateway_row, unserved, worker_row
+from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
+from services.monitor.page.itself import Itself
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.robots import Wanted
+from services.monitor.page.shared import Shared
+from services.monitor.picture import Picture
+
+MAX_NAMED: Final = 6
+
+WORKER_COLUMNS: Final = (
+    Column("state", "State"),
+    Column("worker", "Worker"),
+    Column("model", "Model", sortable=False),
+    Column("count", "Serves"),
+    Column("rate", "Rate", align="right"),
+    Column("frames", "Frames", align="right", sortable=False),
+    Column("dropped", "Dropped", align="right", sortable=False),
+    Column("seen", "Last heard", align="right"),
+)
+
+GATEWAY_COLUMNS: Final = (
+    Column("state", "State"),
+    Column("robot", "Robot"),
+    Column("stream", "Stream", sortable=False),
+    Column("topic", "ROS topic", sortable=False),
+    Column("in", "In", align="right", sortable=False),
+    Column("out", "Out", align="right", sortable=False),
+    Column("dropped", "Dropped", align="right"),
+    Column("served", "Served by", sortable=False),
+)
+
+
+def add_health(shared: Shared, monitor: Monitor) -> None:
+    """Add the page."""
+
+    @ui.page(HEALTH.path, response_timeout=PATIENCE_S)
+    async def health() -> None:
+        with page_frame(monitor, "Health", HEALTH):
+            await _Health(shared, monitor).refresh()
+
+
+class _Health:
+    """One browser's view of the health."""
+
+    def __init__(self, shared: Shared, monitor: Monitor) -> None:
+        self._shared = shared
+        self._wanted = Wanted()
+        self._unserved = ui.element("div")
+        with self._unserved:
+            self._unserved_text = banner("")
+        with _panel("Workers"):
+            self._workers = LiveTable(
+                WORKER_COLUMNS, self._load_workers, row_key="id", sort="state", body=WORKER_BODY, card=WORKER_CARD
+            )
+            self._no_worker = ui.element("div")
+            with self._no_worker:
+                nothing_yet(
+                    "memory",
+                    "No worker has said anything yet",
+                    "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
+                    command="fleetsight detector --connect tcp/MONITOR:7447",
+                )
+        with _panel("Gateways"):
+            with ui.element("div").classes("fs-panel-head"):
+                search = ui.input(placeholder="Robot, camera or class", on_change=self._look_for)
+                search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+            self._gateways = LiveTable(
+                GATEWAY_COLUMNS,
+                self._load_gateways,
+                row_key="robot",
+                sort="state",
+                body=GATEWAY_BODY,
+                card=GATEWAY_CARD,
+            )
+            self._no_gateway = ui.element("div")
+            with self._no_gateway:
+                nothing_yet(
+                    "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
+                )
+        with _panel("This monitor"):
+            self._itself = Itself(monitor)
+        ui.timer(REFRESH_S, self.refresh, immediate=False)
+
+    async def refresh(self) -> None:
+        """Show how everything is now."""
+        await self._workers.refresh()
+        await self._gateways.refresh()
+        self._itself.refresh()
+        self._warn((await self._shared.survey()).picture)
+
+    def _warn(self, picture: Picture) -> None:
+        alone = unserved(picture)
+        self._unserved.set_visibility(bool(alone))
+        if alone:
+            named = ", ".join(str(camera.key) for camera in islice(alone, MAX_NAMED))
+            rest = f" and {len(alone) - MAX_NAMED:,} more" if len(alone) > MAX_NAMED else ""
+            self._unserved_text.set_text(f"No detector looks after {named}{rest}. Start one to know what they see.")
+
+    async def _load_workers(self, window: Window) -> tuple[Rows, int]:
+        survey = await self._shared.survey()
+        workers = sorted(survey.picture.workers, key=lambda worker: (not worker.online, worker.name))
+        rates = self._shared.rates
+        match window.sort:
+            case "worker":
+                workers.sort(key=lambda worker: worker.name)
+            case "count":
+                workers.sort(key=lambda worker: len(worker.serves))
+            case "rate":
+                workers.sort(key=lambda worker: rates.get(worker.name, 0.0))
+            case "seen":
+                workers.sort(key=lambda worker: worker.last_ns)
+        if window.descending:
+            workers.reverse()
+        self._no_worker.set_visibility(not workers)
+        now_ns = time.time_ns()
+        return [
+            worker_row(worker, rates.get(worker.name, 0.0), now_ns) for worker in workers[window.begin : window.end]
+        ], len(workers)
+
+    async def _load_gateways(self, window: Window) -> tuple[Rows, int]:
+        survey = await self._shared.survey()
+        robots = survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
+        self._no_gateway.set_visibility(not robots)
+        now_ns = time.time_ns()
+        return [gateway_row(robot, now_ns) for robot in robots[window.begin : window.end]], len(robots)
+
+    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
+        self._wanted = replace(self._wanted, text=(event.value or "")[:100])
+        await self._gateways.begin()
+
+
+def _panel(title: str) -> ui.element:
+    panel = ui.element("div").classes("fs-panel")
+    with panel, ui.element("div").classes("fs-panel-head"), ui.element("h2"):
+        ui.label(title)
+    return panel

@@ -1,0 +1,110 @@
+"""Workers and gateways as rows of the health page. Pure: all of it is made of a picture."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from schemas.status import StreamStatus, WorkerStatus
+from services.monitor.page.robots import Robot, RobotState
+from services.monitor.page.words import NOTHING, NS, ago, brief, iso, rate_text
+from services.monitor.picture import CameraLine, Picture, WorkerLine
+
+MAX_SHOWN: Final = 12
+"""Cameras of a worker, and streams of a gateway, that are shown."""
+
+
+class WorkerRates:
+    """How many frames a second each worker looks at: what it counted between its last two accounts of itself."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, WorkerStatus] = {}
+        self._rates: dict[str, float] = {}
+
+    def take(self, workers: Iterable[WorkerLine]) -> Mapping[str, float]:
+        """Take the newest accounts; return the rates by worker, of those that are known."""
+        for worker in workers:
+            before, now = self._last.get(worker.name), worker.status
+            if before is not None and now.sent_ns > before.sent_ns:
+                frames = inferred(now) - inferred(before)
+                self._rates[worker.name] = max(0.0, frames * NS / (now.sent_ns - before.sent_ns))
+            self._last[worker.name] = now
+            if not worker.online:
+                self._rates.pop(worker.name, None)
+        return self._rates
+
+
+def inferred(status: WorkerStatus) -> int:
+    """Return how many frames a worker looked at since it began."""
+    return sum(load.inferred for load in status.cameras)
+
+
+def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any]:
+    """Return a worker as the health page's template takes it."""
+    dropped = Counter[str]()
+    for load in worker.status.cameras:
+        dropped.update(load.dropped)
+    serves = [
+        f"{load.robot}/{load.camera}" + (f" at {load.budget_hz:g}/s" if load.budget_hz is not None else "")
+        for load in worker.serves
+    ]
+    return {
+        "id": worker.name,
+        "state": RobotState.ONLINE if worker.online else RobotState.OFFLINE,
+        "service": worker.status.service,
+        "worker": worker.status.worker,
+        "model": worker.status.model or NOTHING,
+        "count": len(serves),
+        "serves": sorted(serves)[:MAX_SHOWN],
+        "more": f"and {len(serves) - MAX_SHOWN} more" if len(serves) > MAX_SHOWN else "",
+        "rate": rate_text(rate_hz),
+        "frames": brief(inferred(worker.status)),
+        "remarks": list(worker.status.remarks),
+        "seen": "now" if worker.online else ago(worker.last_ns, now_ns),
+        "seen_at": iso(worker.last_ns),
+        **dropped_cells(dropped),
+    }
+
+
+def gateway_row(robot: Robot, now_ns: int) -> dict[str, Any]:
+    """Return a robot's gateway with its streams as the health page's template takes it."""
+    live = robot.line.online
+    served = {camera.key.camera: camera.served_by for camera in robot.cameras}
+    streams = robot.line.gateway.streams if robot.line.gateway else []
+    return {
+        "robot": robot.line.name,
+        "state": robot.state,
+        "why": robot.why,
+        "seen": ago(robot.line.last_ns, now_ns),
+        "live": live,
+        "streams": [_stream(stream, served, live=live) for stream in streams[:MAX_SHOWN]],
+        "more": f"and {len(streams) - MAX_SHOWN} more streams" if len(streams) > MAX_SHOWN else "",
+    }
+
+
+def unserved(picture: Picture) -> Sequence[CameraLine]:
+    """Return the cameras that are there and that no detector looks after."""
+    return [
+        camera
+        for camera in picture.cameras
+        if camera.row.online and not any(name.startswith("detector/") for name in camera.served_by)
+    ]
+
+
+def dropped_cells(dropped: Mapping[str, int]) -> dict[str, Any]:
+    """Return drops as the templates take them: their sum, and each reason, the most first."""
+    reasons = sorted(((count, reason) for reason, count in dropped.items() if count), reverse=True)
+    return {"dropped": brief(sum(count for count, _ in reasons)) if reasons else "", "reasons": [*map(list, reasons)]}
+
+
+def _stream(stream: StreamStatus, served: Mapping[str, tuple[str, ...]], *, live: bool) -> dict[str, Any]:
+    return {
+        "name": stream.name,
+        "topic": stream.topic,
+        "wanted": live and stream.wanted,
+        "in": rate_text(stream.received_hz if live else 0.0),
+        "out": rate_text(stream.forwarded_hz if live else 0.0),
+        "compression": stream.compression,
+        "problem": stream.problem,
+        "served": ", ".join(served.get(stream.camera, ())) if stream.stream == "color" else "",
+        **dropped_cells(stream.dropped),
+    }

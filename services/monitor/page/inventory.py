@@ -1,0 +1,171 @@
+"""The inventory: what is in view of every camera, and how many were."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Final
+
+from nicegui import events, ui
+
+from services.monitor.inventory.inventory import Entry
+from services.monitor.monitor import Monitor
+from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
+from services.monitor.page.frame import INVENTORY, PATIENCE_S, REFRESH_S, export_link, nothing_yet, page_frame
+from services.monitor.page.inventory_rows import as_csv, sighting_row
+from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.shared import Shared
+from services.monitor.page.sightings import Filters, Stock
+from services.monitor.page.tiles import Tile
+from services.monitor.page.words import plural
+
+MAX_TILES: Final = 8
+MAX_CSV: Final = 100_000
+
+COLUMNS: Final = (
+    Column("robot", "Robot"),
+    Column("camera", "Camera"),
+    Column("name", "Class"),
+    Column("count", "In view", align="right"),
+    Column("score", "Confidence", align="right"),
+    Column("nearest", "Nearest", align="right"),
+    Column("first", "First seen", align="right"),
+    Column("last", "Last seen", align="right"),
+    Column("worker", "Said by", sortable=False),
+)
+
+
+def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
+    """Add the page."""
+
+    @ui.page(INVENTORY.path, response_timeout=PATIENCE_S)
+    async def inventory() -> None:
+        with page_frame(monitor, "Inventory", INVENTORY):
+            await _Inventory(shared, charts, monitor).refresh()
+
+
+class _Inventory:
+    """One browser's view of the inventory."""
+
+    def __init__(self, shared: Shared, charts: Charts, monitor: Monitor) -> None:
+        self._shared = shared
+        self._monitor = monitor
+        self._charts = charts
+        self._filters = Filters()
+        self._subject = Subject()
+        self._tiles: dict[str, Tile] = {}
+        self._totals = ui.element("div").classes("fs-tiles")
+        self._draw_panel()
+        with ui.element("div").classes("fs-panel"):
+            self._head()
+            self._table = LiveTable(
+                COLUMNS, self._load, row_key="id", sort="robot", body=SIGHTING_BODY, card=SIGHTING_CARD
+            )
+            self._table.table.on("choose", self._choose)
+            self._nothing = ui.element("div")
+            with self._nothing:
+                nothing_yet(
+                    "inventory_2",
+                    "Nothing was seen yet",
+                    "Class lists come from a detector, once a robot with a camera has joined. Start one where there is "
+                    "a CPU or GPU to spare:",
+                    command="fleetsight detector --connect tcp/MONITOR:7447",
+                )
+            self._none = ui.element("div")
+            with self._none:
+                nothing_yet("search_off", "Nothing is like that", "Clear the search, or show what was in view before.")
+        ui.timer(REFRESH_S, self.refresh, immediate=False)
+        ui.timer(MAX_AGE_S, self.draw)  # a slow database keeps nobody from the page
+
+    def _draw_panel(self) -> None:
+        with ui.element("div").classes("fs-panel"):
+            with ui.element("div").classes("fs-panel-head"):
+                with ui.element("h2"):
+                    self._about = ui.label()
+                self._all = ui.button("Whole fleet", icon="close", on_click=self._choose_all).props("flat dense")
+                self._all.set_visibility(False)
+                ui.element("div").classes("fs-spring")
+                export_link(self._monitor, "sightings")
+                ui.toggle(list(RANGES), value="1 h", on_change=self._over).props("dense flat no-caps")
+            self._chart = chart()
+            self._why_not = ui.label().classes("fs-empty")
+
+    def _head(self) -> None:
+        with ui.element("div").classes("fs-panel-head"):
+            search = ui.input(placeholder="Robot, camera, class, model or worker", on_change=self._look_for)
+            search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+            ui.switch("In view now", value=True, on_change=self._in_view)
+            self._found = ui.label().classes("fs-muted")
+            ui.element("div").classes("fs-spring")
+            ui.button("CSV", icon="download", on_click=self._download).props("flat dense").tooltip(
+                "Download what is listed"
+            )
+
+    async def refresh(self) -> None:
+        """Show what is in view now."""
+        await self._table.refresh()
+
+    async def draw(self) -> None:
+        """Draw the chart anew."""
+        drawn = await self._charts.of(self._subject)
+        self._about.set_text(f"In view: {self._subject}{'' if drawn.whole else ', as far as it is shown here'}")
+        self._all.set_visibility(bool(self._subject.robot))
+        why_not = drawn.problem or ("" if drawn.lines else "Nothing of it was in view in this time.")
+        self._why_not.set_text(why_not)
+        self._why_not.set_visibility(bool(why_not))
+        self._chart.set_visibility(not why_not)
+        self._chart.options.clear()
+        self._chart.options.update(options(drawn, dark=None))
+
+    async def _load(self, window: Window) -> tuple[Rows, int]:
+        stock = await self._shared.stock()
+        found = stock.wanted(replace(self._filters, sort=window.sort, descending=window.descending))
+        self._count(stock, found)
+        now_ns = time.time_ns()
+        return [sighting_row(entry, now_ns) for entry in found[window.begin : window.end]], len(found)
+
+    def _count(self, stock: Stock, found: Sequence[Entry]) -> None:
+        shown = list(stock.totals)[:MAX_TILES]
+        if self._filters.name and self._filters.name not in shown:
+            shown = [*shown[: MAX_TILES - 1], self._filters.name]
+        if shown != list(self._tiles):
+            self._totals.clear()
+            with self._totals:
+                self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
+        for name, tile in self._tiles.items():
+            tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
+        self._found.set_text(plural(len(found), "sighting"))
+        self._nothing.set_visibility(not stock.entries)
+        self._none.set_visibility(bool(stock.entries) and not found)
+
+    async def _only(self, name: str) -> None:
+        self._filters = replace(self._filters, name="" if self._filters.name == name else name)
+        self._subject = replace(self._subject, name=self._filters.name)
+        await self._table.begin()
+        await self.draw()
+
+    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
+        self._filters = replace(self._filters, text=(event.value or "")[:100])
+        await self._table.begin()
+
+    async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
+        self._filters = replace(self._filters, in_view=bool(event.value))
+        await self._table.begin()
+
+    async def _over(self, event: events.ValueChangeEventArguments[str]) -> None:
+        self._subject = replace(self._subject, seconds=RANGES[event.value])
+        await self.draw()
+
+    async def _choose(self, event: events.GenericEventArguments) -> None:
+        robot, camera, name = (str(part) for part in event.args)
+        self._subject = replace(self._subject, robot=robot, camera=camera, name=name)
+        await self.draw()
+
+    async def _choose_all(self) -> None:
+        self._subject = replace(self._subject, robot="", camera="", name=self._filters.name)
+        await self.draw()
+
+    async def _download(self) -> None:
+        found = (await self._shared.stock()).wanted(self._filters)
+        ui.download.content(as_csv(found[:MAX_CSV]), "inventory.csv", "text/csv")

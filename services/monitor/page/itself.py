@@ -1,0 +1,46 @@
+"""How the monitor itself is doing."""
+
+import time
+from collections.abc import Iterator
+
+from nicegui import ui
+
+from services.monitor.history.settings import NONE
+from services.monitor.monitor import Monitor
+from services.monitor.page.words import NS, lasting
+
+
+class Itself:
+    """A list of what a monitor says of itself."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        with ui.element("div").classes("fs-facts"):
+            self._labels = []
+            for what, _ in facts(monitor, time.time_ns()):
+                ui.label(what)
+                self._labels.append(ui.label())
+
+    def refresh(self) -> None:
+        """Say it as it is now."""
+        for label, (_, fact) in zip(self._labels, facts(self._monitor, time.time_ns()), strict=True):
+            label.set_text(fact)
+
+
+def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
+    """Yield what a monitor says of itself: always the same things in the same order."""
+    history, settings = monitor.history.status, monitor.settings
+    yield "Running for", lasting((now_ns - monitor.started_ns) / NS)
+    yield "Robots join at", ", ".join([*settings.listen, *settings.connect]) or "what scouting finds"
+    if settings.history == NONE:
+        kept = "not kept: started with --history none"
+    else:
+        kept = f"not kept: {history.problem}" if history.problem else "kept"
+        kept += f", {history.pending:,} rows wait to be written" if history.pending else ""
+        kept += f", {history.lost:,} given up" if history.lost else ""
+    yield "History", kept
+    yield "Alerts", "raised here" if history.leads else "raised by another monitor"
+    rules = len(monitor.rules.book.rules)
+    yield "Rules", monitor.rules.problem or (f"{rules} in force" if rules else "none: start with --rules rules.yaml")
+    left_out = ", ".join(f"{count:,} {what}" for what, count in sorted(monitor.fleet.left_out.items()) if count)
+    yield "Left out", left_out or "nothing"

@@ -1,0 +1,109 @@
+"""A table of which only the rows that are looked at are sent, so that thousands cost no more than a screenful."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from nicegui import events, ui
+
+ROWS: Final = 25
+CHOICES: Final = (10, 25, 50, 100)
+
+Rows = list[dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column. name: what it is sorted by, if it is sortable."""
+
+    name: str
+    label: str
+    sortable: bool = True
+    align: str = "left"
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """What of a table is looked at."""
+
+    sort: str
+    descending: bool
+    begin: int
+    end: int
+
+
+Load = Callable[[Window], Awaitable[tuple[Rows, int]]]
+"""Returns the rows of a window, and how many there are in all."""
+
+
+class LiveTable:
+    """A table whose rows `load` gives whenever `refresh` is called, or somebody turns a page or sorts.
+
+    body, card: Vue templates of a row (`props.row`) and of what it is on a phone; `{{ }}` shows text as text.
+    """
+
+    def __init__(self, columns: Sequence[Column], load: Load, *, row_key: str, sort: str, body: str, card: str) -> None:
+        self._load = load
+        self._pagination: dict[str, Any] = {
+            "page": 1,
+            "rowsPerPage": ROWS,
+            "rowsNumber": 0,
+            "sortBy": sort,
+            "descending": False,
+        }
+        self.table = ui.table(
+            columns=[_column(column, row_key) for column in columns],
+            rows=[],
+            row_key=row_key,
+            pagination=dict(self._pagination),
+        ).classes("fs-table")
+        self.table.props(
+            f':rows-per-page-options="{list(CHOICES)}" rows-per-page-label=Rows '
+            'flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 821"'
+        )
+        self.table.add_slot("body", body)
+        self.table.add_slot("item", card)
+        self.table.on("request", self._turn, [["pagination"]])
+
+    async def refresh(self) -> None:
+        """Show what there is now."""
+        size, page = self._pagination["rowsPerPage"], self._pagination["page"]
+        sort, descending = self._pagination["sortBy"] or "", self._pagination["descending"]
+        rows, count = await self._load(Window(sort, descending, (page - 1) * size, page * size))
+        if not rows and page > 1:
+            self._pagination["page"] = max(1, -(-count // size))
+            return await self.refresh()
+        self._pagination["rowsNumber"] = count
+        self.table.set_visibility(count > 0)
+        if rows != self.table.rows or self._pagination != self.table.pagination:
+            with self.table:
+                self.table.props["pagination"] = dict(self._pagination)
+                self.table.rows = rows
+        return None
+
+    async def begin(self) -> None:
+        """Show the first page."""
+        self._pagination["page"] = 1
+        await self.refresh()
+
+    async def _turn(self, event: events.GenericEventArguments) -> None:
+        asked = event.args["pagination"]
+        size = int(asked["rowsPerPage"])
+        self._pagination |= {
+            "page": max(1, int(asked["page"])),
+            "rowsPerPage": size if size in CHOICES else ROWS,
+            "sortBy": asked.get("sortBy"),
+            "descending": bool(asked.get("descending")),
+        }
+        await self.refresh()
+
+
+def _column(column: Column, field: str) -> dict[str, Any]:
+    """Return it as Quasar takes it; the templates look up what they show, so any field will do."""
+    return {
+        "name": column.name,
+        "field": field,
+        "label": column.label,
+        "sortable": column.sortable,
+        "align": column.align,
+    }

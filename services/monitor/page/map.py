@@ -1,0 +1,142 @@
+"""The map: where robots are and where things were seen last."""
+
+import time
+from collections import Counter
+from collections.abc import Mapping
+from typing import Final
+
+from nicegui import ui
+
+from services.monitor.looking.views import Views
+from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, Robot, colour_of, is_fresh, svg_of
+from services.monitor.mapping.following import MOST_ROBOTS
+from services.monitor.mapping.held import HeldRobots
+from services.monitor.mapping.places import Mark
+from services.monitor.mapping.pose import Pose, Whereabouts
+from services.monitor.monitor import Monitor
+from services.monitor.page.frame import MAP, nothing_yet, page_frame
+from services.monitor.page.gaze import Gaze
+from services.monitor.page.stage import VIEW_STYLE
+from services.monitor.page.words import NS, ago, plural
+
+REFRESH_S: Final = 1.0
+LOST_S: Final = 5.0
+"""A pose of which nothing was heard for so long is not of now."""
+
+EVERY: Final = ""
+MOST_LISTED: Final = 100
+ROBOT_ICON: Final = "navigation"
+
+
+def add_map(monitor: Monitor, views: Views) -> None:
+    """Add the page."""
+
+    @ui.page(MAP.path)
+    async def map_page() -> None:
+        with page_frame(monitor, "Map", MAP):
+            ui.add_css(VIEW_STYLE)
+            shown = _Map(monitor)
+            gaze = Gaze()
+        while await gaze.begins():
+            async with HeldRobots(views.robots) as held:
+                shown.refresh(await held.keep(shown.robots()), held.crowded)
+                while not await gaze.ends(REFRESH_S):
+                    shown.refresh(await held.keep(shown.robots()), held.crowded)
+
+
+class _Map:
+    """What the page shows. Its bounds only grow, so that it does not jump."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        self._bounds: Bounds | None = None
+        with ui.element("div").classes("fs-view"):
+            with ui.element("section").classes("fs-panel"):
+                with ui.element("div").classes("fs-panel-head"):
+                    ui.label("Map").classes("fs-title")
+                    self._keys = ui.element("div").classes("fs-keys fs-small")
+                    ui.element("div").classes("fs-spring")
+                    self._robot = ui.select({EVERY: "All robots"}, value=EVERY, on_change=self._forget_bounds).props(
+                        "dense outlined options-dense"
+                    )
+                self._picture = ui.html(sanitize=False).classes("fs-map")
+                self._empty = ui.element("div")
+                with self._empty:
+                    nothing_yet(
+                        ROBOT_ICON,
+                        "No position is known yet",
+                        "Robots appear once their gateways send transforms from map to base_link.",
+                        "Objects appear once somebody measures how far away they are:",
+                        command="fleetsight distance --connect ...",
+                    )
+            with ui.element("section").classes("fs-panel"):
+                with ui.element("div").classes("fs-panel-head"):
+                    ui.label("Last seen").classes("fs-title")
+                self._list = ui.element("div").classes("fs-scroll")
+                self._missing = ui.label().classes("fs-line fs-muted")
+
+    def robots(self) -> list[str]:
+        """Return the robots to follow: the one that was chosen, or as many as can be of those online."""
+        online = sorted(self._monitor.fleet.inventory.robots())
+        self._offer(online)
+        return [self._robot.value] if self._robot.value else online[:MOST_ROBOTS]
+
+    def _offer(self, online: list[str]) -> None:
+        known = {EVERY: "All robots", **{name: name for name in online}}
+        if self._robot.value not in known:
+            known[self._robot.value] = self._robot.value
+        if known != self._robot.options:
+            self._robot.set_options(known)
+
+    def _forget_bounds(self) -> None:
+        self._bounds = None
+
+    def refresh(self, whereabouts: Mapping[str, Whereabouts], crowded: str) -> None:
+        """Draw everything as it is now."""
+        now_ns = time.time_ns()
+        poses = {name: where.pose() for name, where in whereabouts.items()}
+        robots = [
+            Robot(name, pose, live=now_ns - pose.at_ns <= LOST_S * NS)
+            for name, pose in poses.items()
+            if isinstance(pose, Pose)
+        ]
+        marks = self._monitor.fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN]
+        points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
+        self._bounds = Bounds.around(points, self._bounds)
+        self._empty.set_visibility(self._bounds is None)
+        self._picture.set_visibility(self._bounds is not None)
+        if self._bounds is not None:
+            self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns))
+        self._explain(marks, now_ns)
+        without = [f"{name}: {pose}" for name, pose in poses.items() if not isinstance(pose, Pose)]
+        self._missing.set_text("; ".join([*without[:5], *[crowded] * bool(crowded)]))
+
+    def _explain(self, marks: list[Mark], now_ns: int) -> None:
+        counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
+        self._keys.clear()
+        with self._keys:
+            for name in sorted({mark.name for mark in marks}):
+                _key(colour_of(name), f"{counts[name]} {name}")
+            if stale := sum(not is_fresh(mark, now_ns) for mark in marks):
+                _key(STALE, f"{stale} not seen for a while")
+        self._list.clear()
+        with self._list:
+            for mark in marks[:MOST_LISTED]:
+                _row(mark, now_ns)
+            if len(marks) > MOST_LISTED:
+                ui.label(f"and {plural(len(marks) - MOST_LISTED, 'more')}").classes("fs-line fs-muted")
+
+
+def _key(colour: str, text: str) -> None:
+    with ui.element("span"):
+        ui.element("span").classes("fs-key").style(f"background: {colour}")
+        ui.label(text)
+
+
+def _row(mark: Mark, now_ns: int) -> None:
+    fresh = is_fresh(mark, now_ns)
+    with ui.element("div").classes("fs-row" if fresh else "fs-row fs-stale"):
+        ui.element("span").classes("fs-key").style(f"background: {colour_of(mark.name) if fresh else STALE}")
+        ui.label(mark.name)
+        ui.label(ago(mark.seen_ns, now_ns)).classes("fs-far")
+        ui.label(f"at {mark.x:.1f}, {mark.y:.1f} m, by {mark.robot}/{mark.camera}").classes("fs-more")

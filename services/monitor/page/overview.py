@@ -1,0 +1,110 @@
+"""The fleet: every robot, how it is, and what its cameras see."""
+
+import time
+from dataclasses import replace
+from functools import partial
+from typing import Final
+
+from nicegui import events, ui
+
+from services.monitor.monitor import Monitor
+from services.monitor.page.frame import FLEET, PATIENCE_S, REFRESH_S, nothing_yet, page_frame
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.overview_rows import robot_row
+from services.monitor.page.robots import RobotState, Survey, Wanted
+from services.monitor.page.shared import Shared
+from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
+from services.monitor.page.tiles import Tile
+
+COLUMNS: Final = (
+    Column("state", "State"),
+    Column("robot", "Robot"),
+    Column("camera", "Camera", sortable=False),
+    Column("classes", "In view", sortable=False),
+    Column("age", "Age", align="right"),
+    Column("rate", "Class lists", align="right"),
+    Column("dropped", "Dropped", align="right"),
+    Column("seen", "Last seen", align="right"),
+)
+
+
+def add_overview(shared: Shared, monitor: Monitor) -> None:
+    """Add the page."""
+
+    @ui.page(FLEET.path, response_timeout=PATIENCE_S)
+    async def overview() -> None:
+        with page_frame(monitor, "Fleet", FLEET):
+            await _Overview(monitor, shared).refresh()
+
+
+class _Overview:
+    """One browser's view of the fleet."""
+
+    def __init__(self, monitor: Monitor, shared: Shared) -> None:
+        self._shared = shared
+        self._wanted = Wanted()
+        with ui.element("div").classes("fs-tiles"):
+            self._tiles = {
+                state: Tile(state.capitalize(), dot=state, on_click=partial(self._only, state))
+                for state in reversed(RobotState)
+            }
+            self._cameras = Tile("Cameras live")
+            self._rate = Tile("Class lists")
+        with ui.element("div").classes("fs-panel"):
+            with ui.element("div").classes("fs-panel-head"):
+                self._search = ui.input(placeholder="Robot, camera or class", on_change=self._look_for)
+                self._search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+                self._found = ui.label().classes("fs-muted")
+            self._table = LiveTable(
+                COLUMNS, self._load, row_key="robot", sort="state", body=ROBOT_BODY, card=ROBOT_CARD
+            )
+            self._nobody = ui.element("div")
+            with self._nobody:
+                nothing_yet(
+                    "smart_toy",
+                    "No robot has joined yet",
+                    "Start a gateway beside a robot's ROS master; it shows up here within a second:",
+                    command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
+                )
+            self._none = ui.element("div")
+            with self._none:
+                nothing_yet("search_off", "No robot is like that", "Clear the search, or choose another state above.")
+        ui.timer(REFRESH_S, self.refresh, immediate=False)
+
+    async def refresh(self) -> None:
+        """Show the fleet as it is now."""
+        await self._table.refresh()
+
+    async def _load(self, window: Window) -> tuple[Rows, int]:
+        survey = await self._shared.survey()
+        wanted = replace(self._wanted, sort=window.sort, descending=window.descending)
+        robots = survey.robots(wanted)
+        self._count(survey, len(robots))
+        now_ns = time.time_ns()
+        return [robot_row(robot, now_ns) for robot in robots[window.begin : window.end]], len(robots)
+
+    def _count(self, survey: Survey, found: int) -> None:
+        every = len(survey.picture.robots)
+        for state, tile in self._tiles.items():
+            count = survey.counts.get(state, 0)
+            tile.show(
+                f"{count:,}", f"of {every:,}" if state is RobotState.ONLINE else "", on=self._wanted.state is state
+            )
+            tile.color({RobotState.OFFLINE: "fs-bad", RobotState.ONLINE: ""}.get(state, "fs-warn") if count else "")
+        self._cameras.show(f"{survey.live_cameras:,}", f"of {len(survey.picture.cameras):,}")
+        self._rate.show(f"{survey.rate_hz:,.0f}", "/s")
+        self._found.set_text(f"{found:,} of {every:,} robots" if found != every else "")
+        self._nobody.set_visibility(not every)
+        self._none.set_visibility(bool(every) and not found)
+
+    async def _only(self, state: RobotState) -> None:
+        self._wanted = replace(self._wanted, state=None if self._wanted.state is state else state)
+        await self._table.begin()
+
+    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
+        self._wanted = replace(self._wanted, text=(event.value or "")[:100])
+        await self._table.begin()
+
+
+def _endpoint(monitor: Monitor) -> str:
+    return next(iter([*monitor.settings.listen, *monitor.settings.connect]), "tcp/MONITOR:7447")

@@ -1,0 +1,43 @@
+"""What all pages that are looked at have in common, so that it is made once for all of them."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from services.monitor.monitor import Monitor
+from services.monitor.page.health_rows import WorkerRates
+from services.monitor.page.robots import Survey
+from services.monitor.page.sightings import Stock
+from services.monitor.recent import Recent
+
+MAX_AGE_S: Final = 0.9
+"""A bit less than pages take to ask again."""
+
+
+class Shared:
+    """The newest survey and stock of a monitor.
+
+    rates: frames a second of each worker, as of the newest survey.
+    """
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        self._survey = Recent(self._take_survey, MAX_AGE_S)
+        self._stock = Recent(self._take_stock, MAX_AGE_S)
+        self._rates = WorkerRates()
+        self.rates: Mapping[str, float] = {}
+
+    async def survey(self) -> Survey:
+        """Return the robots as they are now."""
+        return await self._survey.get()
+
+    async def stock(self) -> Stock:
+        """Return what is or was in view, as it is now."""
+        return await self._stock.get()
+
+    async def _take_survey(self) -> Survey:
+        picture = await self._monitor.picture()
+        self.rates = self._rates.take(picture.workers)
+        return Survey(picture)
+
+    async def _take_stock(self) -> Stock:
+        return Stock(await self._monitor.inventory())

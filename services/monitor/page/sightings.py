@@ -1,0 +1,70 @@
+"""The inventory as a table that can be searched, sorted and counted. Pure."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, Final
+
+from services.monitor.inventory.inventory import Entry
+from services.monitor.page.words import natural
+
+
+@dataclass(frozen=True, slots=True)
+class Filters:
+    """Which sightings are to be shown: `text` is in one of their names; in_view: only what is in view now."""
+
+    text: str = ""
+    name: str = ""
+    in_view: bool = True
+    sort: str = "robot"
+    descending: bool = False
+
+
+SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
+    "robot": lambda entry: natural(entry.sighting.key.robot),
+    "camera": lambda entry: natural(entry.sighting.key.camera),
+    "name": attrgetter("sighting.name"),
+    "count": attrgetter("sighting.count"),
+    "score": attrgetter("sighting.score"),
+    "first": attrgetter("sighting.first_ns"),
+    "last": attrgetter("sighting.last_ns"),
+    "nearest": lambda entry: float("inf") if entry.sighting.nearest_m is None else entry.sighting.nearest_m,
+}
+
+
+class Stock:
+    """Every sighting at one moment. What was asked for once is kept, as many ask the same.
+
+    totals: how many objects of each class are in view where that is known now, the most first. names: every class.
+    """
+
+    def __init__(self, entries: Sequence[Entry]) -> None:
+        self.entries = entries
+        self._kept: dict[Filters, Sequence[Entry]] = {}
+        totals = Counter[str]()
+        for entry in entries:
+            if entry.available and entry.sighting.count:
+                totals[entry.sighting.name] += entry.sighting.count
+        self.totals: Mapping[str, int] = dict(totals.most_common())
+        self.names = sorted({entry.sighting.name for entry in entries})
+
+    def wanted(self, filters: Filters) -> Sequence[Entry]:
+        """Return the sightings that are wanted in the order that is."""
+        if filters not in self._kept:
+            text = filters.text.strip().casefold()
+            found = [entry for entry in self.entries if _is_wanted(entry, filters, text)]
+            key = SORTS.get(filters.sort, SORTS["robot"])
+            self._kept[filters] = sorted(found, key=key, reverse=filters.descending)
+        return self._kept[filters]
+
+
+def _is_wanted(entry: Entry, filters: Filters, text: str) -> bool:
+    of = entry.sighting
+    if filters.in_view and not of.count:
+        return False
+    if filters.name not in ("", of.name):
+        return False
+    return not text or any(
+        text in each.casefold() for each in (of.key.robot, of.key.camera, of.name, of.model, of.worker)
+    )

@@ -1,0 +1,68 @@
+"""Times, counts and ages as the page says them. Pure."""
+
+import re
+from datetime import UTC, datetime
+from functools import lru_cache
+from typing import Final
+
+from services.monitor.fleet import Age
+
+NS: Final = 1_000_000_000
+UNITS: Final = ((86_400.0, "d"), (3_600.0, "h"), (60.0, "min"), (1.0, "s"))
+NEVER: Final = "never"
+NOTHING: Final = "\N{EN DASH}"
+
+
+def ago(then_ns: int, now_ns: int) -> str:
+    """Return how long ago something was, in its largest unit; `never` for 0. What is yet to come is now."""
+    if not then_ns:
+        return NEVER
+    return f"{lasting((now_ns - then_ns) / NS)} ago" if now_ns - then_ns >= NS else "now"
+
+
+def lasting(seconds: float) -> str:
+    """Return a duration in whole units of the largest that it has one of; under a second it is 0 s."""
+    for size, unit in UNITS:
+        if seconds >= size:
+            return f"{int(seconds // size)} {unit}"
+    return "0 s"
+
+
+def age_text(age: Age | None) -> str:
+    """Return an age to a tenth of a second up to ten, with `>` where only a lower bound is known."""
+    if age is None:
+        return NOTHING
+    bound = "" if age.exact else "> "
+    return f"{bound}{age.seconds:.1f} s" if age.seconds < 10 else bound + lasting(age.seconds)
+
+
+def brief(count: int) -> str:
+    """Return a count in at most four characters up to a thousand million: 950, 1.2k, 34k, 5.6M."""
+    for size, unit in ((1_000_000, "M"), (1_000, "k")):
+        if count >= size:
+            value = count / size
+            return f"{value:.1f}{unit}" if value < 9.95 else f"{value:.0f}{unit}"
+    return str(count)
+
+
+def rate_text(hz: float) -> str:
+    """Return a rate; an en dash for none."""
+    return f"{hz:.1f}/s" if hz > 0 else NOTHING
+
+
+def iso(at_ns: int) -> str:
+    """Return a time as ISO 8601 in UTC to the millisecond, which the browser shows in its own zone; empty for 0."""
+    if not at_ns:
+        return ""
+    return datetime.fromtimestamp(at_ns / NS, UTC).isoformat(timespec="milliseconds")
+
+
+def plural(count: int, one: str, many: str = "") -> str:
+    """Return a count and its noun: 1 camera, 2 cameras, 1,200 classes."""
+    return f"{count:,} {one if count == 1 else many or one + 's'}"
+
+
+@lru_cache(maxsize=50_000)
+def natural(name: str) -> tuple[tuple[int, str], ...]:
+    """Return what names are sorted by, so that r2 comes before r10."""
+    return tuple((int(digits or -1), text.casefold()) for digits, text in re.findall(r"(\d{1,18})|(\D+)", name))

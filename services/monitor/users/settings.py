@@ -1,0 +1,27 @@
+"""Settings of `fleetsight users`."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field
+
+from services.monitor.history.settings import HistoryUrl, default_url
+from services.monitor.web.auth.visitor import Role
+
+
+class UsersSettings(BaseModel):
+    """Say who may log in to a monitor. A password is asked for, or read from standard input.
+
+    `fleetsight users add NAME --role viewer`; `reset NAME` gives another password and ends every session and token of
+    theirs, `remove NAME`, `list`; `token NAME` prints a token for a program that does what this user may. A running
+    monitor knows within seconds.
+    """
+
+    task: Annotated[Literal["add", "reset", "remove", "list", "token"], Field(description="what to do")]
+    name: Annotated[str, Field(description="the user")] = ""
+    role: Annotated[
+        Role | None, Field(description="viewer looks, operator acknowledges alerts too; a new user is a viewer")
+    ] = None
+    days: Annotated[float, Field(gt=0, le=3_650, description="how long a token is good")] = 365
+    history: Annotated[HistoryUrl, Field(description="database that the monitor keeps; none if it keeps none")] = Field(
+        default_factory=default_url
+    )

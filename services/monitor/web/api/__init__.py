@@ -1,0 +1,1 @@
+"""The HTTP API: what the page shows, for programs."""

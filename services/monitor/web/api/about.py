@@ -1,0 +1,53 @@
+"""Routes about the monitor itself: who asks, how it does, which rules are in force."""
+
+import time
+
+from fastapi import APIRouter, HTTPException, Request
+
+from services.monitor.monitor import Monitor
+from services.monitor.web.api.models import HistoryAnswer, MeAnswer, RulesAnswer, StatusAnswer, moment
+from services.monitor.web.auth.visitor import visitor_of
+
+
+def about_routes(monitor: Monitor, version: str) -> APIRouter:
+    """Return the routes."""
+    router = APIRouter(tags=["monitor"])
+
+    @router.get("/me")
+    async def me(request: Request) -> MeAnswer:
+        """Who asks, and as what."""
+        visitor = visitor_of(request)
+        if visitor.role is None:
+            raise HTTPException(401, "logged out")
+        return MeAnswer(name=visitor.name, role=visitor.role)
+
+    @router.get("/status")
+    async def status() -> StatusAnswer:
+        """How the monitor itself is doing."""
+        picture = await monitor.picture()
+        return StatusAnswer(
+            version=version,
+            now=moment(time.time_ns()),
+            started=moment(monitor.started_ns),
+            problems=tuple(monitor.problems()),
+            left_out=monitor.fleet.left_out,
+            history=HistoryAnswer.model_validate(monitor.history.status),
+            robots=len(picture.robots),
+            robots_online=sum(robot.online for robot in picture.robots),
+            cameras=len(picture.cameras),
+            alerts=len(monitor.alerts()),
+        )
+
+    @router.get("/rules")
+    async def rules() -> RulesAnswer:
+        """The rules in force, and what is wrong with the newest version of their file. Webhooks by name alone."""
+        book, file = monitor.rules.book, monitor.settings.rules
+        return RulesAnswer(
+            file=None if file is None else str(file),
+            problem=monitor.rules.problem,
+            timezone=book.timezone,
+            webhooks=tuple(book.webhooks),
+            rules=tuple(rule.model_dump(mode="json", by_alias=True) for rule in book.rules),
+        )
+
+    return router

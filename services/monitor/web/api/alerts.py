@@ -1,0 +1,58 @@
+"""Routes about alerts: which there are, and what people do with them."""
+
+from collections.abc import Callable
+from typing import Annotated, Final
+
+from fastapi import APIRouter, HTTPException, Path, Request
+
+from schemas.alerts import Alert
+from services.monitor.monitor import Monitor
+from services.monitor.web.api.models import AlertAnswer, Page, alert_answer, moment
+from services.monitor.web.api.paging import After, Limit, Name, page_of
+from services.monitor.web.auth.visitor import visitor_of
+
+DEFAULT_LIMIT: Final = 200
+
+AlertId = Annotated[str, Path(min_length=1, max_length=64)]
+
+
+def alert_routes(monitor: Monitor) -> APIRouter:
+    """Return the routes."""
+    router = APIRouter(tags=["alerts"])
+
+    @router.get("/alerts")
+    async def alerts(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[AlertAnswer]:
+        """The alerts that are not resolved, whichever monitor raised them."""
+        found = [alert for alert in await monitor.current_alerts() if robot in ("", alert.robot)]
+        items, mark = page_of(sorted(found, key=_place), _place, limit, after, 1)
+        answers = [alert_answer(alert, monitor.acts_of(alert.id)) for alert in items]
+        return Page(now=moment((await monitor.picture()).now_ns), items=answers, next=mark)
+
+    def act(do: Callable[[str, str], Alert], alert_id: str, request: Request) -> AlertAnswer:
+        visitor = visitor_of(request)
+        if not visitor.may_act:
+            raise HTTPException(403, "only operators may do this")
+        if not monitor.history.status.leads:
+            raise HTTPException(409, "another monitor raises the alerts: ask that one")
+        return alert_answer(do(alert_id, visitor.name), monitor.acts_of(alert_id))
+
+    @router.post("/alerts/{alert_id}/acknowledge")
+    async def acknowledge(alert_id: AlertId, request: Request) -> AlertAnswer:
+        """Note that you look after an alert: it does not escalate by itself any more."""
+        return act(monitor.acknowledge, alert_id, request)
+
+    @router.post("/alerts/{alert_id}/escalate")
+    async def escalate(alert_id: AlertId, request: Request) -> AlertAnswer:
+        """Have others look after an alert."""
+        return act(monitor.escalate, alert_id, request)
+
+    @router.post("/alerts/{alert_id}/resolve")
+    async def resolve(alert_id: AlertId, request: Request) -> AlertAnswer:
+        """Close an alert; it is raised again only after it was over."""
+        return act(monitor.resolve, alert_id, request)
+
+    return router
+
+
+def _place(alert: Alert) -> tuple[str, ...]:
+    return (alert.id,)

@@ -1,0 +1,115 @@
+"""Routes about what was: sightings as intervals, alerts, and both as files."""
+
+import asyncio
+import time
+from collections import defaultdict
+from datetime import datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any, Final, Literal
+
+from fastapi import APIRouter, Depends, HTTPException, Query
+from fastapi.responses import FileResponse
+from pydantic import AwareDatetime
+from starlette.background import BackgroundTask
+
+from schemas.alerts import AlertState
+from services.monitor.export.process import export
+from services.monitor.export.settings import ExportSettings, epoch_ns
+from services.monitor.history.acts import Act
+from services.monitor.history.archive import Asked
+from services.monitor.history.settings import NONE
+from services.monitor.monitor import Monitor
+from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer, moment
+from services.monitor.web.api.paging import After, ClassName, Limit, Name, mark_of, place_of
+
+DEFAULT_LIMIT: Final = 200
+DAY_NS: Final = 86_400 * 1_000_000_000
+
+Since = Annotated[AwareDatetime | None, Query(description="what ended before is left out; a day ago unless given")]
+Until = Annotated[AwareDatetime | None, Query(description="what began later is left out")]
+
+
+def asked(
+    *, since: Since = None, until: Until = None, robot: Name = "", camera: Name = "", name: ClassName = ""
+) -> Asked:
+    """Return what the query of a URL asks for."""
+    return Asked(
+        since_ns=time.time_ns() - DAY_NS if since is None else _bounded_ns(since),
+        until_ns=2**63 - 1 if until is None else _bounded_ns(until),
+        robot=robot,
+        camera=camera,
+        name=name,
+    )
+
+
+FromQuery = Annotated[Asked, Depends(asked)]
+
+
+def history_routes(monitor: Monitor) -> APIRouter:
+    """Return the routes."""
+    router = APIRouter(prefix="/history", tags=["history"])
+    exporting = asyncio.Lock()
+
+    @router.get("/sightings")
+    async def sightings(wanted: FromQuery, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[IntervalAnswer]:
+        """What was in view, one interval as long as a count stayed the same; the newest first."""
+        place = None if after is None else place_of(after, (int, str, str, str))
+        found = await monitor.archive.sightings(wanted, limit, place)
+        full = len(found) == limit
+        mark = (
+            mark_of((found[-1].since_ns, found[-1].key.robot, found[-1].key.camera, found[-1].name)) if full else None
+        )
+        return Page(now=moment(time.time_ns()), items=[interval_answer(each) for each in found], next=mark)
+
+    @router.get("/alerts")
+    async def alerts(
+        wanted: FromQuery,
+        state: Annotated[AlertState | None, Query(description="in this state alone")] = None,
+        limit: Limit = DEFAULT_LIMIT,
+        after: After = None,
+    ) -> Page[AlertAnswer]:
+        """Alerts, resolved or not, and what people did with them; those that changed last come first."""
+        place = None if after is None else place_of(after, (int, str))
+        states = () if state is None else (state,)
+        found = await monitor.archive.alerts(wanted, limit, place, states=states)
+        acts = await monitor.archive.acts([alert.id for alert in found])
+        mark = mark_of((found[-1].changed_ns, found[-1].id)) if len(found) == limit else None
+        done: dict[str, list[Act]] = defaultdict(list)
+        for act in acts:
+            done[act.alert_id].append(act)
+        answers = [alert_answer(each, tuple(done[each.id])) for each in found]
+        return Page(now=moment(time.time_ns()), items=answers, next=mark)
+
+    @router.get("/export", response_class=FileResponse)
+    async def whole(
+        wanted: FromQuery,
+        what: Literal["sightings", "alerts"] = "sightings",
+        kind: Annotated[Literal["csv", "parquet"], Query(alias="format")] = "csv",
+    ) -> FileResponse:
+        """All of it as a file, the oldest first; one at a time is made."""
+        if exporting.locked():
+            raise HTTPException(503, "another export is being made", {"Retry-After": "10"})
+        async with exporting:
+            folder = await asyncio.to_thread(TemporaryDirectory, prefix="fleetsight-")
+            file = Path(folder.name) / f"{what}.{kind}"
+            try:
+                await export(_export_settings(monitor.settings.history, wanted, what, file))
+            except BaseException:
+                await asyncio.to_thread(folder.cleanup)
+                raise
+        return FileResponse(file, filename=file.name, background=BackgroundTask(folder.cleanup))
+
+    return router
+
+
+def _export_settings(history: str, wanted: Asked, what: str, file: Path) -> ExportSettings:
+    if history == NONE:
+        raise HTTPException(503, "no history is kept: the monitor was started with --history none")
+    given: dict[str, Any] = {"task": "export", "to": file, "history": history, "what": what}
+    given |= {"since": moment(wanted.since_ns), "until": moment(wanted.until_ns)}
+    return ExportSettings(**given, robot=wanted.robot, camera=wanted.camera, name=wanted.name)
+
+
+def _bounded_ns(moment: datetime) -> int:
+    return min(max(0, epoch_ns(moment)), 2**63 - 1)

@@ -1,0 +1,375 @@
+"""What the API answers with. Times are UTC; None where there is none yet."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from typing import Any, Final, Generic, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.history.acts import Act
+from services.monitor.history.intervals import Interval
+from services.monitor.inventory.inventory import Entry
+from services.monitor.picture import CameraLine, RobotLine, WorkerLine
+from services.monitor.web.auth.visitor import Role
+
+EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+T = TypeVar("T")
+
+
+class Part(BaseModel):
+    """What every answer is made of."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True, populate_by_name=True)
+
+
+class Page(Part, Generic[T]):
+    """Some of what there is. next: to be given as `after` for those that follow; None at the end."""
+
+    now: datetime
+    items: list[T]
+    next: str | None = None
+
+
+class ErrorAnswer(Part):
+    """Any error, whatever its status."""
+
+    error: str
+
+
+class ClassInView(Part):
+    """How many objects of a class are in view, and the best score."""
+
+    name: str
+    count: int
+    score: float
+
+
+class RobotAnswer(Part):
+    """A robot. age_s: of its newest class list; rate_hz: class lists of all its cameras; dropped: frames by reason."""
+
+    name: str
+    online: bool
+    last_seen: datetime | None
+    cameras: tuple[str, ...]
+    age_s: float | None
+    rate_hz: float
+    waiting_for: str
+    problems: tuple[str, ...]
+    dropped: Mapping[str, int]
+
+
+class CameraAnswer(Part):
+    """A camera. stale: what it shows may no longer be so. age_exact: whether the way here is part of the age.
+
+    classes: of its newest list, None before the first. served_by: workers that look after it, as service/name.
+    """
+
+    robot: str
+    camera: str
+    online: bool
+    stale: bool
+    last_seen: datetime | None
+    age_s: float | None
+    age_exact: bool
+    rate_hz: float
+    classes: tuple[ClassInView, ...] | None
+    served_by: tuple[str, ...]
+    dropped: Mapping[str, int]
+
+
+class SightingAnswer(Part):
+    """A class in view of a camera, or when it was last. available: it can be relied on now."""
+
+    robot: str
+    camera: str
+    name: str = Field(serialization_alias="class")
+    count: int
+    score: float
+    first_seen: datetime | None
+    last_seen: datetime | None
+    nearest_m: float | None
+    model: str
+    worker: str
+    available: bool
+
+
+class IntervalAnswer(Part):
+    """As long as one class was in view of one camera with one count. open: it goes on."""
+
+    robot: str
+    camera: str
+    name: str = Field(serialization_alias="class")
+    count: int
+    since: datetime
+    until: datetime
+    open: bool
+    score: float
+    closest_m: float | None
+    first_seen: datetime
+    model: str
+    worker: str
+
+
+class ActAnswer(Part):
+    """What somebody did with an alert."""
+
+    state: AlertState
+    who: str
+    at: datetime
+
+
+class AlertAnswer(Part):
+    """An alert, and what people did with it."""
+
+    id: str
+    rule: str
+    severity: Severity
+    state: AlertState
+    robot: str
+    camera: str
+    name: str = Field(serialization_alias="class")
+    text: str
+    raised: datetime
+    changed: datetime
+    acts: tuple[ActAnswer, ...]
+
+
+class LoadAnswer(Part):
+    """One camera at a worker."""
+
+    robot: str
+    camera: str
+    serving: bool
+    inferred: int
+    dropped: Mapping[str, int]
+    budget_hz: float | None
+
+
+class WorkerAnswer(Part):
+    """A worker."""
+
+    service: str
+    worker: str
+    model: str
+    online: bool
+    last_seen: datetime | None
+    cameras: tuple[LoadAnswer, ...]
+    remarks: tuple[str, ...]
+
+
+class StreamAnswer(Part):
+    """A ROS topic on its way to the bus."""
+
+    name: str
+    topic: str
+    wanted: bool
+    publishers: int
+    received: int
+    forwarded: int
+    received_hz: float
+    forwarded_hz: float
+    bytes: int
+    compression: str
+    missing: int
+    dropped: Mapping[str, int]
+    broken_links: Mapping[str, int]
+    problem: str
+
+
+class ReturnAnswer(Part):
+    """Results on their way to ROS."""
+
+    camera: str
+    stream: str
+    topic: str
+    wanted: bool
+    subscribers: int
+    received: int
+    published: int
+    dropped: Mapping[str, int]
+
+
+class GatewayAnswer(Part):
+    """A robot's gateway, as it said last."""
+
+    robot: str
+    online: bool
+    last_seen: datetime | None
+    waiting_for: str
+    clock_jumps: int
+    streams: tuple[StreamAnswer, ...]
+    returns: tuple[ReturnAnswer, ...]
+    withdrawn: Mapping[str, int]
+
+
+class RulesAnswer(Part):
+    """The rules in force. problem: why the newest version of the file is not, with its line, or empty."""
+
+    file: str | None
+    problem: str
+    timezone: str | None
+    webhooks: tuple[str, ...]
+    rules: tuple[dict[str, Any], ...]
+
+
+class HistoryAnswer(Part):
+    """How the history is doing. problem: why it is not being kept, or empty. leads: this monitor raises the alerts."""
+
+    problem: str
+    leads: bool
+    pending: int
+    lost: int
+
+
+class StatusAnswer(Part):
+    """The monitor itself. problems: what keeps it from doing all that it should. left_out: messages, by reason."""
+
+    version: str
+    now: datetime
+    started: datetime
+    problems: tuple[str, ...]
+    left_out: Mapping[str, int]
+    history: HistoryAnswer
+    robots: int
+    robots_online: int
+    cameras: int
+    alerts: int
+
+
+class MeAnswer(Part):
+    """Whoever asks."""
+
+    name: str
+    role: Role
+
+
+def moment(ns: int) -> datetime:
+    """Return a time, to the microsecond."""
+    try:
+        return EPOCH + timedelta(microseconds=ns // 1_000)
+    except OverflowError:
+        return datetime.max.replace(tzinfo=UTC)
+
+
+def known_moment(ns: int) -> datetime | None:
+    """Return a time; None for 0, which stands for never."""
+    return moment(ns) if ns else None
+
+
+def robot_answer(line: RobotLine) -> RobotAnswer:
+    """Return a robot as it is answered."""
+    return RobotAnswer(
+        name=line.name,
+        online=line.online,
+        last_seen=known_moment(line.last_ns),
+        cameras=line.cameras,
+        age_s=line.age_s,
+        rate_hz=line.rate_hz,
+        waiting_for="" if line.gateway is None else line.gateway.waiting_for,
+        problems=line.problems,
+        dropped=line.dropped,
+    )
+
+
+def camera_answer(line: CameraLine) -> CameraAnswer:
+    """Return a camera as it is answered."""
+    row = line.row
+    return CameraAnswer(
+        robot=row.key.robot,
+        camera=row.key.camera,
+        online=row.online,
+        stale=row.stale,
+        last_seen=known_moment(line.last_ns),
+        age_s=None if row.age is None else row.age.seconds,
+        age_exact=row.age is not None and row.age.exact,
+        rate_hz=row.rate_hz,
+        classes=None if row.classes is None else tuple(ClassInView.model_validate(each) for each in row.classes),
+        served_by=line.served_by,
+        dropped=line.dropped,
+    )
+
+
+def sighting_answer(entry: Entry) -> SightingAnswer:
+    """Return a sighting as it is answered."""
+    of = entry.sighting
+    return SightingAnswer(
+        robot=of.key.robot,
+        camera=of.key.camera,
+        name=of.name,
+        count=of.count,
+        score=of.score,
+        first_seen=known_moment(of.first_ns),
+        last_seen=known_moment(of.last_ns),
+        nearest_m=of.nearest_m,
+        model=of.model,
+        worker=of.worker,
+        available=entry.available,
+    )
+
+
+def interval_answer(of: Interval) -> IntervalAnswer:
+    """Return an interval as it is answered."""
+    return IntervalAnswer(
+        robot=of.key.robot,
+        camera=of.key.camera,
+        name=of.name,
+        count=of.count,
+        since=moment(of.since_ns),
+        until=moment(of.until_ns),
+        open=of.open,
+        score=of.score,
+        closest_m=of.closest_m,
+        first_seen=moment(of.first_ns),
+        model=of.model,
+        worker=of.worker,
+    )
+
+
+def alert_answer(alert: Alert, acts: tuple[Act, ...]) -> AlertAnswer:
+    """Return an alert as it is answered."""
+    return AlertAnswer(
+        id=alert.id,
+        rule=alert.rule,
+        severity=alert.severity,
+        state=alert.state,
+        robot=alert.robot,
+        camera=alert.camera,
+        name=alert.name,
+        text=alert.text,
+        raised=moment(alert.raised_ns),
+        changed=moment(alert.changed_ns),
+        acts=tuple(ActAnswer(state=act.state, who=act.who, at=moment(act.at_ns)) for act in acts),
+    )
+
+
+def worker_answer(line: WorkerLine) -> WorkerAnswer:
+    """Return a worker as it is answered."""
+    of = line.status
+    return WorkerAnswer(
+        service=of.service,
+        worker=of.worker,
+        model=of.model,
+        online=line.online,
+        last_seen=known_moment(line.last_ns),
+        cameras=tuple(LoadAnswer.model_validate(load) for load in of.cameras),
+        remarks=tuple(of.remarks),
+    )
+
+
+def gateway_answer(line: RobotLine) -> GatewayAnswer | None:
+    """Return a robot's gateway as it is answered; None where it never said anything."""
+    of = line.gateway
+    if of is None:
+        return None
+    return GatewayAnswer(
+        robot=of.robot,
+        online=line.online,
+        last_seen=known_moment(line.last_ns),
+        waiting_for=of.waiting_for,
+        clock_jumps=of.clock_jumps,
+        streams=tuple(StreamAnswer.model_validate(stream) for stream in of.streams),
+        returns=tuple(ReturnAnswer.model_validate(each) for each in of.returns),
+        withdrawn=of.withdrawn,
+    )

@@ -1,0 +1,58 @@
+"""Pages of long lists, and the marks that say where one ended. Pure."""
+
+import base64
+import binascii
+import json
+from collections.abc import Callable, Iterable, Sequence
+from typing import Annotated, Any, Final, TypeVar
+
+from fastapi import HTTPException, Query
+
+from schemas.header import MAX_LABEL
+
+T = TypeVar("T")
+
+MAX_ITEMS: Final = 1_000
+MAX_MARK: Final = 1_000
+MAX_INTEGER: Final = 2**63
+
+Limit = Annotated[int, Query(ge=1, le=MAX_ITEMS, description="how many, at most")]
+After = Annotated[str | None, Query(max_length=MAX_MARK, description="`next` of the page before")]
+Name = Annotated[str, Query(max_length=64, description="one of them alone")]
+ClassName = Annotated[str, Query(alias="class", max_length=MAX_LABEL, description="this class alone")]
+
+
+def mark_of(place: Sequence[str | int]) -> str:
+    """Return a place in a list as text for a URL."""
+    return base64.urlsafe_b64encode(json.dumps(list(place), separators=(",", ":")).encode()).decode().rstrip("=")
+
+
+def place_of(mark: str, kinds: Sequence[type[str | int]]) -> tuple[Any, ...]:
+    """Return the place that a mark stands for.
+
+    Raises:
+        HTTPException: it is none of ours.
+    """
+    try:
+        found = json.loads(base64.urlsafe_b64decode(mark + "=" * (-len(mark) % 4)))
+    except (ValueError, binascii.Error, RecursionError):
+        found = None
+    fits = isinstance(found, list) and [type(each) for each in found] == list(kinds)
+    if not fits or any(isinstance(each, int) and abs(each) >= MAX_INTEGER for each in found):
+        raise HTTPException(422, "after: give what `next` of the page before said")
+    return tuple(found)
+
+
+def page_of(
+    every: Iterable[T], place: Callable[[T], tuple[str, ...]], limit: int, after: str | None, width: int
+) -> tuple[list[T], str | None]:
+    """Return some of a list that is sorted by `place`, a tuple of `width` texts, and the mark for those that follow."""
+    begin = () if after is None else place_of(after, (str,) * width)
+    found: list[T] = []
+    for each in every:
+        if after is not None and place(each) <= begin:
+            continue
+        if len(found) == limit:
+            return found, mark_of(place(found[-1]))
+        found.append(each)
+    return found, None

@@ -1,0 +1,95 @@
+"""The web application without its pages: log-in, API, health, metrics."""
+
+import importlib.metadata
+from typing import Any, Final
+
+from fastapi import APIRouter, FastAPI, HTTPException
+from pydantic import HttpUrl
+
+from services.monitor.monitor import Monitor
+from services.monitor.web.answers import answer_errors
+from services.monitor.web.api.about import about_routes
+from services.monitor.web.api.alerts import alert_routes
+from services.monitor.web.api.fleet import fleet_routes
+from services.monitor.web.api.history import history_routes
+from services.monitor.web.api.live import live_routes
+from services.monitor.web.api.models import ErrorAnswer
+from services.monitor.web.auth.access import Access
+from services.monitor.web.auth.gate import Place
+from services.monitor.web.auth.middleware import AccessMiddleware
+from services.monitor.web.auth.routes import access_routes
+from services.monitor.web.settings import WebSettings
+from services.monitor.web.watching import watching_routes
+
+METHODS: Final = ["GET", "POST", "PUT", "PATCH", "DELETE"]
+ERRORS: Final[dict[int | str, dict[str, Any]]] = {"4XX": {"model": ErrorAnswer}, "5XX": {"model": ErrorAnswer}}
+
+HERE: Final = frozenset({"localhost", "127.0.0.1", "::1", "[::1]"})
+
+ABOUT: Final = """What the fleet sees. Log in with a token, `Authorization: Bearer ...`; `fleetsight users token NAME`
+makes one. Operators may do everything, viewers only read. Errors are `{"error": "one line"}`. The same
+data as it changes: WebSocket `/api/v1/live`."""
+
+
+def make_application(monitor: Monitor, access: Access) -> FastAPI:
+    """Return the application; `guarded` is to be before it."""
+    version = importlib.metadata.version("fleetsight")
+    app = FastAPI(
+        title="fleetsight",
+        version=version,
+        description=ABOUT,
+        openapi_url="/api/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+    )
+    api = APIRouter(prefix="/api/v1", responses=ERRORS)
+    for routes in (
+        about_routes(monitor, version),
+        fleet_routes(monitor),
+        alert_routes(monitor),
+        history_routes(monitor),
+        live_routes(monitor),
+    ):
+        api.include_router(routes)
+    app.include_router(api)
+    app.include_router(access_routes(access, cookie=cookie_of(monitor.settings), secure=is_secure(monitor.settings)))
+    app.include_router(watching_routes(monitor, access))
+    app.add_api_route("/api/{path:path}", _nothing_there, methods=METHODS, include_in_schema=False)
+    answer_errors(app)
+    return app
+
+
+def guarded(app: FastAPI, access: Access, settings: WebSettings) -> AccessMiddleware:
+    """Return what lets through to an application who may."""
+    return AccessMiddleware(app, access, cookie=cookie_of(settings), place=place_of(settings))
+
+
+def place_of(settings: WebSettings) -> Place:
+    """Return where we are served; on loopback under the names alone that this machine has for itself."""
+    url = settings.web_url
+    hosts = HERE if settings.web_host in HERE else frozenset()
+    return Place(
+        origin="" if url is None else origin_of(url),
+        hosts=hosts if url is None or not hosts else hosts | {url.host or ""},
+        open_metrics=settings.web_open_metrics,
+    )
+
+
+def is_secure(settings: WebSettings) -> bool:
+    """Whether browsers reach us over HTTPS alone."""
+    return settings.web_url is not None and settings.web_url.scheme == "https"
+
+
+def cookie_of(settings: WebSettings) -> str:
+    """Return the name of our cookie: browsers send it to every port of a host, and there may be another monitor."""
+    return "__Host-fleetsight" if is_secure(settings) else f"fleetsight-{settings.web_port}"
+
+
+def origin_of(url: HttpUrl) -> str:
+    """Return an address as browsers name it as the origin of a request."""
+    host, usual = url.host or "", {"http": 80, "https": 443}[url.scheme]
+    return f"{url.scheme}://{host}" if url.port in (None, usual) else f"{url.scheme}://{host}:{url.port}"
+
+
+async def _nothing_there(path: str) -> None:
+    raise HTTPException(404, f"there is no /api/{path[:200]}")

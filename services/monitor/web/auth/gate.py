@@ -1,0 +1,116 @@
+"""What a request may do, by its method, path and headers. Pure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Final
+
+from services.monitor.web.auth.people import Kind
+from services.monitor.web.auth.visitor import Visitor
+
+SAFE: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+
+LOG_IN: Final = "/login"
+LOG_OUT: Final = "/logout"
+SET_UP: Final = "/setup"
+HEALTH: Final = "/healthz"
+METRICS: Final = "/metrics"
+API: Final = "/api/"
+PAGE_SOCKET: Final = "/_nicegui_ws/"
+
+OPEN: Final = frozenset({LOG_IN, SET_UP, HEALTH})
+"""What anybody gets to."""
+
+MAX_BODY_BYTES: Final = 64 * 1024
+MAX_PAGE_BODY_BYTES: Final = 1024 * 1024
+"""Of what the page's own script posts where a browser cannot open a WebSocket."""
+
+
+class Verdict(Enum):
+    """What becomes of a request."""
+
+    PASS = auto()
+    MISDIRECTED = auto()
+    """It is for a host that we are not: somebody's name for our address, that a page of theirs would be let in by."""
+    FOREIGN = auto()
+    """It comes from another site's page."""
+    UNKNOWN = auto()
+    """Whoever sends it is not logged in."""
+    NOT_ALLOWED = auto()
+    """Whoever sends it may look, not act."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asking:
+    """A request as far as it says what it may do. method: of a WebSocket it is empty."""
+
+    method: str
+    path: str
+    headers: Mapping[str, str]
+
+    @property
+    def is_socket(self) -> bool:
+        """Whether it opens a WebSocket."""
+        return not self.method
+
+    @property
+    def for_program(self) -> bool:
+        """Whether an error is to be said in a program's words."""
+        return self.path.startswith((API, PAGE_SOCKET)) or self.path == METRICS
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where we are served. origin: where a proxy serves us, like https://fleet.example, or empty.
+
+    hosts: what we are called, without ports; any name if it is empty. open_metrics: anybody may read them.
+    """
+
+    origin: str = ""
+    hosts: frozenset[str] = frozenset()
+    open_metrics: bool = False
+
+
+def judge(asking: Asking, visitor: Visitor | None, *, by: Kind | None, place: Place) -> Verdict:
+    """Return what becomes of a request. by: what the visitor is known by."""
+    if place.hosts and _host_of(asking.headers) not in place.hosts:
+        return Verdict.MISDIRECTED
+    harmless = asking.method in SAFE
+    if not _is_ours(asking.headers, place.origin, needed=not harmless and by is not Kind.TOKEN):
+        return Verdict.FOREIGN
+    if asking.path in OPEN or (place.open_metrics and asking.path == METRICS):
+        return Verdict.PASS
+    if visitor is None or not visitor.may_look:
+        return Verdict.UNKNOWN
+    looks = harmless or asking.is_socket or asking.path == LOG_OUT or asking.path.startswith(PAGE_SOCKET)
+    return Verdict.PASS if looks or visitor.may_act else Verdict.NOT_ALLOWED
+
+
+def body_limit(path: str) -> int:
+    """Return how many bytes a request to a path may have."""
+    return MAX_PAGE_BODY_BYTES if path.startswith(PAGE_SOCKET) else MAX_BODY_BYTES
+
+
+def local_path(asked: str) -> str:
+    """Return where to go after log-in: what was asked for if it is a place of ours, else the beginning."""
+    plain = asked.isascii() and asked.isprintable() and "\\" not in asked and len(asked) <= 1_000
+    return asked if plain and asked.startswith("/") and not asked.startswith("//") else "/"
+
+
+def _host_of(headers: Mapping[str, str]) -> str:
+    host = headers.get("host", "").lower()
+    return host if host.endswith("]") else host.rpartition(":")[0] or host
+
+
+def _is_ours(headers: Mapping[str, str], own_origin: str, *, needed: bool) -> bool:
+    """Whether a request comes from a page of ours, or from no page at all.
+
+    needed: it must say so: a browser sends its cookie along with whatever any page makes it send.
+    """
+    origin = headers.get("origin")
+    if origin is None:
+        return not needed
+    if own_origin:
+        return origin == own_origin
+    host = headers.get("host")
+    return bool(host) and origin in (f"http://{host}", f"https://{host}")

@@ -1,0 +1,146 @@
+"""What every request passes first: who sends it, whether they may, and how much of it there may be."""
+
+import asyncio
+from collections.abc import Mapping
+from typing import Final
+from urllib.parse import quote
+
+from starlette.exceptions import HTTPException
+from starlette.requests import cookie_parser
+from starlette.responses import RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from services.monitor.web.answers import problem
+from services.monitor.web.auth.access import Access
+from services.monitor.web.auth.gate import LOG_IN, SET_UP, Asking, Place, Verdict, body_limit, judge
+from services.monitor.web.auth.people import Kind
+from services.monitor.web.auth.visitor import STATE, Visitor
+from services.monitor.web.headers import with_headers
+
+BEARER: Final = "bearer "
+MAX_SECRET: Final = 256
+LOOK_S: Final = 2.0
+"""How soon a WebSocket ends after its visitor was logged out."""
+
+POLICY_VIOLATION: Final = 1008
+
+
+class AccessMiddleware:
+    """Lets through who may, marked with who they are; ends WebSockets of who may no longer."""
+
+    def __init__(self, app: ASGIApp, access: Access, *, cookie: str, place: Place) -> None:
+        self.app = app
+        self._access = access
+        self._cookie = cookie
+        self._place = place
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle a request."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        asking = _asking(scope)
+        visitor, by = self._known(asking.headers)
+        verdict = judge(asking, visitor, by=by, place=self._place)
+        scope[STATE] = visitor
+        if asking.is_socket:
+            await self._socket(verdict, visitor, scope, receive, send)
+            return
+        send = with_headers(send)
+        limit = body_limit(asking.path)
+        if verdict is not Verdict.PASS:
+            await self._refusal(asking, verdict)(scope, receive, send)
+        elif _announced(asking.headers) > limit:
+            await problem(413, f"a request to {asking.path[:80]} has at most {limit} bytes")(scope, receive, send)
+        else:
+            await self.app(scope, _bounded(receive, limit), send)
+
+    def _known(self, headers: Mapping[str, str]) -> tuple[Visitor | None, Kind | None]:
+        """Return who sends a request and what they are known by; a token, where there is one, counts alone."""
+        given = headers.get("authorization", "")
+        if given:
+            token = given[len(BEARER) :].strip() if given[: len(BEARER)].lower() == BEARER else ""
+            return self._access.visitor(token[:MAX_SECRET], Kind.TOKEN), Kind.TOKEN
+        secret = cookie_parser(headers.get("cookie", "")).get(self._cookie, "")
+        return self._access.visitor(secret, Kind.SESSION) if secret else None, Kind.SESSION
+
+    def _refusal(self, asking: Asking, verdict: Verdict) -> Response:
+        match verdict:
+            case Verdict.MISDIRECTED:
+                return problem(421, "the monitor is not called so; --web-url says what else it is called")
+            case Verdict.FOREIGN:
+                return problem(403, "this request does not come from a page of this monitor")
+            case Verdict.NOT_ALLOWED:
+                return problem(403, "only operators may do this")
+        if asking.for_program or asking.method not in ("GET", "HEAD"):
+            return problem(401, "log in, or send a token: Authorization: Bearer ...", {"WWW-Authenticate": "Bearer"})
+        if self._access.needs_setup:
+            return RedirectResponse(SET_UP, 303)
+        return RedirectResponse(f"{LOG_IN}?next={quote(asking.path, safe='/')}" if asking.path != "/" else LOG_IN, 303)
+
+    async def _socket(
+        self, verdict: Verdict, visitor: Visitor | None, scope: Scope, receive: Receive, send: Send
+    ) -> None:
+        if verdict is not Verdict.PASS or visitor is None:
+            await receive()
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+            return
+        watched = _Watched(visitor, receive, send)
+        try:
+            await self.app(scope, watched.receive, send)
+        finally:
+            watched.end()
+
+
+class _Watched:
+    """A WebSocket's receiving side, that ends when its visitor may look no longer."""
+
+    def __init__(self, visitor: Visitor, receive: Receive, send: Send) -> None:
+        self._visitor = visitor
+        self._receive = receive
+        self._send = send
+        self._next: asyncio.Future[Message] | None = None
+
+    async def receive(self) -> Message:
+        """Return what comes next."""
+        self._next = self._next or asyncio.ensure_future(self._receive())
+        while self._visitor.may_look:
+            await asyncio.wait([self._next], timeout=LOOK_S)
+            if self._next.done():
+                message, self._next = self._next.result(), None
+                return message
+        await self._send({"type": "websocket.close", "code": POLICY_VIOLATION})
+        return {"type": "websocket.disconnect", "code": POLICY_VIOLATION}
+
+    def end(self) -> None:
+        """Wait for nothing more."""
+        if self._next is not None:
+            self._next.cancel()
+
+
+def _bounded(receive: Receive, limit: int) -> Receive:
+    left = limit
+
+    async def bounded() -> Message:
+        nonlocal left
+        message = await receive()
+        left -= len(message.get("body", b""))
+        if left < 0:
+            raise HTTPException(413, f"a request has at most {limit} bytes here")
+        return message
+
+    return bounded
+
+
+def _announced(headers: Mapping[str, str]) -> int:
+    given = headers.get("content-length", "0")
+    return int(given) if given.isascii() and given.isdigit() and len(given) < 20 else 0
+
+
+def _asking(scope: Scope) -> Asking:
+    headers: dict[str, str] = {}
+    for raw_name, raw_value in scope["headers"]:
+        name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
+        between = "; " if name == "cookie" else ", "  # one that is there twice is no longer what it should be
+        headers[name] = f"{headers[name]}{between}{value}" if name in headers else value
+    return Asking(scope.get("method", ""), scope["path"], headers)

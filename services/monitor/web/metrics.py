@@ -1,0 +1,115 @@
+"""Prometheus metrics: read off the monitor when somebody asks, so that they cost nothing while nobody does."""
+
+import asyncio
+from collections.abc import Iterator
+from typing import Final
+
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from schemas.alerts import Severity
+from services.monitor.monitor import Monitor
+from services.monitor.picture import CameraLine, Picture, RobotLine, WorkerLine
+
+MAX_LABELLED: Final = 5_000
+"""Robots, and cameras, that have series of their own; the first by name."""
+
+MAX_REASONS: Final = 32
+"""Reasons for drops that a robot has series for."""
+
+CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
+
+
+async def metrics_of(monitor: Monitor) -> bytes:
+    """Return everything in Prometheus's text format."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Seen(monitor, await monitor.picture()))
+    return await asyncio.to_thread(generate_latest, registry)
+
+
+class _Seen(Collector):
+    """The metrics of one moment; what changes while they are written is taken beforehand."""
+
+    def __init__(self, monitor: Monitor, picture: Picture) -> None:
+        self._monitor = list(_of_monitor(monitor, picture))
+        self._picture = picture
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield them."""
+        yield from self._monitor
+        yield from _of_robots(self._picture.robots[:MAX_LABELLED])
+        yield from _of_cameras(self._picture.cameras[:MAX_LABELLED])
+        yield from _of_workers(self._picture.workers[:MAX_LABELLED])
+
+
+def _of_monitor(monitor: Monitor, picture: Picture) -> Iterator[Metric]:
+    history = monitor.history.status
+    yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of.", len(picture.robots))
+    yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in picture.robots))
+    yield GaugeMetricFamily("fleetsight_cameras", "Cameras ever heard of.", len(picture.cameras))
+    yield GaugeMetricFamily(
+        "fleetsight_unlabelled", "Robots and cameras over the limit for series of their own.", _over(picture)
+    )
+    yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
+    yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)
+    yield GaugeMetricFamily("fleetsight_history_pending", "Rows that wait for the database.", history.pending)
+    yield CounterMetricFamily("fleetsight_class_lists", "Class lists taken in, each once.", monitor.fleet.class_lists)
+    yield CounterMetricFamily("fleetsight_history_lost", "Intervals given up.", history.lost)
+    yield GaugeMetricFamily("fleetsight_leads", "1 while this monitor raises the alerts.", history.leads)
+    yield GaugeMetricFamily("fleetsight_rules", "Rules in force.", len(monitor.rules.book.rules))
+    yield GaugeMetricFamily("fleetsight_rules_ok", "1 while the rule file is in force.", not monitor.rules.problem)
+    left_out = CounterMetricFamily("fleetsight_messages_left_out", "Messages left out.", labels=["reason"])
+    for reason, count in sorted(monitor.fleet.left_out.items())[:MAX_REASONS]:
+        left_out.add_metric([reason], count)
+    yield left_out
+    alerts = GaugeMetricFamily("fleetsight_alerts", "Alerts that are not resolved.", labels=["severity"])
+    current = monitor.alerts()
+    for severity in Severity:
+        alerts.add_metric([severity], sum(alert.severity == severity for alert in current))
+    yield alerts
+
+
+def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:
+    online = GaugeMetricFamily("fleetsight_robot_online", "1 while its gateway is there.", labels=["robot"])
+    last = GaugeMetricFamily("fleetsight_robot_last_seen_seconds", "Epoch; 0 for never.", labels=["robot"])
+    dropped = CounterMetricFamily(
+        "fleetsight_robot_frames_dropped", "Frames dropped, by place and reason.", labels=["robot", "reason"]
+    )
+    for robot in robots:
+        online.add_metric([robot.name], robot.online)
+        last.add_metric([robot.name], robot.last_ns / 1e9)
+        for reason, count in sorted(robot.dropped.items())[:MAX_REASONS]:
+            dropped.add_metric([robot.name, reason], count)
+    yield from (online, last, dropped)
+
+
+def _of_cameras(cameras: tuple[CameraLine, ...]) -> Iterator[Metric]:
+    names = ["robot", "camera"]
+    online = GaugeMetricFamily("fleetsight_camera_online", "1 while it is there.", labels=names)
+    rate = GaugeMetricFamily("fleetsight_camera_class_lists_hz", "Class lists a second.", labels=names)
+    age = GaugeMetricFamily("fleetsight_camera_age_seconds", "Age of what it shows.", labels=names)
+    for camera in cameras:
+        labels = [camera.key.robot, camera.key.camera]
+        online.add_metric(labels, camera.row.online)
+        rate.add_metric(labels, camera.row.rate_hz)
+        if camera.row.age is not None:
+            age.add_metric(labels, camera.row.age.seconds)
+    yield from (online, rate, age)
+
+
+def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
+    names = ["service", "worker"]
+    online = GaugeMetricFamily("fleetsight_worker_online", "1 while it says something.", labels=names)
+    serves = GaugeMetricFamily("fleetsight_worker_cameras", "Cameras that it looks after.", labels=names)
+    inferred = CounterMetricFamily("fleetsight_worker_frames_inferred", "Frames looked at.", labels=names)
+    for worker in workers:
+        labels = [worker.status.service, worker.status.worker]
+        online.add_metric(labels, worker.online)
+        serves.add_metric(labels, len(worker.serves))
+        inferred.add_metric(labels, sum(load.inferred for load in worker.status.cameras))
+    yield from (online, serves, inferred)
+
+
+def _over(picture: Picture) -> int:
+    return sum(max(0, len(each) - MAX_LABELLED) for each in (picture.robots, picture.cameras, picture.workers))

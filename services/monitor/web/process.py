@@ -1,0 +1,71 @@
+"""The web server as a part of a monitor's process."""
+
+import asyncio
+import ipaddress
+import logging
+import socket
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Self
+
+from services.monitor.monitor import Monitor
+from services.monitor.settings import MonitorSettings
+from services.monitor.web.auth.access import Access
+from services.monitor.web.auth.store import UserStore, users_url
+from services.monitor.web.door import open_door, url_of
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Web:
+    """A web server that has its port and is not serving yet. url: where the page is."""
+
+    url: str
+    door: socket.socket
+    access: Access
+
+    @classmethod
+    def of(cls, settings: MonitorSettings) -> Self:
+        """Take the port; raises WebError."""
+        door = open_door(settings)
+        url = url_of(door, settings)
+        if not (url.startswith("https:") or ipaddress.ip_address(door.getsockname()[0]).is_loopback):
+            log.warning(
+                "passwords cross the network unencrypted: have a proxy with TLS before it, and name it: --web-url"
+            )
+        return cls(url, door, Access(UserStore(users_url(settings.history)), settings.web_session_hours, url))
+
+    async def run(self, monitor: Monitor) -> None:
+        """Serve for ever."""
+        serve = await asyncio.wrap_future(_importing_server())
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self.access.run())
+            await serve(monitor, self.door, self.access)
+
+    def notes(self) -> list[str]:
+        """Say what whoever looks at the terminal should know."""
+        invitation, problem = self.access.invitation, self.access.problem
+        return [f"first user: {invitation}"] * bool(invitation) + [problem] * bool(problem)
+
+
+Serve = Callable[[Monitor, socket.socket, Access], Awaitable[None]]
+
+
+def _importing_server() -> Future[Serve]:
+    """Import the server, a second's work, on a thread that neither the monitor nor its end waits for."""
+    imported: Future[Serve] = Future()
+
+    def work() -> None:
+        imported.set_running_or_notify_cancel()
+        try:
+            from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
+
+            imported.set_result(serve)
+        except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the future
+            imported.set_exception(error)
+
+    threading.Thread(target=work, name="web-import", daemon=True).start()
+    return imported

@@ -1,0 +1,41 @@
+"""The demo's page: a history of its own, a user to log in as, and a port that is free."""
+
+import secrets
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Self
+
+from services.monitor.settings import MonitorSettings
+from services.monitor.web.auth.passwords import Passwords
+from services.monitor.web.auth.people import User
+from services.monitor.web.auth.store import UserStore
+from services.monitor.web.auth.visitor import Role
+from services.monitor.web.errors import WebError
+from services.monitor.web.process import Web
+
+NAME: Final = "demo"
+RULES: Final = Path(__file__).parent / "rules.yaml"
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A monitor's settings, its web server, and how to log in."""
+
+    settings: MonitorSettings
+    web: Web
+    note: str
+
+    @classmethod
+    async def of(cls, endpoint: str, folder: Path) -> Self:
+        """Make it for a demo whose bus listens at `endpoint`; what it keeps is in `folder`."""
+        history, password = f"sqlite:///{folder / 'history.db'}", secrets.token_urlsafe(9)
+        hashed = await Passwords().hash(password)
+        await UserStore(history).add(User(NAME, Role.OPERATOR, hashed, time.time_ns()))
+        settings = MonitorSettings(listen=[endpoint], history=history, rules=RULES)
+        try:
+            web = Web.of(settings)
+        except WebError:
+            settings = settings.model_copy(update={"web_port": 0})
+            web = Web.of(settings)
+        return cls(settings, web, f"page: {web.url} (log in as {NAME} with {password})")

@@ -1,0 +1,3 @@
+"""A benchmark that prints no JSON object."""
+
+print("[1]")

@@ -1,0 +1,69 @@
+"""A TCP connection that can be cut for a while."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from gateway.ros1.tasks import TaskScope
+
+CHUNK = 1 << 16
+
+
+class Severable:
+    """Hands on what comes in, both ways. While it is cut nothing gets through, and there are no new connections."""
+
+    def __init__(self, to_port: int) -> None:
+        self.cut = False
+        self.port = 0
+        self._to_port = to_port
+        self._writers: set[asyncio.StreamWriter] = set()
+
+    def sever(self) -> None:
+        """End all connections and refuse others."""
+        self.cut = True
+        for writer in self._writers:
+            writer.transport.abort()
+
+    def mend(self) -> None:
+        """Let connections through again."""
+        self.cut = False
+
+    async def connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve one connection."""
+        if self.cut:
+            writer.transport.abort()
+            return
+        to_reader, to_writer = await asyncio.open_connection("127.0.0.1", self._to_port)
+        both = {writer, to_writer}
+        self._writers |= both
+        try:
+            async with TaskScope() as scope:
+                scope.start(_copy(to_reader, writer), "back")
+                await _copy(reader, to_writer)
+        finally:
+            self._writers -= both
+            for each in both:
+                each.transport.abort()
+
+
+async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    with contextlib.suppress(ConnectionError):
+        while data := await reader.read(CHUNK):
+            writer.write(data)
+            await writer.drain()
+    writer.transport.abort()
+
+
+@asynccontextmanager
+async def severable(to_port: int) -> AsyncIterator[Severable]:
+    """Listen on `port` for connections to a port of this machine."""
+    link = Severable(to_port)
+    async with TaskScope() as scope:
+
+        def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            scope.start(link.connect(reader, writer), "severable link")
+
+        async with await asyncio.start_server(accept, "127.0.0.1", 0) as server:
+            link.port = server.sockets[0].getsockname()[1]
+            yield link

@@ -1,0 +1,104 @@
+"""What people look at live, in a real browser: it is made while they look, and not longer."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+from playwright.async_api import Browser, expect
+
+from bus import Bus
+from bus.fake import FakeNetwork
+from services.monitor.process import watch_fleet
+from tests.integration.browser import PATIENCE_MS, looking, open_browser
+from tests.integration.sights import Robot, robot_on, until
+from tests.services.monitor.web.serving import Served, monitor_on, served
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
+
+expect.set_options(timeout=PATIENCE_MS)
+
+SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+BOXES, MASKS, OBJECTS = "front/overlay/detection", "front/overlay/segmentation", "front/objects"
+
+
+@dataclass
+class Site:
+    """A robot that somebody may look at."""
+
+    robot: Robot
+    bus: Bus
+    at: Served
+    browser: Browser
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def site() -> AsyncIterator[Site]:
+    network = FakeNetwork()
+    async with AsyncExitStack() as stack:
+        central, fleet = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
+        monitor = monitor_on(central)
+        watching = asyncio.create_task(watch_fleet(central, monitor.fleet))
+        robot = await stack.enter_async_context(robot_on(fleet, "r1"))
+        at = await stack.enter_async_context(served(monitor))
+        yield Site(robot, fleet, at, await stack.enter_async_context(open_browser(*SOFTWARE_GL)))
+        watching.cancel()
+        await asyncio.wait([watching])
+
+
+async def test_an_overlay_is_drawn_while_somebody_looks_at_its_camera(site: Site, tmp_path: Path) -> None:
+    assert BOXES not in site.robot.wanted
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/cameras/r1/front")
+        await expect(page.locator(".fs-picture:not(.fs-old)")).to_be_visible()
+        assert await page.evaluate("document.querySelector('.fs-picture').naturalWidth") == 320
+        assert site.robot.wanted >= {BOXES}
+        await expect(page.locator(".fs-row", has_text="box")).to_contain_text("2.62 m")
+        await expect(page.get_by_text("Found by d-r1")).to_be_visible()
+        await looker.picture("camera-desk-light")
+        await page.get_by_text("Masks").click()
+        await until(lambda: MASKS in site.robot.wanted and BOXES not in site.robot.wanted)
+        await expect(page.locator(".fs-view a", has_text="In 3D")).to_have_attribute("href", "/objects/r1/front")
+    await until(lambda: MASKS not in site.robot.wanted)
+
+
+async def test_an_object_is_cut_out_and_shown_in_3d_while_somebody_looks_at_it(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/objects/r1/front")
+        await expect(page.locator("button.fs-row")).to_have_count(4)
+        assert OBJECTS in site.robot.wanted
+        await expect(page.get_by_text("3,200 points")).to_be_visible()
+        await page.locator("button.fs-row", has_text="forklift").click()
+        await expect(page.get_by_text("in base_link, 800 points")).to_be_visible()
+        await expect(page.locator(".fs-scene canvas")).to_have_count(1)
+        await looker.picture("objects-desk-light")
+    await until(lambda: OBJECTS not in site.robot.wanted)
+
+
+async def test_the_map_shows_where_robots_are_and_what_was_seen_where(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path, size="phone", scheme="dark") as looker:
+        page = await looker.go("/map")
+        await expect(page.locator(".fs-map .robot.live text")).to_have_text("r1")
+        await expect(page.locator(".fs-map .seen.fresh")).to_have_count(4)
+        await expect(page.get_by_text("2 box")).to_be_visible()
+        assert "tf" in site.robot.wanted
+        assert await page.evaluate("document.documentElement.scrollWidth") == 375
+        await looker.picture("map-phone-dark")
+    await until(lambda: "tf" not in site.robot.wanted)
+
+
+async def test_what_is_not_there_says_what_to_do(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/cameras/r9/front")
+        await expect(page.get_by_text("No camera r9/front has been heard of")).to_be_visible()
+        await looker.go("/objects/r9/ros")
+        await expect(page.get_by_text("camera name 'ros' is reserved")).to_be_visible()
+        async with robot_on(site.bus, "r2"):
+            await looker.go("/cameras/r2/front")
+            await expect(page.locator(".fs-picture:not(.fs-old)")).to_be_visible()
+        await expect(page.get_by_text("r2 is offline")).to_be_visible()
+        await expect(page.locator(".fs-picture.fs-old")).to_be_visible()
+        await looker.picture("camera-offline-desk-light")

@@ -1,0 +1,19 @@
+import pytest
+
+from services.detector.runtime.onnx_engine import is_out_of_memory
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Non-zero status code returned while running Conv node. Failed to allocate memory for requested buffer",
+        "CUDA failure 2: out of memory ; GPU=0",
+        "CUDNN failure 2: CUDNN_STATUS_ALLOC_FAILED ; GPU=0",
+    ],
+)
+def test_what_says_that_the_gpu_has_too_little_memory(text: str) -> None:
+    assert is_out_of_memory(RuntimeError(text))
+
+
+def test_other_errors_say_nothing_of_memory() -> None:
+    assert not is_out_of_memory(RuntimeError("Got invalid dimensions for input: images"))

@@ -1,0 +1,88 @@
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+import msgspec
+
+from bus import Bus, Publisher, QoS
+from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey, Stream, StreamKey
+from schemas.objects import ObjectClouds
+from services.monitor.looking.newest import Newest, clouds, pictures
+from tests.schemas.frames import header, image
+from tests.schemas.results import clouds as object_clouds
+
+KEY = StreamKey(CameraKey("r1", "front"), Stream.OVERLAY_DETECTION)
+
+
+@asynccontextmanager
+async def monitor_and_detector() -> AsyncIterator[tuple[Bus, Publisher]]:
+    network = FakeNetwork()
+    async with (
+        network.open_bus() as ours,
+        network.open_bus() as theirs,
+        theirs.publisher(str(KEY), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as publisher,
+    ):
+        yield ours, publisher
+
+
+async def until(condition: Callable[[], object]) -> None:
+    async with asyncio.timeout(5):
+        while not condition():  # noqa: ASYNC110 - nobody tells
+            await asyncio.sleep(0.001)
+
+
+async def test_an_overlay_is_wanted_while_somebody_looks() -> None:
+    async with monitor_and_detector() as (bus, detector):
+        overlays = pictures(bus)
+        assert not detector.wanted
+        async with overlays.hold(KEY) as newest, overlays.hold(KEY):
+            await until(lambda: detector.wanted)
+            detector.put(codec.encode(image(seq=7)))
+            assert (await newest.after(0)).header.seq == 7
+            assert newest.number == 1
+            assert newest.received_ns
+        await until(lambda: not detector.wanted)
+
+
+async def test_what_is_no_picture_of_the_camera_is_left_out_and_said() -> None:
+    async with monitor_and_detector() as (bus, detector), pictures(bus).hold(KEY) as newest:
+        await until(lambda: detector.wanted)
+        detector.put(b"no picture")
+        await until(lambda: newest.problem)
+        assert "not a ImageFrame" in newest.problem
+        detector.put(codec.encode(msgspec.structs.replace(image(), header=header(camera="rear"))))
+        await until(lambda: "r1/rear" in newest.problem)
+        assert newest.number == 0
+        detector.put(codec.encode(image()))
+        await newest.after(0)
+        assert newest.problem == ""
+
+
+async def test_who_is_slow_gets_the_newest() -> None:
+    newest = Newest[ImageFrame]()
+    waiting = asyncio.create_task(newest.after(1))
+    newest.take(image(seq=1), 1)
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    newest.take(image(seq=2), 2)
+    newest.take(image(seq=3), 3)
+    assert (await waiting).header.seq == 3
+    assert (newest.number, newest.received_ns) == (3, 3)
+    assert (await newest.after(0)).header.seq == 3
+
+
+async def test_object_clouds_are_looked_at_the_same_way() -> None:
+    network = FakeNetwork()
+    key = StreamKey(CameraKey("r1", "front"), Stream.OBJECTS)
+    async with network.open_bus() as ours, network.open_bus() as theirs:
+        encoding = codec.encoding(ObjectClouds)
+        async with (
+            theirs.publisher(str(key), QoS.IMAGE, encoding=encoding) as worker,
+            clouds(ours).hold(key) as newest,
+        ):
+            await until(lambda: worker.wanted)
+            worker.put(codec.encode(object_clouds()))
+            assert (await newest.after(0)).header.robot == "r1"

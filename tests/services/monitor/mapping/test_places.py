@@ -1,0 +1,72 @@
+import msgspec
+import pytest
+
+from schemas.distances import Distances, ObjectDistance, Place
+from services.monitor.mapping.places import FORGET_NS, MOST, SAME_M, Mark, Places
+from tests.schemas.frames import header
+from tests.schemas.results import known, unknown
+
+NOW = 10_000_000_000_000
+
+
+def at(x: float, y: float, *, name: str = "box", track: int | None = None, frame: str = "map") -> ObjectDistance:
+    found = known(name, 2.0)
+    assert found.measured is not None
+    measured = msgspec.structs.replace(found.measured, places=[Place(frame_id=frame, at=(x, y, 0.5))])
+    return msgspec.structs.replace(found, track=track, measured=measured)
+
+
+def seen(*objects: ObjectDistance, robot: str = "r1", camera: str = "front") -> Distances:
+    return Distances(header=header(robot=robot, camera=camera), objects=list(objects), model="m", worker="w")
+
+
+def xy(marks: list[Mark]) -> list[tuple[float, float]]:
+    return [(mark.x, mark.y) for mark in marks]
+
+
+@pytest.mark.parametrize("frame", ["map", "/map"])
+def test_an_object_is_where_it_was_seen_last(frame: str) -> None:
+    places = Places()
+    places.take(seen(at(1.0, 2.0, frame=frame)), NOW)
+    assert places.marks(NOW) == [Mark("box", 1.0, 2.0, "r1", "front", NOW)]
+
+
+def test_what_is_not_known_in_the_map_is_left_out() -> None:
+    places = Places()
+    places.take(seen(known("box", 2.0), unknown("pallet"), at(1, 1, frame="odom")), NOW)
+    assert places.marks(NOW) == []
+
+
+def test_a_tracked_object_moves() -> None:
+    places = Places()
+    places.take(seen(at(1, 1, track=7)), NOW)
+    places.take(seen(at(5, 5, track=7)), NOW + 1)
+    assert xy(places.marks(NOW + 1)) == [(5, 5)]
+
+
+@pytest.mark.parametrize(("apart_m", "count"), [(SAME_M - 0.01, 1), (SAME_M + 0.01, 2)])
+def test_what_several_saw_at_one_place_is_one_object(apart_m: float, count: int) -> None:
+    places = Places()
+    places.take(seen(at(1, 1, track=1)), NOW)
+    places.take(seen(at(1 + apart_m, 1, track=2), robot="r2"), NOW + 1)
+    places.take(seen(at(1, 1, name="pallet")), NOW)
+    marks = [mark for mark in places.marks(NOW + 1) if mark.name == "box"]
+    assert len(marks) == count
+    assert marks[0].robot == "r2"
+    assert [mark.robot for mark in places.marks(NOW + 1, robot="r1")] == ["r1", "r1"]
+
+
+def test_two_objects_of_one_image_are_two() -> None:
+    places = Places()
+    places.take(seen(at(1, 1, track=1), at(1.1, 1, track=2)), NOW)
+    assert len(places.marks(NOW)) == 2
+
+
+def test_what_nobody_saw_for_long_is_forgotten_and_there_is_an_end_to_it() -> None:
+    places = Places()
+    places.take(seen(at(1, 1)), NOW)
+    assert len(places.marks(NOW + FORGET_NS)) == 1
+    assert places.marks(NOW + FORGET_NS + 1) == []
+    for number in range(MOST // 500 + 1):
+        places.take(seen(*(at(3.0 * each, 3.0 * number, track=number * 500 + each) for each in range(500))), NOW)
+    assert len(places.marks(NOW)) == MOST

@@ -1,0 +1,76 @@
+import msgspec
+import pytest
+
+from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.history.acts import Act
+from services.monitor.page.alert_rows import alert_row, sorted_alerts, wanted_alerts
+
+S = 1_000_000_000
+ALERT = Alert(
+    id="1",
+    rule="near",
+    severity=Severity.WARNING,
+    state=AlertState.RAISED,
+    robot="r1",
+    camera="front",
+    name="forklift",
+    text="forklift near",
+    raised_ns=100 * S,
+    changed_ns=100 * S,
+)
+
+
+def alert(number: int, severity: Severity = Severity.WARNING, state: AlertState = AlertState.RAISED) -> Alert:
+    return msgspec.structs.replace(
+        ALERT, id=str(number), severity=severity, state=state, robot=f"r{number}", raised_ns=number * S
+    )
+
+
+ALERTS = [
+    alert(1, Severity.INFO),
+    alert(2, Severity.CRITICAL, AlertState.ACKNOWLEDGED),
+    alert(3, Severity.CRITICAL),
+    alert(10, Severity.CRITICAL, AlertState.ESCALATED),
+    alert(11, Severity.CRITICAL),
+]
+
+
+def ids(alerts: list[Alert]) -> list[str]:
+    return [each.id for each in alerts]
+
+
+def test_the_most_urgent_come_first_then_those_that_nobody_looks_after() -> None:
+    assert ids(sorted_alerts(ALERTS, "severity", descending=False)) == ["10", "11", "3", "2", "1"]
+    assert ids(sorted_alerts(ALERTS, "severity", descending=True)) == ["1", "2", "3", "11", "10"]
+
+
+def test_alerts_are_sorted_by_what_is_asked_for() -> None:
+    assert ids(sorted_alerts(ALERTS, "robot", descending=False)) == ["1", "2", "3", "10", "11"]
+    assert ids(sorted_alerts(ALERTS, "raised", descending=False)) == ["11", "10", "3", "2", "1"]
+    assert ids(sorted_alerts(ALERTS, "state", descending=False))[0] == "10"
+
+
+def test_alerts_are_chosen_by_severity_and_text() -> None:
+    assert ids(wanted_alerts(ALERTS, Severity.INFO, "")) == ["1"]
+    assert ids(wanted_alerts(ALERTS, None, " FORK ")) == ids(ALERTS)
+    assert ids(wanted_alerts(ALERTS, None, "r10")) == ["10"]
+
+
+@pytest.mark.parametrize(
+    ("state", "deeds"),
+    [
+        (AlertState.RAISED, ["acknowledge", "escalate", "resolve"]),
+        (AlertState.ACKNOWLEDGED, ["escalate", "resolve"]),
+        (AlertState.ESCALATED, ["acknowledge", "resolve"]),
+        (AlertState.RESOLVED, []),
+    ],
+)
+def test_what_may_be_done_depends_on_the_state_and_on_who_looks(state: AlertState, deeds: list[str]) -> None:
+    assert alert_row(alert(1, state=state), (), 0, may_act=True)["deeds"] == deeds
+    assert alert_row(alert(1, state=state), (), 0, may_act=False)["deeds"] == []
+
+
+def test_who_did_what_is_said() -> None:
+    row = alert_row(ALERT, [Act("1", AlertState.ACKNOWLEDGED, "ann", 130 * S)], 160 * S, may_act=False)
+    assert row["acts"] == ["acknowledged by ann, 30 s ago"]
+    assert (row["raised"], row["ended"]) == ("1 min ago", "")

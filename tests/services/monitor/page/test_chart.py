@@ -1,0 +1,56 @@
+from pathlib import Path
+
+from schemas.keys import CameraKey
+from services.monitor.history.archive import Archive
+from services.monitor.history.intervals import Interval
+from services.monitor.history.store import Store
+from services.monitor.page.chart import MAX_KEPT, Charts, Subject, options
+
+S = 1_000_000_000
+
+
+async def test_a_chart_says_why_there_is_none() -> None:
+    drawn = await Charts(Archive("none")).of(Subject())
+    assert drawn.lines == {}
+    assert "--history none" in drawn.problem
+
+
+async def test_a_chart_is_read_once_for_all_who_look(tmp_path: Path) -> None:
+    charts = Charts(Archive(f"sqlite:///{tmp_path / 'none.db'}"))
+    first = await charts.of(Subject())
+    assert await charts.of(Subject()) is first
+    for number in range(MAX_KEPT):
+        await charts.of(Subject(robot=f"r{number}"))
+    assert await charts.of(Subject()) is not first
+
+
+async def test_a_chart_shows_what_the_history_has_of_its_subject(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'history.db'}"
+    store = await Store.open(url)
+    for robot in ("r1", "r2"):
+        goes_on = Interval(
+            key=CameraKey(robot, "front"),
+            name="box",
+            since_ns=S,
+            until_ns=S,
+            open=True,
+            count=2,
+            score=0.5,
+            closest_m=None,
+            first_ns=S,
+            model="m",
+            worker="w",
+        )
+        await store.write([goes_on], [], S)
+    await store.close()
+    charts = Charts(Archive(url))
+    assert (await charts.of(Subject())).lines["box"][-1][1] == 4
+    drawn = await charts.of(Subject(robot="r2", name="box"))
+    assert drawn.lines["box"][-1][1] == 2
+    (series,) = options(drawn, dark=None)["series"]
+    assert (series["name"], series["data"][-1]) == ("box", [drawn.until_ns // 1_000_000, 2])
+
+
+def test_a_subject_is_said_in_words() -> None:
+    assert str(Subject()) == "all classes, whole fleet"
+    assert str(Subject(robot="r1", camera="front", name="box")) == "box, r1/front"

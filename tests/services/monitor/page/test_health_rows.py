@@ -1,0 +1,58 @@
+from schemas.status import StreamStatus
+from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, gateway_row, unserved, worker_row
+from services.monitor.page.robots import Survey, Wanted
+from tests.services.monitor.page.picturing import NOW, S, camera, picture, robot, worker
+
+COLOR = StreamStatus(
+    camera="front",
+    stream="color",
+    topic="/image",
+    wanted=True,
+    publishers=1,
+    received=9,
+    forwarded=5,
+    dropped={"late": 4},
+    received_hz=30.0,
+    forwarded_hz=2.0,
+)
+
+
+def test_a_rate_is_what_was_counted_between_two_accounts() -> None:
+    rates = WorkerRates()
+    assert rates.take([worker(frames=10, sent_ns=5 * S)]) == {}
+    assert rates.take([worker(frames=30, sent_ns=7 * S)]) == {"detector/gpu-1": 10.0}
+    assert rates.take([worker(frames=30, sent_ns=7 * S)]) == {"detector/gpu-1": 10.0}
+    assert rates.take([worker(frames=0, sent_ns=8 * S)]) == {"detector/gpu-1": 0.0}
+    assert rates.take([worker(frames=0, sent_ns=8 * S, online=False)]) == {}
+
+
+def test_a_worker_says_whom_it_serves_and_what_it_lost() -> None:
+    row = worker_row(worker(cameras=MAX_SHOWN + 2, frames=100), 10.0, NOW)
+    assert len(row["serves"]) == MAX_SHOWN
+    assert (row["count"], row["more"]) == (MAX_SHOWN + 2, "and 2 more")
+    assert row["serves"][0] == "r1/c0 at 5/s"
+    assert (row["frames"], row["dropped"], row["reasons"]) == ("1.4k", "28", [[28, "late"]])
+
+
+def test_a_worker_that_is_gone_serves_nobody() -> None:
+    row = worker_row(worker(online=False), 0.0, NOW + 60 * S)
+    assert (row["state"], row["count"], row["seen"]) == ("offline", 0, "1 min ago")
+
+
+def test_a_gateway_shows_its_streams_and_who_looks_after_them() -> None:
+    survey = Survey(picture([robot(streams=[COLOR])], [camera()]))
+    (stream,) = gateway_row(survey.robots(Wanted())[0], NOW)["streams"]
+    assert (stream["in"], stream["out"], stream["served"]) == ("30.0/s", "2.0/s", "detector/gpu-1")
+    assert (stream["dropped"], stream["reasons"]) == ("4", [[4, "late"]])
+
+
+def test_what_a_gateway_that_is_gone_said_last_is_not_of_now() -> None:
+    survey = Survey(picture([robot(online=False, streams=[COLOR])]))
+    row = gateway_row(survey.robots(Wanted())[0], NOW)
+    assert not row["live"]
+    assert (row["streams"][0]["in"], row["streams"][0]["wanted"]) == ("\N{EN DASH}", False)
+
+
+def test_cameras_that_are_there_without_a_detector_are_named() -> None:
+    cameras = [camera(), camera("r2", served_by=("distance/w",)), camera("r3", online=False, served_by=())]
+    assert [str(each.key) for each in unserved(picture(cameras=cameras))] == ["r2/front"]

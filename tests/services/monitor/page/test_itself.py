@@ -1,0 +1,23 @@
+from bus.fake import FakeNetwork
+from services.monitor.page.itself import facts
+from tests.services.monitor.web.serving import monitor_on
+
+S = 1_000_000_000
+
+
+async def test_a_monitor_says_how_it_is() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        monitor.fleet.left_out["malformed messages"] += 1_200
+        said = dict(facts(monitor, monitor.started_ns + 65 * S))
+    assert said["Running for"] == "1 min"
+    assert said["History"] == "not kept: started with --history none"
+    assert said["Rules"] == "none: start with --rules rules.yaml"
+    assert said["Left out"] == "1,200 malformed messages"
+
+
+async def test_a_monitor_whose_database_is_not_there_yet_says_so() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus, history="sqlite:////nowhere/history.db")
+        said = dict(facts(monitor, monitor.started_ns))
+    assert said["History"].startswith("not kept: ")

@@ -1,0 +1,15 @@
+from bus.fake import FakeNetwork
+from services.monitor.page.robots import Wanted
+from services.monitor.page.shared import Shared
+from tests.services.monitor.web.serving import monitor_on
+
+
+async def test_all_who_look_at_once_share_what_they_see() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        monitor.fleet.robot_presence("r1", alive=True)
+        shared = Shared(monitor)
+        survey = await shared.survey()
+        assert await shared.survey() is survey
+        assert [robot.line.name for robot in survey.robots(Wanted())] == ["r1"]
+        assert (await shared.stock()).entries == ()

@@ -1,0 +1,58 @@
+from schemas.keys import CameraKey
+from services.monitor.inventory.inventory import Entry
+from services.monitor.inventory.sighting import Sighting
+from services.monitor.page.sightings import Filters, Stock
+
+
+def entry(
+    robot: str, name: str, count: int, *, available: bool = True, nearest_m: float | None = None, score: float = 0.5
+) -> Entry:
+    sighting = Sighting(
+        key=CameraKey(robot, "front"),
+        name=name,
+        count=count,
+        score=score,
+        first_ns=1,
+        since_ns=1,
+        last_ns=2,
+        model="yolo",
+        worker="gpu-1",
+        nearest_m=nearest_m,
+    )
+    return Entry(sighting, available)
+
+
+STOCK = Stock([
+    entry("r10", "box", 3, nearest_m=1.5),
+    entry("r2", "box", 2, available=False),
+    entry("r2", "pallet", 9, nearest_m=0.5),
+    entry("r3", "person", 0),
+])  # fmt: skip
+
+
+def said(filters: Filters) -> list[str]:
+    return [f"{found.sighting.key.robot} {found.sighting.name}" for found in STOCK.wanted(filters)]
+
+
+def test_only_what_is_in_view_and_known_now_is_counted() -> None:
+    assert STOCK.totals == {"pallet": 9, "box": 3}
+    assert list(STOCK.totals) == ["pallet", "box"]
+
+
+def test_what_was_in_view_before_is_shown_when_asked_for() -> None:
+    assert said(Filters()) == ["r2 box", "r2 pallet", "r10 box"]
+    assert said(Filters(in_view=False)) == ["r2 box", "r2 pallet", "r3 person", "r10 box"]
+
+
+def test_sightings_are_filtered_by_class_and_text() -> None:
+    assert said(Filters(name="box")) == ["r2 box", "r10 box"]
+    assert said(Filters(text=" R10")) == ["r10 box"]
+    assert said(Filters(text="gpu-1", name="pallet")) == ["r2 pallet"]
+    assert said(Filters(text="yolov8")) == []
+
+
+def test_sightings_are_sorted_by_what_is_asked_for() -> None:
+    assert said(Filters(sort="count", descending=True)) == ["r2 pallet", "r10 box", "r2 box"]
+    assert said(Filters(sort="nearest")) == ["r2 pallet", "r10 box", "r2 box"]
+    assert said(Filters(sort="no column")) == said(Filters())
+    assert STOCK.wanted(Filters()) is STOCK.wanted(Filters())

@@ -1,0 +1,36 @@
+import asyncio
+from collections.abc import Iterator
+
+import pytest
+
+from services.monitor.recent import Recent
+
+
+async def test_it_is_made_once_for_all_who_ask_and_again_when_it_is_old() -> None:
+    made = 0
+
+    async def make() -> int:
+        nonlocal made
+        await asyncio.sleep(0)
+        made += 1
+        return made
+
+    kept, fresh = Recent(make, 60), Recent(make, -1)
+    assert await asyncio.gather(*(kept.get() for _ in range(5))) == [1] * 5
+    assert await kept.get() == 1
+    assert [await fresh.get(), await fresh.get()] == [2, 3]
+
+
+async def test_what_fails_is_tried_again() -> None:
+    tries: Iterator[int | ValueError] = iter([ValueError("no"), 7])
+
+    async def make() -> int:
+        found = next(tries)
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    recent = Recent(make, 60)
+    with pytest.raises(ValueError, match="no"):
+        await recent.get()
+    assert await recent.get() == 7

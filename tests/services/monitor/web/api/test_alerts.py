@@ -1,0 +1,78 @@
+import time
+from pathlib import Path
+
+from bus.fake import FakeNetwork
+from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.history.acts import Act
+from services.monitor.monitor import Monitor
+from services.monitor.rules.loading import load_rules
+from tests.services.monitor.web.api.seeing import ODD
+from tests.services.monitor.web.asking import Web, web_in
+from tests.services.monitor.web.serving import monitor_on
+
+RULES = """rules: [{name: here, when: over, class: box, count: 0}]
+webhooks: {ops: {url: "https://user:pw@ops.example/x", secret: do-not-tell}}"""
+
+
+def alert(name: str = "a1", state: AlertState = AlertState.RAISED) -> Alert:
+    return Alert(
+        id=name, rule="here", severity=Severity.WARNING, state=state, robot="r1", camera="front", name=name, text=ODD,
+        raised_ns=10**18, changed_ns=time.time_ns(),
+    )  # fmt: skip
+
+
+def raise_alert(monitor: Monitor, *alerts: Alert) -> None:
+    monitor.rules.book = load_rules(RULES)
+    monitor.alerting._engine = None
+    monitor.alerting.lead(alerts)
+
+
+async def test_operators_act_and_who_did_what_is_told(web: Web) -> None:
+    raise_alert(web.monitor, alert(), alert("a2"))
+    async with await web.browser() as browser:
+        acknowledged = await browser.post("/api/v1/alerts/a1/acknowledge")
+        assert acknowledged.json()["state"] == "acknowledged"
+        await browser.post("/api/v1/alerts/a1/escalate")
+        (first, second) = (await browser.get("/api/v1/alerts")).json()["items"]
+        assert [(act["state"], act["who"]) for act in first["acts"]] == [
+            ("acknowledged", "operator"),
+            ("escalated", "operator"),
+        ]
+        assert (first["text"], first["class"], second["acts"]) == (ODD, "a1", [])
+        assert (await browser.post("/api/v1/alerts/a1/resolve")).json()["state"] == "resolved"
+        gone = await browser.post("/api/v1/alerts/a1/resolve")
+        assert (gone.status_code, gone.json()) == (404, {"error": "no alert 'a1' that is not resolved"})
+        assert [each["id"] for each in (await browser.get("/api/v1/alerts?robot=r1")).json()["items"]] == ["a2"]
+        assert (await browser.get("/api/v1/alerts?robot=r2")).json()["items"] == []
+
+
+async def test_rules_are_told_without_their_secrets(web: Web) -> None:
+    web.monitor.rules.book = load_rules(RULES)
+    web.monitor.rules.problem = "rules.yaml: line 3: 'clas' is not known here; the rules stay as they were"
+    async with await web.program() as program:
+        answer = await program.get("/api/v1/rules")
+        assert (answer.json()["problem"], answer.json()["webhooks"]) == (web.monitor.rules.problem, ["ops"])
+        assert answer.json()["rules"][0]["class"] == "box"
+        assert not [secret for secret in ("do-not-tell", "pw", "ops.example") if secret in answer.text]
+        assert web.monitor.rules.problem in (await program.get("/api/v1/status")).json()["problems"]
+
+
+async def test_another_monitors_alerts_are_told_and_left_to_it(tmp_path: Path) -> None:
+    history = f"sqlite:///{tmp_path / 'history.db'}"
+    async with FakeNetwork().open_bus() as bus, web_in(tmp_path, history=history) as web:
+        leading = monitor_on(bus, history=history).history
+        await leading.restore()
+        leading.alert(alert())
+        leading.act(Act("a1", AlertState.RAISED, "ann", 10**18))
+        await leading._attempt()
+        await web.monitor.history._attempt()
+        async with await web.program() as program:
+            (item,) = (await program.get("/api/v1/alerts")).json()["items"]
+            assert (item["id"], [act["who"] for act in item["acts"]]) == ("a1", ["ann"])
+            left = await program.post("/api/v1/alerts/a1/resolve")
+            assert (left.status_code, left.json()) == (
+                409,
+                {"error": "another monitor raises the alerts: ask that one"},
+            )
+        await web.monitor.history._end()
+        await leading._end()

@@ -1,0 +1,93 @@
+from tests.services.monitor.web.api.seeing import ODD, fill
+from tests.services.monitor.web.asking import Web
+
+
+async def test_the_fleet_as_it_is(web: Web) -> None:
+    fill(web.monitor.fleet)
+    async with await web.program() as program:
+        robots = (await program.get("/api/v1/robots")).json()["items"]
+        assert [(each["name"], each["online"], each["cameras"]) for each in robots] == [
+            ("r1", True, ["front"]),
+            ("r2", False, ["front"]),
+        ]
+        assert robots[0]["problems"] == [f"waits for {ODD}"]
+        assert robots[0]["dropped"] == {f"gateway: {ODD}": 4, "gateway: w": 1, "detector/w1: late": 2}
+        assert (robots[0]["last_seen"][-1], robots[1]["last_seen"], robots[1]["age_s"]) == ("Z", None, None)
+        (camera,) = (await program.get("/api/v1/cameras?robot=r1")).json()["items"]
+        assert camera["classes"] == [{"name": ODD, "count": 2, "score": 0.5}]
+        assert (camera["stale"], camera["age_exact"], camera["served_by"]) == (False, True, ["detector/w1"])
+        (seen,) = (await program.get("/api/v1/inventory", params={"class": ODD, "in_view": True})).json()["items"]
+        assert (seen["class"], seen["count"], seen["available"], seen["worker"]) == (ODD, 2, True, "w")
+        (gateway,) = (await program.get("/api/v1/gateways")).json()["items"]
+        assert (gateway["streams"][0]["topic"], gateway["withdrawn"]) == (ODD, {"w": 1})
+        (worker,) = (await program.get("/api/v1/workers?service=detector")).json()["items"]
+        assert (worker["model"], worker["online"], worker["cameras"][0]["dropped"]) == (ODD, True, {"late": 2})
+
+
+async def test_filters_leave_out_the_rest(web: Web) -> None:
+    fill(web.monitor.fleet)
+    async with await web.program() as program:
+        for path, names in {
+            "robots?online=true": ["r1"],
+            "robots?online=false": ["r2"],
+            "cameras?online=false": ["r2"],
+            "inventory?robot=r2": [],
+            "inventory?camera=rear": [],
+            "inventory?class=box": [],
+            "inventory?available=false": [],
+            "gateways?robot=r2": [],
+            "workers?service=cloud": [],
+        }.items():
+            items = (await program.get(f"/api/v1/{path}")).json()["items"]
+            assert [each.get("name", each.get("robot")) for each in items] == names, path
+
+
+async def test_pages_are_whole_together(web: Web) -> None:
+    for number in range(5):
+        web.monitor.fleet.robot_presence(f"r{number}", alive=True)
+    async with await web.program() as program:
+        found: list[list[str]] = []
+        after: dict[str, str] = {}
+        while True:
+            page = (await program.get("/api/v1/robots", params={"limit": 2, **after})).json()
+            found.append([each["name"] for each in page["items"]])
+            if page["next"] is None:
+                break
+            after = {"after": page["next"]}
+        assert found == [["r0", "r1"], ["r2", "r3"], ["r4"]]
+
+
+async def test_every_parameter_is_bounded_and_every_error_is_one_line(web: Web) -> None:
+    async with await web.program() as program:
+        for query in (
+            "robots?limit=0",
+            "robots?limit=1001",
+            "robots?limit=x",
+            "robots?after=!",
+            "robots?after=WzFd",
+            "robots?after=" + "x" * 1_001,
+            "robots?online=perhaps",
+            "cameras?robot=" + "x" * 65,
+            "inventory?class=" + "x" * 257,
+            "history/sightings?after=WzEsMiwzLDRd",
+            "history/sightings?since=yesterday",
+            "history/sightings?since=2026-11-20T06:00:00",
+            "history/alerts?state=odd",
+            "history/export?format=exe",
+        ):
+            answer = await program.get(f"/api/v1/{query}")
+            assert (answer.status_code, list(answer.json())) == (422, ["error"]), query
+            assert "\n" not in answer.json()["error"]
+        missing = await program.get("/api/v1/what")
+        assert (missing.status_code, missing.json()) == (404, {"error": "there is no /api/v1/what"})
+
+
+async def test_the_document_says_what_there_is(web: Web) -> None:
+    async with await web.program() as program:
+        document = (await program.get("/api/openapi.json")).json()
+        assert {"/api/v1/robots", "/api/v1/alerts/{alert_id}/acknowledge", "/api/v1/history/export"} <= set(
+            document["paths"]
+        )
+        assert "class" in document["components"]["schemas"]["SightingAnswer"]["properties"]
+        for gone in ("/docs", "/redoc", "/openapi.json"):
+            assert (await program.get(gone)).status_code == 404

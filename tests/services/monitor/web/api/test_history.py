@@ -1,0 +1,97 @@
+import csv
+import io
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from schemas.alerts import AlertState
+from schemas.keys import CameraKey
+from services.monitor.history.acts import Act
+from services.monitor.history.intervals import Interval
+from services.monitor.history.store import Store
+from tests.services.monitor.web.api.seeing import ODD
+from tests.services.monitor.web.api.test_alerts import alert
+from tests.services.monitor.web.asking import Web, web_in
+
+S = 10**9
+
+
+@pytest.fixture
+async def kept(tmp_path: Path) -> AsyncIterator[Web]:
+    """One whose history has five intervals, one a second, the last of which goes on, and two alerts."""
+    history = f"sqlite:///{tmp_path / 'history.db'}"
+    store = await Store.open(history)
+    some = [
+        Interval(CameraKey(f"r{n % 2}", "front"), ODD, n * S, n * S + 1, n == 4, 2, 0.5, None, n * S, "m", "w")
+        for n in range(5)
+    ]
+    acts = [Act("a1", AlertState.ACKNOWLEDGED, "ann", 7), Act("a1", AlertState.RESOLVED, "bob", 8)]
+    await store.write(some, [alert("a1", AlertState.RESOLVED), alert("a2")], 9 * S, acts)
+    await store.close()
+    async with web_in(tmp_path, history=history) as made:
+        yield made
+        await made.monitor.history._end()
+
+
+async def test_sightings_newest_first_page_by_page(kept: Web) -> None:
+    async with await kept.program() as program:
+        asked = {"since": "1970-01-01T00:00:00Z", "limit": "2"}
+        first = (await program.get("/api/v1/history/sightings", params=asked)).json()
+        assert [each["since"] for each in first["items"]] == ["1970-01-01T00:00:04Z", "1970-01-01T00:00:03Z"]
+        assert (first["items"][0]["open"], first["items"][0]["until"]) == (True, "1970-01-01T00:00:09Z")
+        assert first["items"][0]["class"] == ODD
+        second = (await program.get("/api/v1/history/sightings", params={**asked, "after": first["next"]})).json()
+        third = (await program.get("/api/v1/history/sightings", params={**asked, "after": second["next"]})).json()
+        assert [len(page["items"]) for page in (second, third)] == [2, 1]
+        assert third["next"] is None
+
+
+async def test_a_time_and_a_robot_are_picked_out(kept: Web) -> None:
+    async with await kept.program() as program:
+        asked = {"since": "1970-01-01T01:00:02+01:00", "until": "1970-01-01T00:00:03Z", "robot": "r1"}
+        found = (await program.get("/api/v1/history/sightings", params=asked)).json()
+        assert [(each["robot"], each["since"]) for each in found["items"]] == [("r1", "1970-01-01T00:00:03Z")]
+        assert (
+            len((await program.get("/api/v1/history/sightings")).json()["items"]) == 1
+        )  # only what goes on is of today
+
+
+async def test_alerts_with_what_was_done(kept: Web) -> None:
+    async with await kept.program() as program:
+        (one,) = (await program.get("/api/v1/history/alerts?state=resolved")).json()["items"]
+        assert (one["id"], [(act["state"], act["who"]) for act in one["acts"]]) == (
+            "a1",
+            [("acknowledged", "ann"), ("resolved", "bob")],
+        )
+        page = (await program.get("/api/v1/history/alerts?limit=1")).json()
+        rest = (await program.get("/api/v1/history/alerts", params={"after": page["next"]})).json()
+        assert [each["id"] for each in (*page["items"], *rest["items"])] == ["a2", "a1"]
+
+
+async def test_all_of_it_as_a_file(kept: Web) -> None:
+    async with await kept.program() as program:
+        answer = await program.get("/api/v1/history/export", params={"since": "1970-01-01T00:00:00Z"})
+        assert answer.headers["Content-Disposition"] == 'attachment; filename="sightings.csv"'
+        rows = list(csv.DictReader(io.StringIO(answer.text)))
+        assert [row["robot"] for row in rows] == ["r0", "r1", "r0", "r1", "r0"]
+        alerts = await program.get("/api/v1/history/export?what=alerts")
+        assert [row["id"] for row in csv.DictReader(io.StringIO(alerts.text))] == ["a1", "a2"]
+
+
+async def test_without_a_history_that_is_said(web: Web) -> None:
+    async with await web.program() as program:
+        for path in ("sightings", "alerts", "export"):
+            answer = await program.get(f"/api/v1/history/{path}")
+            assert (answer.status_code, "--history none" in answer.json()["error"]) == (503, True)
+
+
+async def test_a_database_that_is_gone_is_said(kept: Web, tmp_path: Path) -> None:
+    (tmp_path / "history.db").write_bytes(b"no database" * 1_000)
+    async with await kept.program() as program:
+        for path in ("sightings", "alerts", "export"):
+            answer = await program.get(f"/api/v1/history/{path}")
+            assert (answer.status_code, answer.json()["error"]) == (
+                503,
+                "the history cannot be read: file is not a database",
+            )

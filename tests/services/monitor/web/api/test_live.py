@@ -1,0 +1,118 @@
+import asyncio
+import json
+from typing import Any
+
+import pytest
+import websockets
+from websockets.asyncio.client import ClientConnection
+
+from bus.fake import FakeNetwork
+from services.monitor.web.api.feed import Item
+from services.monitor.web.api.live import Client
+from services.monitor.web.auth.visitor import Role
+from tests.services.monitor.web.api.seeing import ODD, fill, see
+from tests.services.monitor.web.serving import Served, monitor_on, served
+
+
+def item(body: str, robot: str = "r1") -> Item:
+    return Item(body, f'"{body}"', 0.0, robot)
+
+
+def test_a_client_is_told_what_is_new_to_it_and_what_is_gone() -> None:
+    client, one, two = Client(["robots", "alerts"], ""), item("one"), item("two")
+    assert client.news("t", {}) == ""
+    first = json.loads(client.news("t", {"robots": {("r1",): one, ("r2",): two}, "cameras": {("r1", "x"): one}}))
+    assert first == {"now": "t", "robots": {"changed": ["one", "two"], "gone": []}}
+    assert client.news("t", {"robots": {("r1",): one, ("r2",): two}}) == ""
+    changed = item("other")
+    then = json.loads(client.news("t", {"robots": {("r1",): changed}, "alerts": {("a",): two}}))
+    assert then["robots"] == {"changed": ["other"], "gone": [["r2"]]}
+    assert then["alerts"]["changed"] == ["two"]
+
+
+def test_a_client_is_told_of_the_robot_it_asked_for_alone() -> None:
+    client = Client(["robots"], "r2")
+    assert client.news("t", {"robots": {("r1",): item("one")}}) == ""
+    assert json.loads(client.news("t", {"robots": {("r2",): item("two", "r2")}}))["robots"]["changed"] == ["two"]
+
+
+def live(at: Served, query: str = "", **headers: str) -> Any:
+    given = headers or {"Authorization": f"Bearer {at.token}"}
+    return websockets.connect(
+        f"{at.url.replace('http', 'ws')}/api/v1/live?period_s=0.5{query}", additional_headers=given
+    )
+
+
+async def next_of(socket: ClientConnection) -> Any:
+    async with asyncio.timeout(20):
+        return json.loads(await socket.recv())
+
+
+async def test_the_fleet_as_it_changes_over_a_real_socket() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        fill(monitor.fleet)
+        async with served(monitor) as at:
+            async with live(at, "&robot=r1") as socket:
+                first = await next_of(socket)
+                assert [each["name"] for each in first["robots"]["changed"]] == ["r1"]
+                assert first["inventory"]["changed"][0]["class"] == ODD
+                see(monitor.fleet, 2, 0)
+                see(monitor.fleet, 3, 0)
+                then = await next_of(socket)
+                while not then.get("cameras"):
+                    then = await next_of(socket)
+                assert then["cameras"]["changed"][0]["classes"] == []
+                monitor.fleet.robot_presence("r1", alive=False)
+                then = await next_of(socket)
+                while "robots" not in then:
+                    then = await next_of(socket)
+                assert then["robots"]["changed"][0]["online"] is False
+            await refused(at)
+
+
+async def refused(at: Served) -> None:
+    cookie = "=".join(at.cookie)
+    for headers in (
+        {"X": "nobody"},
+        {"Authorization": "Bearer x"},
+        {"Cookie": cookie},
+        {"Cookie": cookie, "Origin": "http://evil.test"},
+    ):
+        with pytest.raises(websockets.InvalidStatus) as refusal:
+            async with live(at, **headers):
+                pass
+        assert refusal.value.response.status_code == 403
+    async with live(at, Cookie=cookie, Origin=at.url) as browser:
+        await next_of(browser)
+    for query in ("&topic=odd", "&robot=" + "x" * 65):
+        with pytest.raises(websockets.InvalidStatus):
+            async with live(at, query):
+                pass
+
+
+async def test_who_is_logged_out_hears_no_more() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        fill(monitor.fleet)
+        async with served(monitor, Role.VIEWER) as at:
+            cookie = "=".join(at.cookie)
+            async with live(at, Cookie=cookie, Origin=at.url) as browser:
+                await next_of(browser)
+                out = await _post(at, "/logout", cookie)
+                assert out.startswith("HTTP/1.1 303")
+                async with asyncio.timeout(20):
+                    await browser.wait_closed()
+                assert browser.close_code == 1008
+
+
+async def _post(at: Served, path: str, cookie: str) -> str:
+    host = at.url.removeprefix("http://")
+    reader, writer = await asyncio.open_connection(*host.split(":"))
+    head = f"POST {path} HTTP/1.1\r\nHost: {host}\r\nOrigin: {at.url}\r\nCookie: {cookie}\r\nContent-Length: 0\r\n\r\n"
+    writer.write(head.encode())
+    async with asyncio.timeout(20):
+        answer = (await reader.readline()).decode()
+    writer.close()
+    await writer.wait_closed()
+    return answer

@@ -1,0 +1,125 @@
+import httpx
+from fastapi.routing import iter_route_contexts
+
+from services.monitor.web.auth.gate import OPEN
+from services.monitor.web.auth.visitor import Role
+from tests.services.monitor.web.asking import ORIGIN, Web
+
+FILLED = {"alert_id": "a1", "path": "v1/what"}
+ANYBODYS_POSTS = {"/login", "/setup", "/logout"}
+
+
+def every_call(web: Web) -> list[tuple[str, str]]:
+    """Return method and path of everything that the application answers."""
+    found = {
+        (method, str(route.path).replace(":path", "").format(**FILLED))
+        for route in iter_route_contexts(web.app.routes)
+        for method in route.methods or ()
+    }
+    assert {("GET", "/metrics"), ("GET", "/api/openapi.json"), ("POST", "/api/v1/alerts/a1/resolve")} < found
+    return sorted(found - {(method, path) for method, path in found if method == "HEAD"})
+
+
+async def status(client: httpx.AsyncClient, method: str, path: str) -> int:
+    return (await client.request(method, path)).status_code
+
+
+async def test_a_stranger_gets_nowhere_but_to_the_doors(web: Web) -> None:
+    async with web.stranger() as stranger:
+        for method, path in every_call(web):
+            if path not in OPEN:
+                found = await status(stranger, method, path)
+                assert found in ((401, 403) if method != "GET" or path.startswith(("/api/", "/metrics")) else (303,)), (
+                    path
+                )
+
+
+async def test_a_viewer_may_read_everything_and_change_nothing(web: Web) -> None:
+    async with await web.program(Role.VIEWER) as viewer:
+        for method, path in every_call(web):
+            if method == "GET":
+                assert await status(viewer, method, path) not in (401, 403), path
+            elif path not in ANYBODYS_POSTS:
+                assert await status(viewer, method, path) == 403, path
+
+
+async def test_an_operator_may_do_everything(web: Web) -> None:
+    async with await web.program() as operator:
+        for method, path in every_call(web):
+            assert await status(operator, method, path) not in (401, 403) or path in ANYBODYS_POSTS, path
+
+
+OTHERS = ["http://elsewhere.test", "http://localhost:1.evil", "null", "", "http://localhost:2"]
+
+
+async def test_another_sites_page_changes_nothing_whoever_is_logged_in(web: Web) -> None:
+    async with await web.browser() as browser, await web.program() as program:
+        for client in (browser, program):
+            for number, (method, path) in enumerate(every_call(web)):
+                if method != "GET":
+                    origin = OTHERS[number % len(OTHERS)]
+                    assert (await client.request(method, path, headers={"Origin": origin})).status_code == 403, path
+        for origin in OTHERS:
+            assert (await browser.post("/logout", headers={"Origin": origin})).status_code == 403
+        assert (await browser.get("/api/v1/me")).status_code == 200
+
+
+async def test_a_browser_that_does_not_name_its_page_changes_nothing(web: Web) -> None:
+    async with await web.browser() as browser:
+        del browser.headers["Origin"]
+        assert await status(browser, "POST", "/api/v1/alerts/a1/resolve") == 403
+        browser.headers["Origin"] = ORIGIN
+        assert await status(browser, "POST", "/api/v1/alerts/a1/resolve") == 404
+
+
+async def test_a_session_is_no_token_and_a_token_no_session(web: Web) -> None:
+    async with await web.browser() as browser, await web.program() as program:
+        ((name, session),) = browser.cookies.items()
+        token = program.headers["Authorization"].removeprefix("Bearer ")
+        async with web.stranger(Authorization=f"Bearer {session}") as swapped:
+            assert await status(swapped, "GET", "/api/v1/me") == 401
+        async with web.stranger(Cookie=f"{name}={token}") as swapped:
+            assert await status(swapped, "GET", "/api/v1/me") == 401
+
+
+async def test_a_wrong_token_counts_even_beside_a_good_session(web: Web) -> None:
+    async with await web.browser() as browser:
+        for given in (b"Bearer", b"Bearer x", b"Basic b3BlcmF0b3I6eA==", b"\xe9", b"Bearer \xff" * 99, b"bearer  "):
+            answer = await browser.get("/api/v1/me", headers=[(b"Authorization", given)])
+            assert (answer.status_code, answer.headers["WWW-Authenticate"]) == (401, "Bearer")
+
+
+async def test_a_stranger_is_sent_to_log_in_and_back(web: Web) -> None:
+    async with web.stranger() as stranger:
+        assert (await stranger.get("/alerts/x y")).headers["Location"] == "/login?next=/alerts/x%20y"
+        assert (await stranger.get("/")).headers["Location"] == "/login"
+        assert (await stranger.get("/_nicegui/x.js")).headers["Location"].startswith("/login")
+
+
+async def test_what_only_looks_like_a_door_is_none(web: Web) -> None:
+    async with web.stranger() as stranger:
+        for path in (b"/login/", b"//login", b"/healthz/..", b"/LOGIN", b"/login/../api/v1/me", b"/healthz%2f..%2fapi"):
+            assert (await stranger.get(httpx.URL(ORIGIN, raw_path=path))).status_code in (303, 401), path
+
+
+async def test_too_much_is_refused_before_and_while_it_comes(web: Web) -> None:
+    async def parts() -> object:
+        for _ in range(20):
+            yield bytes(8 * 1024)
+
+    async with web.stranger(Origin=ORIGIN) as stranger:
+        announced = await stranger.post("/login", content=bytes(65 * 1024))
+        assert (announced.status_code, announced.json()) == (
+            413,
+            {"error": "a request to /login has at most 65536 bytes"},
+        )
+        assert (await stranger.post("/login", content=parts())).status_code == 413  # type: ignore[arg-type]
+
+
+async def test_browsers_are_told_to_fetch_nothing_from_elsewhere_and_to_keep_nothing(web: Web) -> None:
+    async with await web.browser() as browser:
+        for path in ("/login", "/api/v1/me", "/healthz", "/api/v1/what"):
+            headers = (await browser.get(path)).headers
+            assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+            assert not {"http:", "https:", "*"} & set(headers["Content-Security-Policy"].split())
+            assert (headers["X-Content-Type-Options"], headers["Cache-Control"]) == ("nosniff", "no-store")

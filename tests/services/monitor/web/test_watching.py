@@ -1,0 +1,69 @@
+from pathlib import Path
+
+from prometheus_client.parser import text_string_to_metric_families
+
+from services.monitor.health import STALLED_S
+from services.monitor.web.metrics import MAX_LABELLED
+from tests.services.monitor.web.api.seeing import ODD, fill
+from tests.services.monitor.web.asking import Web, web_in
+
+
+async def test_health_of_a_monitor_that_hears_and_keeps(web: Web) -> None:
+    async with web.stranger() as stranger:
+        answer = await stranger.get("/healthz")
+        assert (answer.status_code, answer.json()) == (200, {"status": "ok"})
+
+
+async def test_a_dead_mesh_is_told_to_all_and_why_to_those_who_are_logged_in(web: Web) -> None:
+    web.monitor.health._heard_s -= 2 * STALLED_S
+    async with web.stranger() as stranger, await web.program() as program:
+        answer = await stranger.get("/healthz")
+        assert (answer.status_code, answer.json()["status"]) == (503, "dead")
+        assert answer.json()["reason"] == "the fleet cannot be heard"
+        assert (await program.get("/healthz")).json()["reason"].startswith("the bus has brought nothing for 2")
+
+
+async def test_a_history_that_is_not_kept_is_degraded_and_no_more(tmp_path: Path) -> None:
+    (tmp_path / "history.db").mkdir()
+    history = f"sqlite:///{tmp_path / 'history.db'}"
+    async with web_in(tmp_path, history=history) as web, web.stranger() as stranger, await web.program() as program:
+        answer = await stranger.get("/healthz")
+        assert (answer.status_code, answer.json()) == (
+            200,
+            {"status": "degraded", "reason": "", "degraded": ["the history is not being kept"]},
+        )
+        told = (await program.get("/healthz")).json()["degraded"]
+        assert "unable to open database file" in told["the history is not being kept"]
+
+
+async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: Web) -> None:
+    fill(web.monitor.fleet)
+    web.monitor.fleet.left_out[ODD] += 3
+    async with await web.program() as program:
+        answer = await program.get("/metrics")
+        assert answer.headers["Content-Type"] == "text/plain; version=0.0.4; charset=utf-8"
+        found = {
+            (sample.name, *sample.labels.values()): sample.value
+            for family in text_string_to_metric_families(answer.text)
+            for sample in family.samples
+        }
+        assert found["fleetsight_robot_online", "r1"] == 1
+        assert found["fleetsight_robot_online", "r2"] == 0
+        assert found["fleetsight_robot_frames_dropped_total", f"gateway: {ODD}", "r1"] == 4
+        assert found["fleetsight_messages_left_out_total", ODD] == 3
+        assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5
+
+
+async def test_a_flood_of_robots_is_no_flood_of_series(web: Web) -> None:
+    for number in range(MAX_LABELLED + 7):
+        web.monitor.fleet.robot_presence(f"r{number}", alive=True)
+    async with await web.program() as program:
+        text = (await program.get("/metrics")).text
+        assert text.count("fleetsight_robot_online{") == MAX_LABELLED
+        assert "fleetsight_unlabelled 7.0" in text
+
+
+async def test_metrics_are_open_where_the_settings_say_so(tmp_path: Path) -> None:
+    async with web_in(tmp_path, web_open_metrics=True) as web, web.stranger() as stranger:
+        assert (await stranger.get("/metrics")).status_code == 200
+        assert (await stranger.get("/api/v1/me")).status_code == 401
