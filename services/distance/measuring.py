@@ -151,10 +151,12 @@ def _placed(
     if isinstance(view.camera, str):
         return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
     x, y = (plane[at] for plane in view.camera.rays(*view.depth_m.shape).reshape(2, -1))
-    own, solid = own & np.isfinite(x), solid & np.isfinite(x)
+    if not (somewhere := np.isfinite(x)).all():
+        own, solid = own & somewhere, solid & somewhere
+        x, y = np.where(somewhere, x, 0), np.where(somewhere, y, 0)
     straight = _medians(z * view.camera.lengths(*view.depth_m.shape).ravel()[at], own)
     weights = np.where(solid, z, 0.0) / np.maximum(solid.sum(axis=1, keepdims=True), 1)
-    middles = np.stack([np.sum(np.where(solid, ray, 0) * weights, axis=1) for ray in (x, y, 1)], axis=1)
+    middles = np.stack([*(np.einsum("nm,nm->n", ray, weights) for ray in (x, y)), weights.sum(axis=1)], axis=1)
     places = [_in_frame(view.frame_id, middles, np.identity(4))]
     places += [_in_frame(frame.frame_id, middles, frame.from_camera) for frame in view.frames]
     seen = np.isfinite(straight)

@@ -65,24 +65,22 @@ def pick(windows: Sequence[Window], depth_m: Floats, criteria: Criteria) -> Pick
         depth[start:end].reshape(window.pixels.shape)[:] = depth_m[window.place]
     there = depth > 0
     masked = _Marked.of(windows, offsets, there)
-    totals = np.concatenate([[0.0], np.where(masked.has, depth[masked.at], 0).cumsum(dtype=np.float64)])
-    mean = np.diff(totals[masked.bounds]) / np.maximum(masked.counts, 1)
     rows = np.flatnonzero(masked.counts >= criteria.min_pixels)
     core = _Marked.of(list(_cores(windows, offsets, there, criteria)), offsets, there) if criteria.edge else masked
     within = core.nearest(rows)
     z, at = _ascending(depth[within], _in_image(within, [windows[row] for row in rows], offsets[rows], depth_m.shape[1]))
-    return Picked(masked.areas, masked.counts, mean, rows, z, at, _around(windows, rows, depth, there, offsets))
+    return Picked(masked.areas, masked.counts, masked.means(depth), rows, z, at, _around(windows, rows, depth, there, offsets))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Marked:
-    """Pixels of n windows, one window after another. at: which are marked. has: which of these have a reading.
+    """Pixels of n windows, one window after another. at: which are marked. inner: which of these have a reading.
 
     bounds: (n + 1,) whose marked pixels are which. read: (len(at) + 1,) how many with a reading are before each.
     """
 
     at: Indices
-    has: Bools
+    inner: Indices
     bounds: Indices
     read: Indices
 
@@ -92,7 +90,8 @@ class _Marked:
         has = there[at]
         read = np.zeros(len(at) + 1, np.intp)
         has.cumsum(out=read[1:])
-        return cls(at, has, np.searchsorted(at, offsets), read)
+        inner = at if read[-1] == len(at) else at.take(np.flatnonzero(has))
+        return cls(at, inner, np.searchsorted(at, offsets), read)
 
     @property
     def areas(self) -> Indices:
@@ -102,15 +101,23 @@ class _Marked:
     def counts(self) -> Indices:
         return np.diff(self.read[self.bounds])
 
+    def means(self, depth: Floats) -> NDArray[Any]:
+        """Return the mean depth of each window's readings, 0 where there are none."""
+        values = depth.take(self.inner).astype(np.float64)
+        means = np.zeros(len(self.counts))
+        some = np.flatnonzero(self.counts)
+        if len(some):
+            means[some] = np.add.reduceat(values, self.read[self.bounds[some]]) / self.counts[some]
+        return means
+
     def nearest(self, rows: Indices) -> Indices:
         """Return SAMPLE pixels with readings of each of these windows, instead of some that may have none.
 
         Readings are lost at edges and in shadows: without those beside them what is there would not count.
         """
-        wanted = _spread(self.bounds[rows], self.areas[rows], SAMPLE)
-        if self.has[wanted].all():
-            return np.asarray(self.at[wanted])
-        inner = self.at[self.has]
+        inner, wanted = self.inner, _spread(self.bounds[rows], self.areas[rows], SAMPLE)
+        if inner is self.at:
+            return inner.take(wanted)
         after, wanted = self.read[wanted], self.at[wanted]
         first, last = (self.read[self.bounds[rows + end]][:, np.newaxis] for end in (0, 1))
         nexts, lasts = inner[np.minimum(after, last - 1)], inner[np.maximum(after - 1, first)]

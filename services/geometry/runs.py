@@ -47,8 +47,8 @@ class Runs:
         if lengths.max() > size or (stops[ends - 1] != size * np.arange(1, len(ends) + 1)).any():
             raise MaskError(f"runs of {sum(lengths.tolist())} pixels, the mask has {size}")
         first = ends - np.diff(ends, prepend=0)
-        odd = (np.arange(len(lengths)) - first.repeat(ends - first)) & 1
-        chosen = np.flatnonzero(odd & (lengths > 0))
+        is_set = ((np.arange(len(lengths)) - first.repeat(ends - first)) & 1).astype(np.bool_)
+        chosen = np.flatnonzero(is_set & (lengths > 0))
         stops = stops[chosen]
         bounds = np.searchsorted(chosen, np.concatenate([first[:1], ends]))
         return cls(height, stops - lengths[chosen], stops, bounds)
