@@ -19,8 +19,8 @@ from services.cloud.points import Bytes, Floats, Indices, Points
 from services.cloud.sampling import some
 from services.cloud.shape import Box, Level, fit_box
 from services.cloud.visible import Seen, shapes
-from services.geometry.errors import GeometryError
-from services.geometry.masks import Window, decode
+from services.geometry.errors import GeometryError, MaskError
+from services.geometry.masks import Window, decode_all
 from services.geometry.rotation import quaternion_of
 
 Numbers = NDArray[np.float64]
@@ -85,9 +85,10 @@ def measure(
             unmeasured[index] = str(error)
             continue
         room -= len(found[index][0])
+    made = zip(found.items(), _colours(found, points), _shapes(found, masks, inner, view, here), strict=True)
     objects = [
-        _object(detections.objects[index], index, xyz, points.take(at).rgb(), shape, here=here, target=target)
-        for (index, (at, xyz)), shape in zip(found.items(), _shapes(found, masks, inner, view, here), strict=True)
+        _object(detections.objects[index], index, xyz, rgb, shape, here=here, target=target)
+        for (index, (_, xyz)), rgb, shape in made
     ]
     return ObjectClouds(
         header=msgspec.structs.replace(detections.header, stamp_ns=of.stamp_ns, frame_id=of.frame_id),
@@ -98,6 +99,15 @@ def measure(
         unknown_target=target.unknown,
         unmeasured=unmeasured,
     )
+
+
+def _colours(found: Mapping[int, tuple[Indices, Floats]], points: Points) -> list[Bytes | None]:
+    """Return the colours of objects that consist of points (numbers in their cloud, coordinates)."""
+    numbers = [at for at, _ in found.values()]
+    rgb = points.take(np.concatenate(numbers)).rgb() if numbers else None
+    if rgb is None:
+        return [None] * len(numbers)
+    return list(np.split(rgb, np.cumsum([len(at) for at in numbers])[:-1]))
 
 
 def _shapes(
@@ -126,14 +136,13 @@ def up_in(frame_id: str, target: Target) -> Numbers:
 
 def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple[int, Window]]:
     """Decode the masks; why there is none goes to `unmeasured`."""
-    for index, detection in enumerate(detections.objects):
-        if detection.mask is None:
-            unmeasured[index] = NO_MASK
-            continue
-        try:
-            yield index, decode(detection.mask)
-        except GeometryError as error:
-            unmeasured[index] = str(error)
+    masks = {index: found.mask for index, found in enumerate(detections.objects) if found.mask is not None}
+    unmeasured.update(dict.fromkeys(set(range(len(detections.objects))).difference(masks), NO_MASK))
+    for index, window in zip(masks, decode_all(masks.values()), strict=True):
+        if isinstance(window, MaskError):
+            unmeasured[index] = str(window)
+        else:
+            yield index, window
 
 
 def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
@@ -143,15 +152,21 @@ def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
         CloudError: there are none to speak of.
     """
     _check_enough(len(found.at), limits, "within its mask")
-    kept = np.flatnonzero(foreground(found.depth, found.across))
-    xyz = found.xyz.take(kept, axis=1)
-    chosen = np.flatnonzero(crowded(xyz))
-    kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
+    kept, xyz = _only(foreground(found.depth, found.across), found.at, found.xyz)
+    kept, xyz = _only(crowded(xyz), kept, xyz)
     if limits.voxel_m or len(kept) > limits.max_points:
         chosen = limits.thinned(xyz)
         kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
     _check_enough(len(kept), limits, "that stand out from what is behind it")
-    return found.at[kept], xyz
+    return kept, xyz
+
+
+def _only(chosen: NDArray[np.bool_], at: Indices, xyz: Floats) -> tuple[Indices, Floats]:
+    """Return the points that are chosen, mostly all of them."""
+    if chosen.all():
+        return at, xyz
+    which = np.flatnonzero(chosen)
+    return at.take(which), xyz.take(which, axis=1)
 
 
 def _check_enough(count: int, limits: Limits, where: str) -> None:

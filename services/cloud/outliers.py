@@ -50,8 +50,11 @@ def foreground(depth: Floats, across: Floats) -> Selection:
     weights = until[ends - 1] - until[starts] + counts[starts]
     first = int(np.argmax(weights >= SUBSTANTIAL * weights.max()))
     last = first
-    chosen = (steps >= starts[first]) & (steps < ends[first])
+    chosen = np.asarray((steps >= starts[first]) & (steps < ends[first]))
+    if first + 1 == len(starts):
+        return chosen
     width = float(np.ptp(across.compress(chosen, axis=1), axis=1).max())
+    last = first
     while (
         last + 1 < len(starts) and _metres(nearest, starts[last + 1]) - _metres(nearest, ends[last]) <= HOLLOW * width
     ):
@@ -79,10 +82,12 @@ def crowded(xyz: Floats) -> Selection:
     side = max(float((xyz.max(axis=1, keepdims=True) - low).max()) / CELLS, MIN_SIDE_M)
     x, y, z = ((xyz - low) * np.float32(1 / side)).astype(np.int32) + 1
     cells = (x * WIDTH + y) * WIDTH + z
-    counts = np.bincount(cells, minlength=WIDTH**3)
+    alone = np.bincount(cells, minlength=WIDTH**3)
+    counts = alone.astype(np.int32)
     for apart in (1, WIDTH, WIDTH * WIDTH):  # the next cell along each axis; those at the border are empty
         around = counts.copy()
         around[apart:] += counts[:-apart]
         around[:-apart] += counts[apart:]
         counts = around
-    return np.asarray(counts[cells] >= NEIGHBOURS)
+    enough = counts >= NEIGHBOURS
+    return np.ones(len(cells), np.bool_) if enough[alone > 0].all() else enough.take(cells)

@@ -60,10 +60,11 @@ class RegisteredView:
     def _within(self, window: Window) -> Candidates:
         first = self.factor // 2
         top, left = (first - window.top) % self.factor, (first - window.left) % self.factor
-        rows, columns = np.nonzero(window.pixels[top :: self.factor, left :: self.factor])
-        rows += (window.top + top) // self.factor
-        columns += (window.left + left) // self.factor
-        at = rows * self.points.shape[1] + columns
+        pixels = window.pixels[top :: self.factor, left :: self.factor]
+        at = np.flatnonzero(pixels)
+        width = self.points.shape[1]
+        at += at // max(1, pixels.shape[1]) * (width - pixels.shape[1])
+        at += (window.top + top) // self.factor * width + (window.left + left) // self.factor
         xyz = self.points.take(at).xyz()
         seen = usable(xyz) & (xyz[2] > NEAR_M)
         if not seen.all():
@@ -73,8 +74,8 @@ class RegisteredView:
 
 def in_window(at: Indices, width: int, window: Window) -> Indices:
     """Return where, flat, in a window of a picture so wide its pixels `at` are."""
-    rows, columns = np.divmod(at, width)
-    return np.asarray((rows - window.top) * window.pixels.shape[1] + columns - window.left)
+    across = window.pixels.shape[1]
+    return np.asarray(at - at // width * (width - across) - (window.top * across + window.left))
 
 
 def factor_of(height: int, width: int, points: Points) -> int:

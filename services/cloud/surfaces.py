@@ -59,16 +59,17 @@ class Faces:
     along: Numbers
     noise: Numbers
 
-    def inverse_depth(self, directions: Numbers, of: NDArray[np.intp]) -> Numbers:
-        """Return the inverse depth in (3, m) directions of the objects with these numbers; infinite if no face is."""
-        x, y, z = directions
-        forms = self.forms[of].transpose(1, 2, 0)
-        return _least(np.stack([form[0] * x + form[1] * y + form[2] * z for form in forms]))
+    def inverse_depth(self, directions: Numbers) -> Numbers:
+        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where no face is."""
+        return _least(_inverse(self.forms, directions))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Readings:
-    """Of n objects, from right to left: directions x (ahead), y, z; inverse depths w; weights. (n, m) each."""
+    """Of n objects, from right to left: directions x (ahead), y, z; inverse depths w; weights. (n, m) each.
+
+    What has no weight is a copy of another one.
+    """
 
     x: Numbers
     y: Numbers
@@ -94,7 +95,9 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     ahead = np.arctan2(*(np.einsum("nm,nm->n", weights, directions[axis]) for axis in (1, 0)))
     x, y, z = _turned(directions, ahead)
     order = np.argsort(np.where(weights > 0, np.arctan2(y, x), np.inf), axis=1)
-    readings = _Readings(*(np.take_along_axis(each, order, 1) for each in (x, y, z, inverse, weights)))
+    places = np.where(np.arange(weights.shape[1]) < (weights > 0).sum(axis=1, keepdims=True), order, order[:, :1])
+    x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
+    readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
     explanations = _explained(readings, _starts(z, inverse, weights))
     forms, noise = _chosen(explanations, readings)
     forms = _polished(forms, readings)
@@ -111,16 +114,20 @@ def _explained(readings: _Readings, levels: Numbers) -> Numbers:
     heights = z / np.maximum(w, _TINY)
     kappa = 1 / level[:, 0]
     flat = np.where(level < 0, heights > level - LEAST_HEIGHT_M, heights < level + LEAST_HEIGHT_M)
-    pair = single = np.empty((len(x), 3), np.float32)
+    shares = _shares(readings)
+    pair = sums = scarce = np.empty(0, np.float32)
     for _ in range(ROUNDS):
         upright = np.where(flat, 0, trust)
         scarce = upright.sum(axis=1) < _LEAST_SHARE * trust.sum(axis=1)
-        pair, single = _pair(x, y, w, upright), _single(x, y, w, upright)
-        pair[scarce], single[scarce] = np.nan, np.nan
+        sums = _summed(upright, shares)
+        pair = _pair(sums)
+        pair[scarce] = np.nan
         walls, plane = _values(pair, x, y), _seen(z * kappa[:, None])
         flat = plane < walls
         kappa = _refitted(kappa, z, w, np.where(flat, trust, 0), trust)
         trust = all_of.trusted(np.abs(w - np.minimum(np.minimum(walls, plane), _NEAREST)), trust)
+    single = _single(sums[:, :, -1])
+    single[scarce] = np.nan
     return np.stack([_forms(pair, kappa), _forms(single, kappa)]).reshape(2 * len(levels), -1, 3, 3)
 
 
@@ -157,14 +164,26 @@ def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
     return found.T
 
 
-def _pair(x: Numbers, y: Numbers, w: Numbers, weights: Numbers) -> Numbers:
+def _shares(readings: _Readings) -> Numbers:
+    """Return what each reading adds to the moments of the readings before each split, and of all: (n, m, 5 * SPLITS)."""
+    x, y, w = readings.x, readings.y, readings.w
+    count = x.shape[1]
+    before = np.arange(count)[:, np.newaxis] < np.arange(1, SPLITS + 1) * count // SPLITS
+    products = np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
+    return (products[..., np.newaxis] * before.astype(np.float32)[:, np.newaxis]).reshape(len(x), count, -1)
+
+
+def _summed(weights: Numbers, shares: Numbers) -> Numbers:
+    """Return the moments (5, h * n, SPLITS) of readings of n objects with (h * n, m) weights."""
+    count, readings, _ = shares.shape
+    sums = weights.reshape(-1, count, readings).transpose(1, 0, 2) @ shares
+    return sums.reshape(count, -1, 5, SPLITS).transpose(2, 1, 0, 3).reshape(5, -1, SPLITS)
+
+
+def _pair(sums: Numbers) -> Numbers:
     """Return angle, scale of the right face and scale of the left one (n, 3) that fit best."""
-    wx, wy = weights * x, weights * y
-    sums = np.stack([wx * x, wx * y, wy * y, wx * w, wy * w]).cumsum(axis=2)
-    at = (np.arange(1, SPLITS) * x.shape[1] // SPLITS) - 1
-    total = sums[:, :, -1:]
-    right = sums[:, :, at]
-    left = total - right
+    right = np.ascontiguousarray(sums[:, :, :-1])
+    left = sums[:, :, -1:] - right
     angle = (-np.pi / 2 * (np.arange(TURNS) + 0.5) / TURNS).astype(np.float32)
     best = _search(right, left, angle[:, None, None])
     fine = best[0] + np.linspace(-0.5, 0.5, 5, dtype=np.float32)[:, None] * np.float32(np.pi / 2 / TURNS)
@@ -184,9 +203,9 @@ def _search(right: Numbers, left: Numbers, angle: Numbers) -> tuple[Numbers, Num
     return found, np.stack([found, right_k[turn, row, split], left_k[turn, row, split]], axis=1)
 
 
-def _single(x: Numbers, y: Numbers, w: Numbers, weights: Numbers) -> Numbers:
+def _single(moments: Numbers) -> Numbers:
     """Return what `_pair` does of the one face that fits best; there is no right one."""
-    xx, xy, yy, xw, yw = _moments(x, y, w, weights)
+    xx, xy, yy, xw, yw = moments
     det = xx * yy - xy * xy
     flat = det <= _FLAT * xx * xx
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -206,8 +225,14 @@ def _seen(values: Numbers) -> Numbers:
         return np.where(values > _SEEN, values, np.inf)
 
 
+def _inverse(forms: Numbers, directions: Numbers) -> Numbers:
+    """Return the inverse depth of each of forms (..., n, 3, 3) in directions (n, 3, m): (..., n, 3, m)."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(forms @ directions)
+
+
 def _least(values: Numbers) -> Numbers:
-    return np.asarray(_seen(values).min(axis=0))
+    return np.asarray(_seen(values).min(axis=-2))
 
 
 def _forms(pair: Numbers, kappa: Numbers) -> Numbers:
@@ -223,14 +248,15 @@ def _forms(pair: Numbers, kappa: Numbers) -> Numbers:
 def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Numbers]:
     """Return of each object the smallest of its likely explanations (h, n, 3, 3), and the noise that it leaves."""
     directions = np.stack([readings.x, readings.y, readings.z])
-    model = np.minimum(_least(np.einsum("hnfc,cnm->fhnm", explanations, directions)), _NEAREST)
+    model = np.minimum(_least(_inverse(explanations, directions.transpose(1, 0, 2))), _NEAREST)
     off = np.abs(readings.w - model)
     noise = _deviation(off, readings.weights).min(axis=0)
     cost = (readings.weights * np.minimum((off / noise[:, None]) ** 2, REACH**2)).sum(axis=2) / COHERENT
     size = np.zeros(cost.shape, np.float32)
+    depth = 1 / np.maximum(model, _SEEN)
     for direction in directions:
-        place = np.where(readings.weights > 0, direction / np.maximum(model, _SEEN), np.nan)
-        size += (np.nanmax(place, axis=2) - np.nanmin(place, axis=2)) ** 2
+        place = direction * depth
+        size += (place.max(axis=2) - place.min(axis=2)) ** 2
     best = np.where(cost <= cost.min(axis=0) + LIKELY, size, np.inf).argmin(axis=0)
     return explanations[best, np.arange(len(best))], noise
 
@@ -238,7 +264,7 @@ def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Number
 def _polished(forms: Numbers, readings: _Readings) -> Numbers:
     """Return forms (n, 3, 3) whose upright faces fit the readings that are theirs, turned by POLISH at most."""
     x, y, w = readings.x, readings.y, readings.w
-    values = _seen(np.einsum("nfc,cnm->fnm", forms, np.stack([x, y, readings.z])))
+    values = _seen(_inverse(forms, np.stack([x, y, readings.z], axis=1)).transpose(1, 0, 2))
     nearest = values.argmin(axis=0)
     trust = readings.trusted(np.abs(w - np.minimum(values.min(axis=0), _NEAREST)), readings.weights)
     left, right = (_moments(x, y, w, np.where(nearest == face, trust, 0)) for face in (0, 1))

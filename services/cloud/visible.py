@@ -61,20 +61,16 @@ def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
     cells = _cells(objects, np.array([level.x, level.y, level.up]))
     faces = fit_faces(cells.directions, cells.inverse, cells.weights)
     unread = [_unread(seen) for seen in objects]
-    picked = [_picked(seen, without) for seen, without in zip(objects, unread, strict=True)]
-    ends = np.cumsum([each.shape[1] for each in picked])
-    of = np.repeat(np.arange(len(objects)), [each.shape[1] for each in picked])
-    placed = _placed(np.concatenate(picked, axis=1), of, faces, cells)
-    low, high = _extents(placed, of, faces.along)
+    placed = _placed(np.stack([_picked(*each) for each in zip(objects, unread, strict=True)]), faces, cells)
+    low, high = _extents(placed, faces.along)
     exact = _is_exact(cells, faces)
     made = []
-    for number, (seen, end) in enumerate(zip(objects, ends, strict=True)):
-        filled = placed[:, end - picked[number].shape[1] :][:, : min(len(unread[number]), PIXELS)]
-        centroid = _middle(seen, filled, len(unread[number]), level)
+    for number, (seen, without) in enumerate(zip(objects, unread, strict=True)):
+        centroid = _middle(seen, placed[number], len(without), level)
         if exact[number]:
             made.append((centroid, fit_box(seen.xyz, level)))
         else:
-            made.append((centroid, box_between(low[:, number], high[:, number], level, float(faces.along[number]))))
+            made.append((centroid, box_between(low[number], high[number], level, float(faces.along[number]))))
     return made
 
 
@@ -148,33 +144,35 @@ def _unread(seen: Seen) -> Indices:
 
 
 def _picked(seen: Seen, unread: Indices) -> NDArray[np.intp]:
-    """Return columns and rows (2, n) in the window: of some pixels without readings, then of some of the edge."""
+    """Return ones, columns and rows (3, 2 * PIXELS): of some pixels without readings, then of some of the edge.
+
+    The last one is repeated.
+    """
     edge = np.flatnonzero(seen.mask.pixels > seen.inner.pixels)
     if not len(edge):
         edge = np.flatnonzero(seen.mask.pixels)
     chosen = np.concatenate([unread[some(len(unread), PIXELS)], edge[some(len(edge), PIXELS)]])
-    rows, columns = np.divmod(chosen, seen.mask.pixels.shape[1])
-    return np.stack([columns, rows])
+    flat = np.full(2 * PIXELS, chosen[-1])
+    flat[: len(chosen)] = chosen
+    rows = flat // seen.mask.pixels.shape[1]
+    return np.stack([np.ones_like(flat), flat - rows * seen.mask.pixels.shape[1], rows])
 
 
-def _placed(pixels: NDArray[np.intp], of: Indices, faces: Faces, cells: _Cells) -> Numbers:
-    """Return where on the faces of the objects that they are of pixels are: (3, n), along the level axes."""
-    columns, rows = pixels
-    a, b, c = cells.places[of].transpose(2, 1, 0)
-    aimed = a + b * columns + c * rows
-    starts = np.flatnonzero(np.diff(of, prepend=-1))
-    wide = np.maximum.reduceat(aimed, starts, axis=1) - np.minimum.reduceat(aimed, starts, axis=1)
-    far, _, near = cells.depths
-    far = far * (1 + BEYOND * wide.max(axis=0))
-    return np.asarray(aimed / np.clip(faces.inverse_depth(aimed, of), 1 / far[of], 1 / (ASIDE * near[of])))
+def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells) -> Numbers:
+    """Return where on the faces of the objects that they are of pixels (n, 3, m) are: (n, 3, m), along the level axes."""
+    aimed = cells.places @ pixels
+    wide = np.ptp(aimed, axis=2).max(axis=1)
+    far, _, near = cells.depths[:, :, np.newaxis]
+    far = far * (1 + BEYOND * wide[:, np.newaxis])
+    return np.asarray(aimed / np.clip(faces.inverse_depth(aimed), 1 / far, 1 / (ASIDE * near))[:, np.newaxis])
 
 
-def _extents(placed: Numbers, of: Indices, along: Numbers) -> tuple[Numbers, Numbers]:
-    """Return the least and the greatest places, (3, n), of points along the sides of the objects that they are of."""
-    cos, sin = np.cos(along)[of], np.sin(along)[of]
-    turned = np.stack([cos * placed[0] + sin * placed[1], cos * placed[1] - sin * placed[0], placed[2]])
-    starts = np.flatnonzero(np.diff(of, prepend=-1))
-    return np.minimum.reduceat(turned, starts, axis=1), np.maximum.reduceat(turned, starts, axis=1)
+def _extents(placed: Numbers, along: Numbers) -> tuple[Numbers, Numbers]:
+    """Return the least and the greatest places, (n, 3), of points along the sides of the objects that they are of."""
+    cos, sin = np.cos(along)[:, np.newaxis], np.sin(along)[:, np.newaxis]
+    x, y, up = placed.transpose(1, 0, 2)
+    turned = np.stack([cos * x + sin * y, cos * y - sin * x, up], axis=1)
+    return turned.min(axis=2), turned.max(axis=2)
 
 
 def _is_exact(cells: _Cells, faces: Faces) -> NDArray[np.bool_]:
@@ -182,11 +180,11 @@ def _is_exact(cells: _Cells, faces: Faces) -> NDArray[np.bool_]:
     return np.asarray(np.median(faces.noise) * cells.depths[1] ** 2 < EXACT_M)
 
 
-def _middle(seen: Seen, filled: Numbers, unread: int, level: Level) -> Numbers:
-    """Return the middle of readings and of pixels without one, of which some are (3, n) along the level axes."""
+def _middle(seen: Seen, placed: Numbers, unread: int, level: Level) -> Numbers:
+    """Return the middle of readings and of pixels without one, of which the first of those placed are some."""
     read = len(seen.at)
     mean = seen.xyz.mean(axis=1, dtype=np.float64)
     if not unread:
         return np.asarray(mean)
-    x, y, up = filled.mean(axis=1)
+    x, y, up = placed[:, : min(unread, PIXELS)].mean(axis=1)
     return np.asarray((mean * read + (x * level.x + y * level.y + up * level.up) * unread) / (read + unread))

@@ -27,7 +27,7 @@ def seen(box: Cuboid, *, noise: float = 0.0, up: int = 18, across: int = 24) -> 
 def test_of_a_box_two_upright_faces_and_the_top_are_found(yaw: float) -> None:
     directions, inverse = seen(Cuboid((3.0, 0.4), (0.8, 0.8, 0.9), yaw))
     faces = fit_faces(directions, inverse, np.ones(inverse.shape))
-    found = faces.inverse_depth(directions[:, 0], np.zeros(inverse.shape[1], np.intp))
+    found = faces.inverse_depth(directions.transpose(1, 0, 2))[0]
     assert np.median(np.abs(found / inverse[0] - 1)) < 0.01
     assert 1 / faces.forms[0, 2, 2] == pytest.approx(0.9 - EYE[2], abs=0.02)
     assert abs((faces.along[0] - yaw + np.pi / 4) % (np.pi / 2) - np.pi / 4) < np.radians(4)
@@ -36,7 +36,7 @@ def test_of_a_box_two_upright_faces_and_the_top_are_found(yaw: float) -> None:
 def test_noise_does_not_make_a_far_face_deep() -> None:
     directions, inverse = seen(Cuboid((7.0, 0.0), (0.02, 1.6, 1.6), 0.0), noise=0.003)
     faces = fit_faces(directions, inverse, np.ones(inverse.shape))
-    depth = 1 / faces.inverse_depth(directions[:, 0], np.zeros(inverse.shape[1], np.intp))
+    depth = 1 / faces.inverse_depth(directions.transpose(1, 0, 2))[0]
     assert np.ptp(1 / inverse) > 0.5
     assert np.ptp(depth) < 0.2
     assert faces.noise[0] == pytest.approx(0.003, rel=0.3)
@@ -52,11 +52,11 @@ def test_objects_are_fitted_each_by_itself_and_padding_is_nothing() -> None:
         weights[number, : measured.size] = 1
     faces = fit_faces(directions, inverse, weights)
     for number, (aimed, measured) in enumerate((one, other)):
-        found = faces.inverse_depth(aimed[:, 0], np.full(measured.size, number))
+        found = faces.inverse_depth(np.repeat(aimed.transpose(1, 0, 2), 2, axis=0))[number]
         assert np.median(np.abs(found / measured[0] - 1)) < 0.01
 
 
 def test_a_single_reading_has_faces_that_are_no_nonsense() -> None:
     faces = fit_faces(np.array([[[1.0]], [[0.1]], [[-0.2]]]), np.array([[0.5]]), np.ones((1, 1)))
     assert np.isfinite(faces.along).all()
-    assert (faces.inverse_depth(np.array([[1.0], [0.1], [-0.2]]), np.zeros(1, np.intp)) > 0).all()
+    assert (faces.inverse_depth(np.array([[[1.0], [0.1], [-0.2]]])) > 0).all()
