@@ -98,7 +98,7 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     places = np.where(np.arange(weights.shape[1]) < (weights > 0).sum(axis=1, keepdims=True), order, order[:, :1])
     x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
     readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
-    explanations = _explained(readings, _starts(z, inverse, weights))
+    explanations = _explained(readings, _starts(z, w, readings.weights))
     forms, noise = _chosen(explanations, readings)
     forms = _polished(forms, readings)
     along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
@@ -126,7 +126,7 @@ def _explained(readings: _Readings, levels: Numbers) -> Numbers:
         flat = plane < walls
         kappa = _refitted(kappa, z, w, np.where(flat, trust, 0), trust)
         trust = all_of.trusted(np.abs(w - np.minimum(np.minimum(walls, plane), _NEAREST)), trust)
-    single = _single(sums[:, :, -1])
+    single = _single(sums.sum(axis=2))
     single[scarce] = np.nan
     return np.stack([_forms(pair, kappa), _forms(single, kappa)]).reshape(2 * len(levels), -1, 3, 3)
 
@@ -165,16 +165,16 @@ def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
 
 
 def _shares(readings: _Readings) -> Numbers:
-    """Return what each reading adds to the moments of the readings before each split, and of all: (n, m, 5 * SPLITS)."""
+    """Return what each reading adds to the moments of each of SPLITS runs of readings: (n, m, 5 * SPLITS)."""
     x, y, w = readings.x, readings.y, readings.w
     count = x.shape[1]
-    before = np.arange(count)[:, np.newaxis] < np.arange(1, SPLITS + 1) * count // SPLITS
+    run = np.searchsorted(np.arange(1, SPLITS + 1) * count // SPLITS, np.arange(count), side="right")
     products = np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
-    return (products[..., np.newaxis] * before.astype(np.float32)[:, np.newaxis]).reshape(len(x), count, -1)
+    return (products[..., np.newaxis] * np.eye(SPLITS, dtype=np.float32)[run][:, np.newaxis]).reshape(*x.shape, -1)
 
 
 def _summed(weights: Numbers, shares: Numbers) -> Numbers:
-    """Return the moments (5, h * n, SPLITS) of readings of n objects with (h * n, m) weights."""
+    """Return the moments (5, h * n, SPLITS) of the runs of readings of n objects with (h * n, m) weights."""
     count, readings, _ = shares.shape
     sums = weights.reshape(-1, count, readings).transpose(1, 0, 2) @ shares
     return sums.reshape(count, -1, 5, SPLITS).transpose(2, 1, 0, 3).reshape(5, -1, SPLITS)
@@ -182,8 +182,8 @@ def _summed(weights: Numbers, shares: Numbers) -> Numbers:
 
 def _pair(sums: Numbers) -> Numbers:
     """Return angle, scale of the right face and scale of the left one (n, 3) that fit best."""
-    right = np.ascontiguousarray(sums[:, :, :-1])
-    left = sums[:, :, -1:] - right
+    right = sums[:, :, :-1].cumsum(axis=2)
+    left = np.ascontiguousarray(sums[:, :, :0:-1].cumsum(axis=2)[:, :, ::-1])  # exactly 0 where nothing has weight
     angle = (-np.pi / 2 * (np.arange(TURNS) + 0.5) / TURNS).astype(np.float32)
     best = _search(right, left, angle[:, None, None])
     fine = best[0] + np.linspace(-0.5, 0.5, 5, dtype=np.float32)[:, None] * np.float32(np.pi / 2 / TURNS)

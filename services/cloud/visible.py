@@ -138,6 +138,8 @@ def _places(directions: Numbers, columns: Numbers, rows: Numbers, weights: Numbe
 
 def _unread(seen: Seen) -> Indices:
     """Return the pixels of the mask that have no reading."""
+    if len(seen.at) == seen.mask.area:
+        return np.zeros(0, np.intp)
     without = seen.mask.pixels.copy()
     without.reshape(-1)[seen.at] = False
     return np.flatnonzero(without)
@@ -183,7 +185,7 @@ def _is_exact(cells: _Cells, faces: Faces) -> NDArray[np.bool_]:
 def _middle(seen: Seen, placed: Numbers, unread: int, level: Level) -> Numbers:
     """Return the middle of readings and of pixels without one, of which the first of those placed are some."""
     read = len(seen.at)
-    mean = seen.xyz.mean(axis=1, dtype=np.float64)
+    mean = seen.xyz.mean(axis=1).astype(np.float64)
     if not unread:
         return np.asarray(mean)
     x, y, up = placed[:, : min(unread, PIXELS)].mean(axis=1)
