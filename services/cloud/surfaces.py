@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Numbers = NDArray[Any]
+Indices = NDArray[np.intp]
 
 TURNS: Final = 10
 SPLITS: Final = 10
@@ -185,13 +186,15 @@ def _pair(sums: Numbers) -> Numbers:
     right = sums[:, :, :-1].cumsum(axis=2)
     left = np.ascontiguousarray(sums[:, :, :0:-1].cumsum(axis=2)[:, :, ::-1])  # exactly 0 where nothing has weight
     angle = (-np.pi / 2 * (np.arange(TURNS) + 0.5) / TURNS).astype(np.float32)
-    best = _search(right, left, angle[:, None, None])
-    fine = best[0] + np.linspace(-0.5, 0.5, 5, dtype=np.float32)[:, None] * np.float32(np.pi / 2 / TURNS)
-    return _search(right, left, np.clip(fine, np.float32(-np.pi / 2), np.float32(0))[:, :, None])[1]
+    (best, *_), split = _search(right, left, angle[:, None, None])
+    row = np.arange(len(best))
+    right, left = (side[:, row, split, None] for side in (right, left))
+    fine = best + np.linspace(-0.5, 0.5, 5, dtype=np.float32)[:, None] * np.float32(np.pi / 2 / TURNS)
+    return _search(right, left, np.clip(fine, np.float32(-np.pi / 2), np.float32(0))[:, :, None])[0].T
 
 
-def _search(right: Numbers, left: Numbers, angle: Numbers) -> tuple[Numbers, Numbers]:
-    """Return the angles (n,) that fit best, and with them the scales of both faces (n, 3)."""
+def _search(right: Numbers, left: Numbers, angle: Numbers) -> tuple[Numbers, Indices]:
+    """Return the angles that fit best with the scales of both faces, (3, n), and at which split (n,) that is."""
     c, s = np.cos(angle), np.sin(angle)
     left_k, gain = _fitted(left, c, s)
     right_k, gain_right = _fitted(right, -s, c)
@@ -200,7 +203,7 @@ def _search(right: Numbers, left: Numbers, angle: Numbers) -> tuple[Numbers, Num
     turn, split = np.divmod(gain.transpose(1, 0, 2).reshape(rows, -1).argmax(axis=1), splits)
     row = np.arange(rows)
     found = np.broadcast_to(angle, gain.shape)[turn, row, split]
-    return found, np.stack([found, right_k[turn, row, split], left_k[turn, row, split]], axis=1)
+    return np.stack([found, right_k[turn, row, split], left_k[turn, row, split]]), split
 
 
 def _single(moments: Numbers) -> Numbers:

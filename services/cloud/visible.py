@@ -161,7 +161,7 @@ def _picked(seen: Seen, unread: Indices) -> NDArray[np.intp]:
 
 
 def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells) -> Numbers:
-    """Return where on the faces of the objects that they are of pixels (n, 3, m) are: (n, 3, m), along the level axes."""
+    """Return where on their objects' faces pixels (n, 3, m) are: (n, 3, m), along the level axes."""
     aimed = cells.places @ pixels
     wide = np.ptp(aimed, axis=2).max(axis=1)
     far, _, near = cells.depths[:, :, np.newaxis]

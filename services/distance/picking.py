@@ -42,7 +42,7 @@ class Criteria:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picked:
-    """What n masks hold: areas, counts: (n,) pixels, and how many of them have a reading. mean_m: (n,), of all of these.
+    """What n masks hold: areas, counts: (n,) pixels, and how many of them have a reading. mean_m: (n,) of these.
 
     rows: which ones have enough readings, m of them. z: (m, SAMPLE) some of these in metres, ascending. at: (m, SAMPLE)
     flat places of these in the image. around: (m, AROUND) readings around them, ascending, NaN where there are none.
@@ -68,8 +68,10 @@ def pick(windows: Sequence[Window], depth_m: Floats, criteria: Criteria) -> Pick
     rows = np.flatnonzero(masked.counts >= criteria.min_pixels)
     core = _Marked.of(list(_cores(windows, offsets, there, criteria)), offsets, there) if criteria.edge else masked
     within = core.nearest(rows)
-    z, at = _ascending(depth[within], _in_image(within, [windows[row] for row in rows], offsets[rows], depth_m.shape[1]))
-    return Picked(masked.areas, masked.counts, masked.means(depth), rows, z, at, _around(windows, rows, depth, there, offsets))
+    at = _in_image(within, [windows[row] for row in rows], offsets[rows], depth_m.shape[1])
+    z, at = _ascending(depth[within], at)
+    around = _around(windows, rows, depth, there, offsets)
+    return Picked(masked.areas, masked.counts, masked.means(depth), rows, z, at, around)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,9 +162,9 @@ def _spread(starts: Indices, counts: Indices, wanted: int) -> Indices:
 
 def _in_image(pixels: Indices, windows: Sequence[Window], starts: Indices, width: int) -> Indices:
     """Return where in a flat image so wide pixels are, (m, k), that are counted from m windows' starts."""
-    places = [(start, window.top, window.left, window.pixels.shape[1]) for start, window in zip(starts, windows, strict=True)]
-    start, top, left, across = np.array(places, np.intp).reshape(-1, 4).T[:, :, np.newaxis]
-    rows, columns = np.divmod(pixels - start, across)
+    places = np.array([(window.top, window.left, window.pixels.shape[1]) for window in windows], np.intp)
+    top, left, across = places.reshape(-1, 3).T[:, :, np.newaxis]
+    rows, columns = np.divmod(pixels - starts[:, np.newaxis], across)
     return np.asarray((rows + top) * width + columns + left)
 
 
