@@ -26,4 +26,4 @@ def some(count: int, wanted: int) -> Indices:
 
 
 def _jittered(wanted: int) -> NDArray[np.float64]:
-    return _JITTERED[:wanted] if wanted <= len(_JITTER) else np.arange(wanted) + np.resize(_JITTER, wanted)
+    return _JITTERED[:wanted] if wanted <= len(_JITTER) else np.asarray(np.arange(wanted) + np.resize(_JITTER, wanted))

@@ -68,7 +68,7 @@ def pick(windows: Sequence[Window], depth_m: Floats, criteria: Criteria) -> Pick
     rows = np.flatnonzero(masked.counts >= criteria.min_pixels)
     core = _Marked.of(list(_cores(windows, offsets, there, criteria)), offsets, there) if criteria.edge else masked
     within = core.nearest(rows)
-    at = _in_image(within, [windows[row] for row in rows], offsets[rows], depth_m.shape[1])
+    at = _in_image(within, [windows[row] for row in rows.tolist()], offsets[rows], depth_m.shape[1])
     z, at = _ascending(depth[within], at)
     around = _around(windows, rows, depth, there, offsets)
     return Picked(masked.areas, masked.counts, masked.means(depth), rows, z, at, around)
