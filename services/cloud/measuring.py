@@ -194,7 +194,7 @@ def _object(
         name=detection.name,
         label=detection.label,
         index=index,
-        xyz=_octets(xyz.T.astype("<f4")),
+        xyz=_octets(xyz.T.astype("<f4", order="C")),
         rgb=_octets(rgb),
         shape=_shape(centroid, box, here),
         in_target=None if target.from_points is None else _moved(target.from_points, centroid, box),

@@ -50,6 +50,8 @@ def foreground(depth: Floats, across: Floats) -> Selection:
     weights = until[ends - 1] - until[starts] + counts[starts]
     first = int(np.argmax(weights >= SUBSTANTIAL * weights.max()))
     last = first
+    if ends[first] - starts[first] == len(counts):
+        return np.ones(len(depth), np.bool_)
     chosen = np.asarray((steps >= starts[first]) & (steps < ends[first]))
     if first + 1 == len(starts):
         return chosen

@@ -135,7 +135,8 @@ def _explained(readings: _Readings, levels: Numbers) -> Numbers:
 def _refitted(kappa: Numbers, z: Numbers, w: Numbers, on: Numbers, trust: Numbers) -> Numbers:
     """Return the horizontal faces that fit the readings on them, where there are enough."""
     enough = on.sum(axis=1) > _LEAST_SHARE * trust.sum(axis=1)
-    better = np.einsum("nm,nm,nm->n", on, w, z) / np.maximum(np.einsum("nm,nm,nm->n", on, z, z), _TINY)
+    onto = on * z
+    better = np.einsum("nm,nm->n", onto, w) / np.maximum(np.einsum("nm,nm->n", onto, z), _TINY)
     return np.where(enough, better, kappa)
 
 
