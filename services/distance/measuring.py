@@ -154,7 +154,7 @@ def _placed(
     if not (somewhere := np.isfinite(x)).all():
         own, solid = own & somewhere, solid & somewhere
         x, y = np.where(somewhere, x, 0), np.where(somewhere, y, 0)
-    straight = _medians(z * view.camera.lengths(*view.depth_m.shape).ravel()[at], own)
+    straight = _medians(z * np.sqrt(1 + x * x + y * y), own)
     weights = np.where(solid, z, 0.0) / np.maximum(solid.sum(axis=1, keepdims=True), 1)
     middles = np.stack([*(np.einsum("nm,nm->n", ray, weights) for ray in (x, y)), weights.sum(axis=1)], axis=1)
     places = [_in_frame(view.frame_id, middles, np.identity(4))]
