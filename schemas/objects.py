@@ -35,7 +35,7 @@ class UprightBox(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Shape(msgspec.Struct, frozen=True, kw_only=True):
-    """An object in one frame of reference. centroid: the mean of its points, metres."""
+    """An object in one frame of reference. centroid: the middle of its visible surface, metres."""
 
     centroid: Vector
     box: UprightBox

@@ -17,7 +17,8 @@ from services.cloud.account import Account
 from services.cloud.cutting import Job, cut
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Waiting
-from services.distance.measuring import Criteria, View, measure, unknown
+from services.distance.measuring import View, measure, unknown
+from services.distance.picking import Criteria
 from services.distance.sensed import DEPTH_IMAGE, Sensed
 from services.distance.views import Limits as Readings
 from services.distance.views import Views

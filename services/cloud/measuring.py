@@ -1,6 +1,6 @@
 """Detections and points of the same instant to the clouds of the objects. Pure."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,12 +14,13 @@ from schemas.objects import MAX_OBJECT_POINTS, ObjectCloud, ObjectClouds, Shape,
 from schemas.transforms import Transform
 from services.cloud.errors import CloudError
 from services.cloud.outliers import crowded, foreground
-from services.cloud.outlines import Candidates, View, trusted
+from services.cloud.outlines import Candidates, RegisteredView, View, in_window, trusted
 from services.cloud.points import Bytes, Floats, Indices, Points
 from services.cloud.sampling import some
 from services.cloud.shape import Box, Level, fit_box
-from services.geometry.errors import GeometryError
-from services.geometry.masks import Window, decode
+from services.cloud.visible import Seen, shapes
+from services.geometry.errors import GeometryError, MaskError
+from services.geometry.masks import Window, decode_all
 from services.geometry.rotation import quaternion_of
 
 Numbers = NDArray[np.float64]
@@ -70,20 +71,25 @@ def measure(
     of: the header of the points. view: them as the camera of the detections sees them.
     """
     here = Level.of(up_in(of.frame_id, target))
-    objects: list[ObjectCloud] = []
     unmeasured: dict[int, str] = {}
-    room = MAX_OBJECT_POINTS
     masks = dict(_masks(detections, unmeasured))
-    for index, found in zip(masks, view.within(list(masks.values())), strict=True):
+    found: dict[int, tuple[Indices, Floats]] = {}
+    room = MAX_OBJECT_POINTS
+    inner = {index: trusted(mask) for index, mask in masks.items()}
+    for index, candidates in zip(masks, view.within(list(inner.values())), strict=True):
         try:
-            kept, xyz = _isolated(found, limits)
-            _check_room(len(kept), room)
+            found[index] = _isolated(candidates, limits)
+            _check_room(len(found[index][0]), room)
         except GeometryError as error:
+            found.pop(index, None)
             unmeasured[index] = str(error)
             continue
-        room -= len(kept)
-        rgb = points.take(found.at[kept]).rgb()
-        objects.append(_object(detections.objects[index], index, xyz, rgb, here=here, target=target))
+        room -= len(found[index][0])
+    made = zip(found.items(), _colours(found, points), _shapes(found, masks, inner, view, here), strict=True)
+    objects = [
+        _object(detections.objects[index], index, xyz, rgb, shape, here=here, target=target)
+        for (index, (_, xyz)), rgb, shape in made
+    ]
     return ObjectClouds(
         header=msgspec.structs.replace(detections.header, stamp_ns=of.stamp_ns, frame_id=of.frame_id),
         objects=objects,
@@ -95,6 +101,32 @@ def measure(
     )
 
 
+def _colours(found: Mapping[int, tuple[Indices, Floats]], points: Points) -> list[Bytes | None]:
+    """Return the colours of objects that consist of points (numbers in their cloud, coordinates)."""
+    numbers = [at for at, _ in found.values()]
+    rgb = points.take(np.concatenate(numbers)).rgb() if numbers else None
+    if rgb is None:
+        return [None] * len(numbers)
+    return list(np.split(rgb, np.cumsum([len(at) for at in numbers])[:-1]))
+
+
+def _shapes(
+    found: Mapping[int, tuple[Indices, Floats]],
+    masks: Mapping[int, Window],
+    inner: Mapping[int, Window],
+    view: View,
+    level: Level,
+) -> list[tuple[Numbers, Box]]:
+    """Return centroids and boxes of objects that consist of points (numbers in their cloud, coordinates)."""
+    if isinstance(view, RegisteredView) and view.factor == 1:
+        seen = [
+            Seen(masks[index], inner[index], in_window(at, view.points.shape[1], masks[index]), xyz)
+            for index, (at, xyz) in found.items()
+        ]
+        return shapes(seen, level)
+    return [(xyz.mean(axis=1, dtype=np.float64), fit_box(xyz, level)) for _, xyz in found.values()]
+
+
 def up_in(frame_id: str, target: Target) -> Numbers:
     """Return what is up for points in a frame: the target's z where that is known, else what ROS's REP 103 says."""
     if target.from_points is not None:
@@ -104,32 +136,37 @@ def up_in(frame_id: str, target: Target) -> Numbers:
 
 def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple[int, Window]]:
     """Decode the masks; why there is none goes to `unmeasured`."""
-    for index, detection in enumerate(detections.objects):
-        if detection.mask is None:
-            unmeasured[index] = NO_MASK
-            continue
-        try:
-            yield index, trusted(decode(detection.mask))
-        except GeometryError as error:
-            unmeasured[index] = str(error)
+    masks = {index: found.mask for index, found in enumerate(detections.objects) if found.mask is not None}
+    unmeasured.update(dict.fromkeys(set(range(len(detections.objects))).difference(masks), NO_MASK))
+    for index, window in zip(masks, decode_all(masks.values()), strict=True):
+        if isinstance(window, MaskError):
+            unmeasured[index] = str(window)
+        else:
+            yield index, window
 
 
 def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
-    """Return which of the points within a mask are the object's, and where they are, (3, n).
+    """Return which of a cloud's points within a mask are the object's, and where they are, (3, n).
 
     Raises:
         CloudError: there are none to speak of.
     """
     _check_enough(len(found.at), limits, "within its mask")
-    kept = np.flatnonzero(foreground(found.depth, found.across))
-    xyz = found.xyz.take(kept, axis=1)
-    chosen = np.flatnonzero(crowded(xyz))
-    kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
+    kept, xyz = _only(foreground(found.depth, found.across), found.at, found.xyz)
+    kept, xyz = _only(crowded(xyz), kept, xyz)
     if limits.voxel_m or len(kept) > limits.max_points:
         chosen = limits.thinned(xyz)
         kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
     _check_enough(len(kept), limits, "that stand out from what is behind it")
     return kept, xyz
+
+
+def _only(chosen: NDArray[np.bool_], at: Indices, xyz: Floats) -> tuple[Indices, Floats]:
+    """Return the points that are chosen, mostly all of them."""
+    if chosen.all():
+        return at, xyz
+    which = np.flatnonzero(chosen)
+    return at.take(which), xyz.take(which, axis=1)
 
 
 def _check_enough(count: int, limits: Limits, where: str) -> None:
@@ -143,14 +180,21 @@ def _check_room(count: int, room: int) -> None:
 
 
 def _object(
-    detection: Detection, index: int, xyz: Floats, rgb: Bytes | None, *, here: Level, target: Target
+    detection: Detection,
+    index: int,
+    xyz: Floats,
+    rgb: Bytes | None,
+    shape: tuple[Numbers, Box],
+    *,
+    here: Level,
+    target: Target,
 ) -> ObjectCloud:
-    centroid, box = xyz.mean(axis=1, dtype=np.float64), fit_box(xyz, here)
+    centroid, box = shape
     return ObjectCloud(
         name=detection.name,
         label=detection.label,
         index=index,
-        xyz=_octets(xyz.T.astype("<f4")),
+        xyz=_octets(xyz.T.astype("<f4", order="C")),
         rgb=_octets(rgb),
         shape=_shape(centroid, box, here),
         in_target=None if target.from_points is None else _moved(target.from_points, centroid, box),

@@ -27,8 +27,8 @@ HOLLOW: Final = 0.3
 CELLS: Final = 16
 """Cells along the longest side of the grid in which points have neighbours."""
 
-WIDTH: Final = CELLS + 3
-"""With a border on either side, and a cell for what lies on the far edge."""
+BORDERED: Final = 3
+"""So many cells more there are along each: a border on either side, and one for what lies on the far edge."""
 
 MIN_SIDE_M: Final = 1e-4
 
@@ -50,8 +50,13 @@ def foreground(depth: Floats, across: Floats) -> Selection:
     weights = until[ends - 1] - until[starts] + counts[starts]
     first = int(np.argmax(weights >= SUBSTANTIAL * weights.max()))
     last = first
-    chosen = (steps >= starts[first]) & (steps < ends[first])
+    if ends[first] - starts[first] == len(counts):
+        return np.ones(len(depth), np.bool_)
+    chosen = np.asarray((steps >= starts[first]) & (steps < ends[first]))
+    if first + 1 == len(starts):
+        return chosen
     width = float(np.ptp(across.compress(chosen, axis=1), axis=1).max())
+    last = first
     while (
         last + 1 < len(starts) and _metres(nearest, starts[last + 1]) - _metres(nearest, ends[last]) <= HOLLOW * width
     ):
@@ -76,13 +81,18 @@ def _runs(filled: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def crowded(xyz: Floats) -> Selection:
     """Return which of (3, n) points have neighbours, in their cell of a grid around all of them or the next ones."""
     low = xyz.min(axis=1, keepdims=True)
-    side = max(float((xyz.max(axis=1, keepdims=True) - low).max()) / CELLS, MIN_SIDE_M)
-    x, y, z = ((xyz - low) * np.float32(1 / side)).astype(np.int32) + 1
-    cells = (x * WIDTH + y) * WIDTH + z
-    counts = np.bincount(cells, minlength=WIDTH**3)
-    for apart in (1, WIDTH, WIDTH * WIDTH):  # the next cell along each axis; those at the border are empty
+    reach = xyz.max(axis=1, keepdims=True) - low
+    scale = np.float32(1 / max(float(reach.max()) / CELLS, MIN_SIDE_M))
+    x, y, z = ((xyz - low) * scale).astype(np.int32)
+    _, depth, width = ((reach * scale).astype(np.int32) + BORDERED)[:, 0].tolist()
+    first = (depth + 1) * width + 1  # the cell at the corner, within the border
+    cells = (x * depth + y) * width + z + first
+    alone = np.bincount(cells, minlength=int(cells.max()) + first + 1)
+    counts = alone.astype(np.int32)
+    for apart in (1, width, width * depth):  # the next cell along each axis; those at the border are empty
         around = counts.copy()
         around[apart:] += counts[:-apart]
         around[:-apart] += counts[apart:]
         counts = around
-    return np.asarray(counts[cells] >= NEIGHBOURS)
+    enough = counts >= NEIGHBOURS
+    return np.ones(len(cells), np.bool_) if enough[alone > 0].all() else enough.take(cells)

@@ -19,6 +19,10 @@ SOLID: Final = 0.6
 """A mask that would lose more than the rest of its pixels with its edge keeps it."""
 
 
+AT_ONCE: Final = 1 << 18
+"""So many points of objects are read at once, or those of one more object."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
     """Points that a mask covers, as numbers in their cloud; some of them are the object's.
@@ -55,20 +59,42 @@ class RegisteredView:
 
     def within(self, windows: Sequence[Window]) -> Iterator[Candidates]:
         """See `View.within`."""
-        return map(self._within, windows)
+        group: list[Indices] = []
+        for window in windows:
+            group.append(self._numbers(window))
+            if sum(map(len, group)) > AT_ONCE:
+                yield from self._candidates(group)
+                group = []
+        if group:
+            yield from self._candidates(group)
 
-    def _within(self, window: Window) -> Candidates:
+    def _numbers(self, window: Window) -> Indices:
+        """Return which points are of the pixels of a mask."""
         first = self.factor // 2
         top, left = (first - window.top) % self.factor, (first - window.left) % self.factor
-        rows, columns = np.nonzero(window.pixels[top :: self.factor, left :: self.factor])
-        rows += (window.top + top) // self.factor
-        columns += (window.left + left) // self.factor
-        at = rows * self.points.shape[1] + columns
+        pixels = window.pixels[top :: self.factor, left :: self.factor]
+        at = np.flatnonzero(pixels)
+        width = self.points.shape[1]
+        at += at // max(1, pixels.shape[1]) * (width - pixels.shape[1])
+        at += (window.top + top) // self.factor * width + (window.left + left) // self.factor
+        return at
+
+    def _candidates(self, group: Sequence[Indices]) -> Iterator[Candidates]:
+        at, ends = np.concatenate(group), np.cumsum([len(each) for each in group])
         xyz = self.points.take(at).xyz()
         seen = usable(xyz) & (xyz[2] > NEAR_M)
         if not seen.all():
-            at, xyz = at[seen], xyz.compress(seen, axis=1)
-        return Candidates(at, xyz, xyz[2], xyz[:2])
+            which = np.flatnonzero(seen)
+            at, xyz, ends = at.take(which), xyz.take(which, axis=1), np.searchsorted(which, ends)
+        for start, end in zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True):
+            own = xyz[:, start:end]
+            yield Candidates(at[start:end], own, own[2], own[:2])
+
+
+def in_window(at: Indices, width: int, window: Window) -> Indices:
+    """Return where, flat, in a window of a picture so wide its pixels `at` are."""
+    across = window.pixels.shape[1]
+    return np.asarray(at - at // width * (width - across) - (window.top * across + window.left))
 
 
 def factor_of(height: int, width: int, points: Points) -> int:

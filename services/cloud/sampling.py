@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from services.cloud.points import Indices
 
 _JITTER: Final = np.random.default_rng(0).random(2048)
+_JITTERED: Final = np.arange(len(_JITTER)) + _JITTER
 
 
 def some(count: int, wanted: int) -> Indices:
@@ -17,12 +18,12 @@ def some(count: int, wanted: int) -> Indices:
     """
     if count <= wanted:
         return np.arange(count)
-    taken = ((np.arange(wanted) + _jitter(wanted)) * (count / wanted)).astype(np.intp)
+    taken = (_jittered(wanted) * (count / wanted)).astype(np.intp)
     new = np.empty(wanted, np.bool_)
     new[0] = True
     np.not_equal(taken[1:], taken[:-1], out=new[1:])
     return taken[new]
 
 
-def _jitter(wanted: int) -> NDArray[np.float64]:
-    return _JITTER[:wanted] if wanted <= len(_JITTER) else np.resize(_JITTER, wanted)
+def _jittered(wanted: int) -> NDArray[np.float64]:
+    return _JITTERED[:wanted] if wanted <= len(_JITTER) else np.asarray(np.arange(wanted) + np.resize(_JITTER, wanted))

@@ -74,11 +74,26 @@ def fit_box(xyz: Floats, level: Level) -> Box:
     """Return the smallest upright box around (3, n) points; see `_best`."""
     axes = np.array([level.x, level.y, level.up])
     flat = axes.astype(np.float32) @ xyz.take(some(xyz.shape[1], SAMPLES), axis=1)
-    angle = _angle(flat[:2].take(some(flat.shape[1], TURNED), axis=1))
-    cos, sin = math.cos(angle), math.sin(angle)
-    turned = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    turned = _turned(_angle(flat[:2].take(some(flat.shape[1], TURNED), axis=1)))
     low, high = _extent(turned.astype(np.float32) @ flat)
-    sides, size = turned @ axes, high - low
+    return _between(low, high, turned @ axes)
+
+
+def box_between(low: Reals, high: Reals, level: Level, angle: float) -> Box:
+    """Return the upright box from the lowest to the highest places along its sides.
+
+    angle: of the first side, counter-clockwise, to level's x; the second one is left of it, the third one up.
+    """
+    return _between(low, high, _turned(angle) @ np.array([level.x, level.y, level.up]))
+
+
+def _turned(angle: float) -> Reals:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+
+
+def _between(low: Reals, high: Reals, sides: Reals) -> Box:
+    size = high - low
     centre = ((low + high) / 2) @ sides
     if size[0] < size[1]:
         return Box(centre, size[[1, 0, 2]], sides[1])

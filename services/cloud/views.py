@@ -30,7 +30,10 @@ FIXED_FRAMES: Final = ("map", "odom")
 FARTHEST_M: Final = MAX_COORDINATE_M / 2
 """How far away a target frame may be: what is near the points is then within what messages carry."""
 
-CHECKED: Final = 64
+CHECKED: Final = 1024
+CHECKED_APART: Final = 4
+"""Of so many points each so many-th with a reading says whether a cloud is registered."""
+
 _STRAY_PIXELS: Final = 2.0
 _SAME: Final = 1e-4
 
@@ -117,9 +120,9 @@ def _camera(instant: Instant) -> CameraModel:
 
 def _fits(points: Points, camera: CameraModel, factor: int) -> bool:
     """Return whether points lie where their pixels look, as a registered cloud's do."""
-    at = some(points.shape[0] * points.shape[1], CHECKED * CHECKED)
+    at = some(points.shape[0] * points.shape[1], CHECKED)
     xyz = points.take(at).xyz()
-    seen = np.flatnonzero(usable(xyz) & (xyz[2] > 0))[:: CHECKED // 4]
+    seen = np.flatnonzero(usable(xyz) & (xyz[2] > 0))[::CHECKED_APART]
     if not len(seen):
         return True
     rows, columns = np.divmod(at[seen], points.shape[1])

@@ -17,7 +17,8 @@ from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
 from schemas.keys import Stream, StreamKey, Wanted
 from services.distance.account import FAILED, REPLACED, UNWANTED, Account
-from services.distance.measuring import Criteria, View, measure, unknown
+from services.distance.measuring import View, measure, unknown
+from services.distance.picking import Criteria
 from services.distance.sensed import Moment, Sensed
 from services.distance.taking import Taking
 from services.distance.views import Views

@@ -1,56 +1,34 @@
 """What depth says of the objects of one image. Pure."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from schemas.distances import Measured, ObjectDistance, Place
 from schemas.space import MAX_COORDINATE_M
+from services.distance.picking import RING, Criteria, Picked, pick
 from services.geometry.camera import CameraModel
-from services.geometry.errors import GeometryError
+from services.geometry.errors import MaskError
 from services.geometry.foreground import foreground, on_surface
-from services.geometry.masks import Window, decode, eroded, surroundings
+from services.geometry.masks import Window, decode_all
 from services.geometry.rotation import moved
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 
-SAMPLE: Final = 512
-"""Readings of an object that its statistics are made of, spread evenly over it."""
+AT_ONCE: Final = 1 << 21
+"""Pixels of the windows of objects that are measured at once."""
 
-AROUND: Final = 256
-"""Readings around it."""
-
-FILLED: Final = SAMPLE // 8
-"""Where fewer pixels than this have a reading near, of SAMPLE, those that have one are taken."""
-
-REACH: Final = 2
-"""A pixel without a reading counts as the nearest one of its row that has one, at most so many pixels away."""
-
-RING: Final = 5
-"""Pixels around a mask that say what is behind and before the object."""
-
-_EVEN: Final = {count: np.arange(count) for count in (SAMPLE, AROUND)}
-_NONE: Final = np.zeros(AROUND, np.intp)
 _NOISE: Final = 0.01
 """Share of an object's readings that are nearer than its nearest point."""
 
 _NOWHERE: Final = "by the camera's distortion model its pixels look nowhere"
 _SIGMA: Final = 1.4826
 """Standard deviations of a normal distribution in one median absolute deviation."""
-
-
-@dataclass(frozen=True, slots=True)
-class Criteria:
-    """When readings count. min_pixels: valid ones that an object needs. edge: pixels taken off at a mask's edges."""
-
-    min_pixels: int = 30
-    edge: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +60,10 @@ def measure(objects: Sequence[Detection], view: View, criteria: Criteria) -> lis
     """
     if isinstance(view.camera, CameraModel):
         view.camera.check_size(*view.depth_m.shape)
-    looked = [_look(index, found, view.depth_m, criteria) for index, found in enumerate(objects)]
-    seen = [each for each in looked if isinstance(each, _Seen)]
-    measured = _measured(seen, view) if seen else iter(())
-    return [next(measured) if isinstance(each, _Seen) else each for each in looked]
+    measured: dict[int, ObjectDistance] = {}
+    for windows in _groups(objects, measured):
+        measured.update((each.index, each) for each in _measured(objects, windows, view, criteria))
+    return [measured[index] for index in range(len(objects))]
 
 
 def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:
@@ -93,102 +71,66 @@ def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:
     return [_unknown(index, found, 0.0, reason) for index, found in enumerate(objects)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    """An object with enough readings: some pixels of its window that have one, within the mask and just around it."""
-
-    index: int
-    found: Detection
-    window: Window
-    share: float
-    mean_m: float
-    within: Indices
-    around: Indices
-
-
-def _look(index: int, found: Detection, depth_m: Floats, criteria: Criteria) -> _Seen | ObjectDistance:
-    if found.mask is None:
-        return _unknown(index, found, 0.0, "the model gives no masks")
-    try:
-        window = decode(found.mask, margin=RING)
-    except GeometryError as error:
-        return _unknown(index, found, 0.0, str(error))
-    patch = depth_m[window.place]
-    there = patch > 0
-    valid = window.pixels & there
-    count, area = int(np.count_nonzero(valid)), window.area
-    share = count / area if area else 0.0
-    if count < criteria.min_pixels:
-        reason = f"{count} of its {area} pixels have a reading, {criteria.min_pixels} are needed"
-        return _unknown(index, found, share, reason)
-    mask = eroded(window, criteria.edge).pixels
-    inner = np.flatnonzero(mask & there)
-    if len(inner) < criteria.min_pixels:
-        mask, inner = window.pixels, np.flatnonzero(valid)
-    within = _filled(_spread(np.flatnonzero(mask), SAMPLE), inner)
-    around = np.flatnonzero(surroundings(window, RING) & there)
-    mean = cv2.mean(patch, valid.view(np.uint8))[0]
-    return _Seen(index, found, window, share, mean, within, _spread(around, AROUND))
-
-
 def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectDistance:
     return ObjectDistance(name=found.name, index=index, valid_share=share, unknown=reason)
 
 
-def _spread(chosen: Indices, count: int) -> Indices:
-    """Return so many of some pixels, evenly spread, or _NONE of them."""
-    return chosen[_EVEN[count] * len(chosen) // count] if len(chosen) else _NONE
+def _groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) -> Iterator[dict[int, Window]]:
+    """Return the masks of objects, some at a time, by number; why there is none goes to `unmeasured`."""
+    masks = {index: found.mask for index, found in enumerate(objects) if found.mask is not None}
+    windows: dict[int, Window] = {}
+    pixels = 0
+    for index, window in zip(masks, decode_all(masks.values(), margin=RING), strict=True):
+        if isinstance(window, MaskError):
+            unmeasured[index] = _unknown(index, objects[index], 0.0, str(window))
+            continue
+        pixels += window.pixels.size
+        if windows and pixels > AT_ONCE:
+            yield windows
+            windows, pixels = {}, window.pixels.size
+        windows[index] = window
+    if windows:
+        yield windows
+    for index in set(range(len(objects))).difference(masks):
+        unmeasured[index] = _unknown(index, objects[index], 0.0, "the model gives no masks")
 
 
-def _filled(wanted: Indices, there: Indices) -> Indices:
-    """Return SAMPLE pixels with readings, instead of some that may have none; both ascending.
-
-    Readings are lost at edges and in shadows: without those beside them what is there would not count.
-    """
-    after = np.searchsorted(there, wanted)
-    nexts, lasts = there[np.minimum(after, len(there) - 1)], there[np.maximum(after - 1, 0)]
-    to_next, to_last = np.abs(nexts - wanted), np.abs(wanted - lasts)
-    nearest = np.where(to_next <= to_last, nexts, lasts)[np.minimum(to_next, to_last) <= REACH]
-    return _spread(nearest if len(nearest) >= FILLED else there, SAMPLE)
-
-
-def _in_image(pixels: Sequence[Indices], seen: Sequence[_Seen], width: int) -> Indices:
-    """Return where in a flat image so wide pixels of objects' windows are."""
-    windows = np.array([(each.window.top, each.window.left, each.window.pixels.shape[1]) for each in seen])
-    top, left, across = windows.T[:, :, np.newaxis]
-    rows, columns = np.divmod(np.stack(pixels), across)
-    return np.asarray((rows + top) * width + columns + left)
+def _measured(
+    objects: Sequence[Detection], windows: Mapping[int, Window], view: View, criteria: Criteria
+) -> Iterator[ObjectDistance]:
+    picked = pick(list(windows.values()), view.depth_m, criteria)
+    known = dict(zip(picked.rows.tolist(), _known(picked, view), strict=True)) if len(picked.rows) else {}
+    counts, areas = picked.counts.tolist(), picked.areas.tolist()
+    for row, (index, count, area) in enumerate(zip(windows, counts, areas, strict=True)):
+        share = count / area if area else 0.0
+        if row in known:
+            yield ObjectDistance(name=objects[index].name, index=index, valid_share=share, measured=known[row])
+        else:
+            reason = f"{count} of its {area} pixels have a reading, {criteria.min_pixels} are needed"
+            yield _unknown(index, objects[index], share, reason)
 
 
-def _measured(seen: Sequence[_Seen], view: View) -> Iterator[ObjectDistance]:
-    flat = view.depth_m.ravel()
-    width = view.depth_m.shape[1]
-    at = _in_image([each.within for each in seen], seen, width)
-    z = flat[at]
-    order = np.argsort(z, axis=1)
-    z, at = np.take_along_axis(z, order, 1).astype(np.float64), np.take_along_axis(at, order, 1)
-    around = flat[_in_image([each.around for each in seen], seen, width)]
-    around[[each.around is _NONE for each in seen]] = np.nan
-    own = foreground(z, np.sort(around, axis=1))
+def _known(picked: Picked, view: View) -> Iterator[Measured]:
+    z = picked.z.astype(np.float64)
+    own = foreground(z, picked.around)
     axial = _medians(z, own)
     spread = _SIGMA * _medians(np.abs(z - axial[:, np.newaxis]), own)
     solid = own & on_surface(z)
     scattered = ~solid.any(axis=1)
     solid[scattered] = own[scattered]
-    euclidean, places = _placed(z, at, own, solid, view)
-    for row, each in enumerate(seen):
-        yield ObjectDistance(
-            name=each.found.name,
-            index=each.index,
-            valid_share=each.share,
-            measured=Measured(
-                axial_m=float(axial[row]),
-                euclidean_m=euclidean[row],
-                mean_m=each.mean_m,
-                nearest_m=float(z[row, solid[row]][int(solid[row].sum() * _NOISE)]),
-                spread_m=float(spread[row]),
-                places=places[row],
-            ),
+    order = solid.cumsum(axis=1)
+    nearest = z[np.arange(len(z)), (order > (order[:, -1:] * _NOISE).astype(np.intp)).argmax(axis=1)]
+    numbers = (each.tolist() for each in (axial, picked.mean_m[picked.rows], nearest, spread))
+    for axial_m, mean_m, nearest_m, spread_m, euclidean_m, places in zip(
+        *numbers, *_placed(z, picked.at, own, solid, view), strict=True
+    ):
+        yield Measured(
+            axial_m=axial_m,
+            euclidean_m=euclidean_m,
+            mean_m=mean_m,
+            nearest_m=nearest_m,
+            spread_m=spread_m,
+            places=places,
         )
 
 
@@ -209,10 +151,12 @@ def _placed(
     if isinstance(view.camera, str):
         return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
     x, y = (plane[at] for plane in view.camera.rays(*view.depth_m.shape).reshape(2, -1))
-    own, solid = own & np.isfinite(x), solid & np.isfinite(x)
-    straight = _medians(z * view.camera.lengths(*view.depth_m.shape).ravel()[at], own)
+    if not (somewhere := np.isfinite(x)).all():
+        own, solid = own & somewhere, solid & somewhere
+        x, y = np.where(somewhere, x, 0), np.where(somewhere, y, 0)
+    straight = _medians(z * np.sqrt(1 + x * x + y * y), own)
     weights = np.where(solid, z, 0.0) / np.maximum(solid.sum(axis=1, keepdims=True), 1)
-    middles = np.stack([np.sum(np.where(solid, ray, 0) * weights, axis=1) for ray in (x, y, 1)], axis=1)
+    middles = np.stack([*(np.einsum("nm,nm->n", ray, weights) for ray in (x, y)), weights.sum(axis=1)], axis=1)
     places = [_in_frame(view.frame_id, middles, np.identity(4))]
     places += [_in_frame(frame.frame_id, middles, frame.from_camera) for frame in view.frames]
     seen = np.isfinite(straight)

@@ -10,7 +10,7 @@ from bus.sharing.settings import SharingSettings
 from schemas.distances import MAX_PLACES
 from schemas.header import MAX_LABEL
 from schemas.keys import NAME
-from services.distance.measuring import Criteria
+from services.distance.picking import Criteria
 from services.distance.views import Limits
 
 

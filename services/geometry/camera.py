@@ -109,24 +109,11 @@ class CameraModel:
             raise CalibrationError(f"{width}x{height} pixels, at most {MAX_PIXELS} are placed")
         return self._rays
 
-    def lengths(self, height: int, width: int) -> Floats:
-        """Return how far the points at 1 m along the axis are from the optical centre, height x width. Read only.
-
-        Raises:
-            CalibrationError: pictures of that size are not this camera's, or too large.
-        """
-        self.rays(height, width)
-        return self._lengths
-
     @cached_property
     def _rays(self) -> Floats:
         rows, columns = np.indices((self.height, self.width))
         directions = self.undistort(np.column_stack([columns.ravel(), rows.ravel()])).T
         return _frozen(directions.reshape(2, self.height, self.width).astype(np.float32))
-
-    @cached_property
-    def _lengths(self) -> Floats:
-        return _frozen(np.sqrt(1 + np.square(self._rays).sum(axis=0)))
 
 
 def _frozen(made: Floats) -> Floats:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 Depths = NDArray[Any]
 Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
 _NEIGHBOURS: Final = 0.02
 """Share of the readings that lie close together where there is a surface."""
@@ -37,8 +38,15 @@ def foreground(within: Depths, around: Depths) -> Bools:
     """
     dense = _dense(within)
     own = np.ones(within.shape, np.bool_)
-    for row in np.flatnonzero(~dense.all(axis=1)):
-        own[row] = _own(within[row], dense[row], around[row])
+    whose, first, last = _surfaces(dense, within.shape[1] - dense.shape[1])
+    if not len(whose):
+        return own
+    kept = _kept(within, whose, first, last, around)
+    partly = np.zeros(len(within), np.bool_)
+    partly[whose[~kept]] = True
+    own[partly] = False
+    for row, start, end in zip(*(each[kept & partly[whose]].tolist() for each in (whose, first, last)), strict=True):
+        own[row, start : end + 1] = True
     return own
 
 
@@ -60,28 +68,22 @@ def _dense(within: Depths) -> Bools:
     return np.asarray(within[:, near:] - starts <= _GAP_M + _GAP_SHARE * starts)
 
 
-def _own(within: Depths, dense: Bools, around: Depths) -> Bools:
-    edges = (np.flatnonzero(dense[1:] != dense[:-1]) + 1).tolist()
-    edges = [*([0] if dense[0] else []), *edges, *([len(dense)] if dense[-1] else [])]
-    own = np.ones(len(within), np.bool_)
-    if not edges:
-        return own
-    first, last = np.array(edges[::2]), np.array(edges[1::2]) + (len(within) - len(dense) - 1)
-    kept = _kept(within, first, last, around)
-    if kept.all():
-        return own
-    own[:] = False
-    for start, end in zip(first[kept], last[kept], strict=True):
-        own[start : end + 1] = True
-    return own
+def _surfaces(dense: Bools, near: int) -> tuple[Indices, Indices, Indices]:
+    """Return whose each surface is, and its first and last reading, which is so many after the last dense one."""
+    bordered = np.zeros((len(dense), dense.shape[1] + 2), np.bool_)
+    bordered[:, 1:-1] = dense
+    rows, edges = np.nonzero(bordered[:, 1:] != bordered[:, :-1])
+    return rows[::2], edges[::2], edges[1::2] + (near - 1)
 
 
-def _kept(within: Depths, first: NDArray[np.intp], last: NDArray[np.intp], around: Depths) -> Bools:
+def _kept(within: Depths, whose: Indices, first: Indices, last: Indices, around: Depths) -> Bools:
     """Return which surfaces, from their first to their last reading, are the object's."""
-    inside = (last - first + 1) / len(within)
-    slack = _GAP_M + _GAP_SHARE * within[first]
-    ends = np.searchsorted(around, np.stack([within[first] - slack, within[last] + slack]))
-    outside = (ends[1] - ends[0]) / max(1, np.count_nonzero(around > 0))
+    inside = (last - first + 1) / within.shape[1]
+    nearest, farthest, beside = within[whose, first], within[whose, last], around[whose]
+    slack = (_GAP_M + _GAP_SHARE * nearest)[:, np.newaxis]
+    met = (beside >= nearest[:, np.newaxis] - slack) & (beside < farthest[:, np.newaxis] + slack)
+    outside = met.sum(axis=1) / np.maximum((around > 0).sum(axis=1), 1)[whose]
     owned = inside / (outside + _FAINT)
-    most = owned[inside >= _SUPPORT].max(initial=0)
-    return np.asarray((inside >= outside) | (owned * _FOREIGN >= most))
+    most = np.zeros(len(within))
+    np.maximum.at(most, whose, np.where(inside >= _SUPPORT, owned, 0))
+    return np.asarray((inside >= outside) | (owned * _FOREIGN >= most[whose]))

@@ -1,5 +1,6 @@
-"""Masks of objects as windows of the image: COCO run-length encoding decoded, edges taken off."""
+"""Masks of objects as windows of the image: their runs decoded, edges taken off."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -10,17 +11,13 @@ from numpy.typing import NDArray
 
 from schemas.detections import Mask
 from services.geometry.errors import MaskError
+from services.geometry.runs import Runs
 
 Bools = NDArray[np.bool_]
 
-_FIRST: Final = np.uint8(ord("0"))
-_BITS: Final = 5
-_VALUE: Final = 0x1F
-_MORE: Final = 0x20
-_SIGN: Final = 0x10
-_SIGN_PLACE: Final = 4
-_LONGEST: Final = 7
-"""Characters of the longest number that fits an image."""
+MANY_PIXELS: Final = 1 << 25
+MANY_CHARACTERS: Final = 1 << 20
+"""Masks of more pixels, or of more text, are not decoded at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,60 +52,63 @@ def decode(mask: Mask, *, margin: int = 0) -> Window:
         MaskError: the runs are damaged, or do not fill the image.
     """
     height, width = mask.size
-    ends = np.cumsum(_runs(mask.counts))
-    if not len(ends) or ends[-1] != height * width:
-        raise MaskError(f"runs of {int(ends[-1]) if len(ends) else 0} pixels, the mask has {height * width}")
-    starts, stops = ends[: len(ends) - 1 : 2], ends[1::2]
-    full = stops > starts
-    starts, stops = starts[full], stops[full]
-    if not len(starts):
-        return Window(0, 0, np.zeros((0, 0), np.bool_))
-    return _window(starts, stops, height, width, margin)
+    return next(_windows(Runs.of([mask.counts], height, width), width, margin))
 
 
-def _window(starts: NDArray[np.int64], stops: NDArray[np.int64], height: int, width: int, margin: int) -> Window:
-    """Return the window of runs of set pixels, from `starts` to before `stops`, that go down the columns."""
-    left, right = max(int(starts[0]) // height - margin, 0), min((int(stops[-1]) - 1) // height + 1 + margin, width)
-    lengths = np.empty(2 * len(starts) + 1, np.int64)
-    lengths[1::2] = stops - starts
-    lengths[2:-1:2] = starts[1:] - stops[:-1]
-    lengths[0], lengths[-1] = starts[0] - left * height, right * height - stops[-1]
-    flags = np.zeros(len(lengths), np.bool_)
-    flags[1::2] = True
-    columns = flags.repeat(lengths).reshape(right - left, height)
-    (first_column, first), (last_column, last) = np.divmod(starts, height), np.divmod(stops - 1, height)
-    whole = (first_column != last_column).any()
-    top, bottom = (0, height) if whole else (int(first.min()), int(last.max()) + 1)
-    top, bottom = max(top - margin, 0), min(bottom + margin, height)
-    return Window(top, left, np.ascontiguousarray(columns[:, top:bottom].T))
+def decode_all(masks: Iterable[Mask], *, margin: int = 0) -> Iterator[Window | MaskError]:
+    """Decode masks as `decode` does it, several at a time; where one is damaged there is the error."""
+    for group in _groups(masks):
+        height, width = group[0].size
+        try:
+            yield from _windows(Runs.of([mask.counts for mask in group], height, width), width, margin)
+        except MaskError:
+            yield from (_decoded(mask, margin) for mask in group)
 
 
-def _runs(counts: str) -> NDArray[np.int64]:
-    """Return the lengths of the runs, of clear and set pixels in turn, clear ones first.
-
-    Raises:
-        MaskError: they are not encoded as COCO does it.
-    """
+def _decoded(mask: Mask, margin: int) -> Window | MaskError:
     try:
-        codes = np.frombuffer(counts.encode("ascii"), np.uint8) - _FIRST
-    except UnicodeEncodeError as error:
-        raise MaskError("runs that are not ASCII text") from error
-    ends = np.flatnonzero(codes & _MORE == 0) + 1
-    if not len(ends) or codes.max() > _VALUE + _MORE or ends[-1] != len(codes):
-        raise MaskError("runs that are not encoded as COCO does it")
-    first = np.zeros_like(ends)
-    first[1:] = ends[:-1]
-    lengths = ends - first
-    if lengths.max() > _LONGEST:
-        raise MaskError("a run longer than any image")
-    places = np.arange(len(codes)) - first.repeat(lengths)
-    numbers = np.add.reduceat((codes & _VALUE).astype(np.int64) << _BITS * places, first)
-    numbers -= (codes[ends - 1] & _SIGN).astype(np.int64) << _BITS * lengths >> _SIGN_PLACE
-    numbers[1::2].cumsum(out=numbers[1::2])  # from the fourth on each is what it is more than the last but one
-    numbers[2::2].cumsum(out=numbers[2::2])
-    if numbers.min() < 0:
-        raise MaskError("a run of less than no pixels")
-    return numbers
+        return decode(mask, margin=margin)
+    except MaskError as error:
+        return error
+
+
+def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
+    """Return masks of the same size, so few that they are decoded in little memory."""
+    group: list[Mask] = []
+    pixels = characters = 0
+    for mask in masks:
+        height, width = mask.size
+        pixels += height * width
+        characters += len(mask.counts)
+        if group and (mask.size != group[0].size or pixels > MANY_PIXELS or characters > MANY_CHARACTERS):
+            yield group
+            group, pixels, characters = [], height * width, len(mask.counts)
+        group.append(mask)
+    if group:
+        yield group
+
+
+def _windows(runs: Runs, width: int, margin: int) -> Iterator[Window]:
+    """Return the windows of masks of images so wide."""
+    height = runs.height
+    some = np.flatnonzero(np.diff(runs.bounds))
+    lefts = np.arange(len(runs.bounds) - 1) * width
+    borders, rights = lefts[some], lefts.copy()
+    tops, bottoms = np.zeros_like(lefts), np.zeros_like(lefts)
+    if len(some):
+        begins = runs.bounds[some]
+        (first_columns, first), (last_columns, last) = np.divmod(runs.starts, height), np.divmod(runs.stops - 1, height)
+        whole = np.logical_or.reduceat(first_columns != last_columns, begins)
+        tops[some] = np.where(whole, 0, np.maximum(np.minimum.reduceat(first, begins) - margin, 0))
+        bottoms[some] = np.where(whole, height, np.minimum(np.maximum.reduceat(last, begins) + 1 + margin, height))
+        lefts[some] = np.maximum(first_columns[begins] - margin, borders)
+        rights[some] = np.minimum(last_columns[runs.bounds[some + 1] - 1] + 1 + margin, borders + width)
+    columns = runs.pixels(lefts, rights).reshape(-1, height)
+    end = 0
+    for top, bottom, left, right in zip(*(each.tolist() for each in (tops, bottoms, lefts, rights)), strict=True):
+        start, end = end, end + right - left
+        pixels = np.ascontiguousarray(columns[start:end, top:bottom].T)
+        yield Window(top, left % width if end > start else 0, pixels)
 
 
 def eroded(window: Window, pixels: int) -> Window:

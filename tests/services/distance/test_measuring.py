@@ -4,7 +4,8 @@ import pytest
 
 from schemas.detections import Mask
 from schemas.distances import Measured, ObjectDistance
-from services.distance.measuring import Criteria, Frame, View, measure, unknown
+from services.distance.measuring import Frame, View, measure, unknown
+from services.distance.picking import Criteria
 from services.geometry.errors import CalibrationError
 from services.simulator.world import Camera, Drive, generate, render
 from tests.services.detector.views import NEAR_VIEWS

@@ -49,13 +49,6 @@ def test_rays_are_those_of_the_pixels_and_made_once() -> None:
         rays[0, 0, 0] = 1
 
 
-def test_lengths_are_those_of_the_rays() -> None:
-    lengths = camera().lengths(48, 64)
-    assert lengths.shape == (48, 64)
-    assert lengths[0, 0] == pytest.approx(np.sqrt(1 + (31.5**2 + 23.5**2) / 50**2))
-    assert lengths.min() == pytest.approx(1, abs=1e-3)
-
-
 def test_pictures_of_another_size_are_not_this_cameras() -> None:
     with pytest.raises(CalibrationError, match="calibrated for 64x48 pixels, the image has 32x24"):
         camera().rays(24, 32)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import Mask
 from services.geometry.errors import MaskError
-from services.geometry.masks import Window, decode, eroded
+from services.geometry.masks import Window, decode, decode_all, eroded
 from tests.schemas.masks import coco_mask
 
 
@@ -83,3 +83,30 @@ def test_edges_are_taken_off_at_holes_and_at_the_images_border_too() -> None:
     expected[2:5, 3:6] = False
     assert (inner.pixels == expected).all()
     assert (eroded(Window(0, 0, pixels), 0).pixels == pixels).all()
+
+
+def test_many_masks_are_decoded_as_each_alone_and_what_is_wrong_with_one_is_its_own() -> None:
+    pictures = np.random.default_rng(0).random((5, 6, 8)) < np.array([0.2, 0.5, 0, 0.9, 0.1])[:, None, None]
+    masks = [coco_mask(pixels) for pixels in pictures]
+    masks += [Mask((6, 8), "="), coco_mask(np.ones((2, 3), np.bool_)), *masks[:2]]
+    for margin in (0, 2):
+        for mask, found in zip(masks, decode_all(masks, margin=margin), strict=True):
+            if isinstance(found, MaskError):
+                assert str(found) == "runs of 13 pixels, the mask has 48"
+                continue
+            alone = decode(mask, margin=margin)
+            assert (found.top, found.left) == (alone.top, alone.left)
+            assert np.array_equal(found.pixels, alone.pixels)
+    assert sum(isinstance(found, MaskError) for found in decode_all(masks)) == 1
+
+
+def test_none_are_decoded_from_none() -> None:
+    assert not list(decode_all([]))
+
+
+def test_a_margin_ends_at_the_images_border() -> None:
+    pixels = np.zeros((6, 8), np.bool_)
+    pixels[1, 5:] = True
+    window = decode(coco_mask(pixels), margin=2)
+    assert (window.top, window.left, window.pixels.shape) == (0, 3, (4, 5))
+    assert np.array_equal(window.pixels, pixels[:4, 3:])

@@ -1,0 +1,302 @@
+"""The faces of upright boxes that noisy readings of a depth camera are of, many objects at once. Pure.
+
+A plane's inverse depth is linear in the direction that a pixel looks in, and there a stereo camera's noise is as large
+far away as near. Of a box one sees at most two upright faces that meet in a corner, and its top or its underside; what
+is seen of it is at each pixel the farthest of these planes, the one of the least inverse depth.
+
+Directions are (3, ...) along level axes, the third one up, of points at a depth of 1; a form is what a plane's inverse
+depth is of a direction: their scalar product.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = NDArray[Any]
+Indices = NDArray[np.intp]
+
+TURNS: Final = 10
+SPLITS: Final = 10
+ROUNDS: Final = 3
+LEVELS: Final = (0.35, 0.65, 0.93)
+"""Shares of an object's readings that may be below its top, or above its underside."""
+
+LEAST_HEIGHT_M: Final = 0.02
+"""From the camera's own height a horizontal face is not seen."""
+
+COHERENT: Final = 12.0
+"""Pixels that have one reading's worth of noise between them: stereo cameras match windows."""
+
+LIKELY: Final = 2.0
+"""How much worse than the best another explanation may fit, in squared standard deviations."""
+
+POLISH: Final = 0.14
+"""Radians by which faces are turned at most when those that were found are fitted to what is theirs."""
+
+POLISHED: Final = 17
+REACH: Final = 3.0
+"""Standard deviations that noise explains."""
+
+_TINY: Final = 1e-9
+_LEAST_SHARE: Final = 0.04
+_FLAT: Final = 1e-7
+_NORMAL: Final = 1.25
+_LEAST_NOISE: Final = 1e-6
+_SEEN: Final = 1e-4
+_NEAREST: Final = 20.0
+"""Inverse depths between which readings are."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Faces:
+    """Of n objects. forms: (n, 3, 3), two upright faces' and the horizontal one's, NaN where there is none.
+
+    along: (n,) angles of the first upright face's normal. noise: (n,) standard deviations of inverse depth.
+    """
+
+    forms: Numbers
+    along: Numbers
+    noise: Numbers
+
+    def inverse_depth(self, directions: Numbers) -> Numbers:
+        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where no face is."""
+        return _least(_inverse(self.forms, directions))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Readings:
+    """Of n objects, from right to left: directions x (ahead), y, z; inverse depths w; weights. (n, m) each.
+
+    What has no weight is a copy of another one.
+    """
+
+    x: Numbers
+    y: Numbers
+    z: Numbers
+    w: Numbers
+    weights: Numbers
+
+    def repeated(self, times: int) -> "_Readings":
+        """Return all objects so many times, one time after another."""
+        return _Readings(*(np.tile(each, (times, 1)) for each in (self.x, self.y, self.z, self.w, self.weights)))
+
+    def trusted(self, off: Numbers, weights: Numbers) -> Numbers:
+        """Return weights that are the less the more a reading is off, by what those with `weights` are."""
+        return self.weights / (1 + (off / (REACH * _deviation(off, weights))[..., None]) ** 2)
+
+
+def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
+    """Fit faces to readings of n objects.
+
+    directions: (3, n, m). inverse: (n, m) inverse depths. weights: (n, m) pixels that each stands for, 0 for padding.
+    """
+    directions, inverse, weights = (each.astype(np.float32) for each in (directions, inverse, weights))
+    ahead = np.arctan2(*(np.einsum("nm,nm->n", weights, directions[axis]) for axis in (1, 0)))
+    x, y, z = _turned(directions, ahead)
+    order = np.argsort(np.where(weights > 0, np.arctan2(y, x), np.inf), axis=1)
+    places = np.where(np.arange(weights.shape[1]) < (weights > 0).sum(axis=1, keepdims=True), order, order[:, :1])
+    x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
+    readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
+    explanations = _explained(readings, _starts(z, w, readings.weights))
+    forms, noise = _chosen(explanations, readings)
+    forms = _polished(forms, readings)
+    along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
+    x, y, z = _turned(forms.transpose(2, 0, 1), -ahead)
+    return Faces(np.stack([x, y, z], axis=2), np.where(np.isfinite(along), along, 0) + ahead, noise)
+
+
+def _explained(readings: _Readings, levels: Numbers) -> Numbers:
+    """Return forms (h, n, 3, 3): with each horizontal face to start from (levels, n), with two upright faces or one."""
+    all_of = readings.repeated(len(levels))
+    x, y, z, w = all_of.x, all_of.y, all_of.z, all_of.w
+    level, trust = levels.reshape(-1, 1), all_of.weights
+    heights = z / np.maximum(w, _TINY)
+    kappa = 1 / level[:, 0]
+    flat = np.where(level < 0, heights > level - LEAST_HEIGHT_M, heights < level + LEAST_HEIGHT_M)
+    shares = _shares(readings)
+    pair = sums = scarce = np.empty(0, np.float32)
+    for _ in range(ROUNDS):
+        upright = np.where(flat, 0, trust)
+        scarce = upright.sum(axis=1) < _LEAST_SHARE * trust.sum(axis=1)
+        sums = _summed(upright, shares)
+        pair = _pair(sums)
+        pair[scarce] = np.nan
+        walls, plane = _values(pair, x, y), _seen(z * kappa[:, None])
+        flat = plane < walls
+        kappa = _refitted(kappa, z, w, np.where(flat, trust, 0), trust)
+        trust = all_of.trusted(np.abs(w - np.minimum(np.minimum(walls, plane), _NEAREST)), trust)
+    single = _single(sums.sum(axis=2))
+    single[scarce] = np.nan
+    return np.stack([_forms(pair, kappa), _forms(single, kappa)]).reshape(2 * len(levels), -1, 3, 3)
+
+
+def _refitted(kappa: Numbers, z: Numbers, w: Numbers, on: Numbers, trust: Numbers) -> Numbers:
+    """Return the horizontal faces that fit the readings on them, where there are enough."""
+    enough = on.sum(axis=1) > _LEAST_SHARE * trust.sum(axis=1)
+    onto = on * z
+    better = np.einsum("nm,nm->n", onto, w) / np.maximum(np.einsum("nm,nm->n", onto, z), _TINY)
+    return np.where(enough, better, kappa)
+
+
+def _deviation(off: Numbers, weights: Numbers) -> Numbers:
+    """Return the standard deviation of normal errors of such sizes."""
+    return np.asarray(_NORMAL * (weights * off).sum(axis=-1) / np.maximum(weights.sum(axis=-1), _TINY) + _LEAST_NOISE)
+
+
+def _turned(directions: Numbers, by: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """Return (3, n, m) directions as they are seen from axes that are turned."""
+    cos, sin = np.cos(by)[:, None], np.sin(by)[:, None]
+    x, y, z = directions
+    return cos * x + sin * y, cos * y - sin * x, z
+
+
+def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
+    """Return heights that horizontal faces may have, (1 + LEVELS, n); NaN for none."""
+    heights = np.sort(np.where(share > 0, z / np.maximum(w, _TINY), np.inf), axis=1)
+    counts = (share > 0).sum(axis=1)
+    rows = np.arange(len(heights))
+    below = heights[rows, counts // 2] < 0
+    found = np.full((len(heights), len(LEVELS) + 1), np.nan, np.float32)
+    for number, each in enumerate(LEVELS):
+        at = np.where(below, each, 1 - each) * (counts - 1)
+        height = heights[rows, at.astype(np.intp)]
+        found[:, number + 1] = np.where((height < -LEAST_HEIGHT_M) == below, height, np.nan)
+    return found.T
+
+
+def _shares(readings: _Readings) -> Numbers:
+    """Return what each reading adds to the moments of each of SPLITS runs of readings: (n, m, 5 * SPLITS)."""
+    x, y, w = readings.x, readings.y, readings.w
+    count = x.shape[1]
+    run = np.searchsorted(np.arange(1, SPLITS + 1) * count // SPLITS, np.arange(count), side="right")
+    products = np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
+    return (products[..., np.newaxis] * np.eye(SPLITS, dtype=np.float32)[run][:, np.newaxis]).reshape(*x.shape, -1)
+
+
+def _summed(weights: Numbers, shares: Numbers) -> Numbers:
+    """Return the moments (5, h * n, SPLITS) of the runs of readings of n objects with (h * n, m) weights."""
+    count, readings, _ = shares.shape
+    sums = weights.reshape(-1, count, readings).transpose(1, 0, 2) @ shares
+    return sums.reshape(count, -1, 5, SPLITS).transpose(2, 1, 0, 3).reshape(5, -1, SPLITS)
+
+
+def _pair(sums: Numbers) -> Numbers:
+    """Return angle, scale of the right face and scale of the left one (n, 3) that fit best."""
+    right = sums[:, :, :-1].cumsum(axis=2)
+    left = np.ascontiguousarray(sums[:, :, :0:-1].cumsum(axis=2)[:, :, ::-1])  # exactly 0 where nothing has weight
+    angle = (-np.pi / 2 * (np.arange(TURNS) + 0.5) / TURNS).astype(np.float32)
+    (best, *_), split = _search(right, left, angle[:, None, None])
+    row = np.arange(len(best))
+    right, left = (side[:, row, split, None] for side in (right, left))
+    fine = best + np.linspace(-0.5, 0.5, 5, dtype=np.float32)[:, None] * np.float32(np.pi / 2 / TURNS)
+    return _search(right, left, np.clip(fine, np.float32(-np.pi / 2), np.float32(0))[:, :, None])[0].T
+
+
+def _search(right: Numbers, left: Numbers, angle: Numbers) -> tuple[Numbers, Indices]:
+    """Return the angles that fit best with the scales of both faces, (3, n), and at which split (n,) that is."""
+    c, s = np.cos(angle), np.sin(angle)
+    left_k, gain = _fitted(left, c, s)
+    right_k, gain_right = _fitted(right, -s, c)
+    gain = np.where((left_k > 0) & (right_k > 0), gain + gain_right, -1)
+    _, rows, splits = gain.shape
+    turn, split = np.divmod(gain.transpose(1, 0, 2).reshape(rows, -1).argmax(axis=1), splits)
+    row = np.arange(rows)
+    found = np.broadcast_to(angle, gain.shape)[turn, row, split]
+    return np.stack([found, right_k[turn, row, split], left_k[turn, row, split]]), split
+
+
+def _single(moments: Numbers) -> Numbers:
+    """Return what `_pair` does of the one face that fits best; there is no right one."""
+    xx, xy, yy, xw, yw = moments
+    det = xx * yy - xy * xy
+    flat = det <= _FLAT * xx * xx
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a = np.where(flat, xw / np.maximum(xx, _TINY), (yy * xw - xy * yw) / det)
+        b = np.where(flat, 0, (xx * yw - xy * xw) / det)
+    return np.stack([np.arctan2(b, a), np.full(len(a), np.nan), np.hypot(a, b)], axis=1)
+
+
+def _values(pair: Numbers, x: Numbers, y: Numbers) -> Numbers:
+    angle, right, left = pair.T[:, :, None]
+    c, s = np.cos(angle), np.sin(angle)
+    return np.minimum(_seen(left * (c * x + s * y)), _seen(right * (c * y - s * x)))
+
+
+def _seen(values: Numbers) -> Numbers:
+    with np.errstate(invalid="ignore"):
+        return np.where(values > _SEEN, values, np.inf)
+
+
+def _inverse(forms: Numbers, directions: Numbers) -> Numbers:
+    """Return the inverse depth of each of forms (..., n, 3, 3) in directions (n, 3, m): (..., n, 3, m)."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(forms @ directions)
+
+
+def _least(values: Numbers) -> Numbers:
+    return np.asarray(_seen(values).min(axis=-2))
+
+
+def _forms(pair: Numbers, kappa: Numbers) -> Numbers:
+    angle, right, left = pair.T
+    c, s = np.cos(angle), np.sin(angle)
+    forms = np.zeros((len(pair), 3, 3), np.float32)
+    forms[:, 0, 0], forms[:, 0, 1] = left * c, left * s
+    forms[:, 1, 0], forms[:, 1, 1] = -right * s, right * c
+    forms[:, 2, 2] = kappa
+    return forms
+
+
+def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Numbers]:
+    """Return of each object the smallest of its likely explanations (h, n, 3, 3), and the noise that it leaves."""
+    directions = np.stack([readings.x, readings.y, readings.z])
+    model = np.minimum(_least(_inverse(explanations, directions.transpose(1, 0, 2))), _NEAREST)
+    off = np.abs(readings.w - model)
+    noise = _deviation(off, readings.weights).min(axis=0)
+    cost = (readings.weights * np.minimum((off / noise[:, None]) ** 2, REACH**2)).sum(axis=2) / COHERENT
+    size = np.zeros(cost.shape, np.float32)
+    depth = 1 / np.maximum(model, _SEEN)
+    for direction in directions:
+        place = direction * depth
+        size += (place.max(axis=2) - place.min(axis=2)) ** 2
+    best = np.where(cost <= cost.min(axis=0) + LIKELY, size, np.inf).argmin(axis=0)
+    return explanations[best, np.arange(len(best))], noise
+
+
+def _polished(forms: Numbers, readings: _Readings) -> Numbers:
+    """Return forms (n, 3, 3) whose upright faces fit the readings that are theirs, turned by POLISH at most."""
+    x, y, w = readings.x, readings.y, readings.w
+    values = _seen(_inverse(forms, np.stack([x, y, readings.z], axis=1)).transpose(1, 0, 2))
+    nearest = values.argmin(axis=0)
+    trust = readings.trusted(np.abs(w - np.minimum(values.min(axis=0), _NEAREST)), readings.weights)
+    left, right = (_moments(x, y, w, np.where(nearest == face, trust, 0)) for face in (0, 1))
+    start = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
+    angles = start + np.linspace(-POLISH, POLISH, POLISHED, dtype=np.float32)[:, None]
+    c, s = np.cos(angles), np.sin(angles)
+    left_k, gain = _fitted(left, c, s)
+    right_k, gain_right = _fitted(right, -s, c)
+    paired = np.isfinite(forms[:, 1, 0])
+    gain = gain + np.where(paired, gain_right, 0)
+    best = np.where(np.isfinite(gain), gain, -1).argmax(axis=0)
+    rows = np.arange(len(forms))
+    left_k, right_k = left_k[best, rows], right_k[best, rows]
+    made = _forms(np.stack([angles[best, rows], right_k, left_k], axis=1), forms[:, 2, 2])
+    sound = (left_k > 0) & ((right_k > 0) | ~paired)
+    made[~paired, 1] = np.nan
+    return np.where(sound[:, None, None], made, forms)
+
+
+def _moments(x: Numbers, y: Numbers, w: Numbers, weights: Numbers) -> Numbers:
+    wx, wy = weights * x, weights * y
+    return np.stack([(a * b).sum(axis=1) for a, b in ((wx, x), (wx, y), (wy, y), (wx, w), (wy, w))])
+
+
+def _fitted(moments: Numbers, c: Numbers, s: Numbers) -> tuple[Numbers, Numbers]:
+    """Return scale and gain of faces whose normals are (c, s)."""
+    xx, xy, yy, xw, yw = moments
+    above = c * xw + s * yw
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = above / (c * c * xx + 2 * c * s * xy + s * s * yy)
+    return scale, above * scale

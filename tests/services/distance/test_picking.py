@@ -1,0 +1,77 @@
+import numpy as np
+from numpy.typing import NDArray
+
+from services.distance.picking import AROUND, RING, SAMPLE, Criteria, Picked, pick
+from services.geometry.masks import Window, decode
+from tests.schemas.masks import coco_mask
+
+HEIGHT, WIDTH = 40, 60
+NEAR, FAR = slice(10, 20), slice(30, 50)
+
+
+def windows_of(*places: tuple[slice, slice]) -> list[Window]:
+    masks = np.zeros((len(places), HEIGHT, WIDTH), np.bool_)
+    for mask, place in zip(masks, places, strict=True):
+        mask[place] = True
+    return [decode(coco_mask(mask), margin=RING) for mask in masks]
+
+
+def picked(depth_m: NDArray[np.float32], *, edge: int = 0) -> Picked:
+    return pick(windows_of((NEAR, NEAR), (NEAR, FAR), (slice(0, 4), slice(0, 5))), depth_m, Criteria(30, edge))
+
+
+def ramp() -> NDArray[np.float32]:
+    return np.linspace(1, 3, HEIGHT * WIDTH, dtype=np.float32).reshape(HEIGHT, WIDTH)
+
+
+def test_readings_are_the_masks_own_ascending_with_their_places() -> None:
+    depth_m = ramp()
+    found = picked(depth_m)
+    assert found.areas.tolist() == found.counts.tolist() == [100, 200, 20]
+    assert found.rows.tolist() == [0, 1]
+    assert found.z.shape == found.at.shape == (2, SAMPLE)
+    assert np.array_equal(depth_m.ravel()[found.at], found.z)
+    assert (np.diff(found.z, axis=1) >= 0).all()
+    for at, columns in zip(found.at, (NEAR, FAR), strict=True):
+        assert set(at.tolist()) <= set(np.arange(HEIGHT * WIDTH).reshape(HEIGHT, WIDTH)[NEAR, columns].ravel().tolist())
+    assert np.allclose(found.mean_m[:2], [depth_m[NEAR, columns].mean(dtype=np.float64) for columns in (NEAR, FAR)])
+
+
+def test_what_is_around_is_within_the_ring_and_not_of_the_mask() -> None:
+    depth_m = np.full((HEIGHT, WIDTH), 9, np.float32)
+    depth_m[NEAR, NEAR] = 1
+    depth_m[NEAR.start - RING : NEAR.stop + RING, NEAR.start - RING : NEAR.stop + RING] += 1
+    around = picked(depth_m).around
+    assert around.shape == (2, AROUND)
+    assert (around[0] == 10).all()
+
+
+def test_without_a_reading_around_there_is_none() -> None:
+    depth_m = np.full((HEIGHT, WIDTH), np.nan, np.float32)
+    depth_m[NEAR, NEAR] = 2
+    found = picked(depth_m)
+    assert (found.rows.tolist(), found.counts.tolist()) == ([0], [100, 0, 0])
+    assert np.isnan(found.around).all()
+    assert found.mean_m.tolist() == [2, 0, 0]
+
+
+def test_pixels_beside_a_reading_take_it_and_those_far_from_one_none() -> None:
+    depth_m = ramp()
+    depth_m[NEAR, 30:45] = np.nan
+    found = picked(depth_m)
+    columns = found.at[1] % WIDTH
+    assert columns.min() == 45
+    assert (columns == 45).mean() > (columns == 47).mean()
+
+
+def test_an_edge_is_taken_off_where_enough_is_left() -> None:
+    depth_m = ramp()
+    columns = picked(depth_m, edge=3).at % WIDTH
+    assert (columns[0].min(), columns[0].max()) == (10, 19)
+    assert (columns[1].min(), columns[1].max()) == (33, 46)
+
+
+def test_where_no_object_has_enough_there_is_nothing() -> None:
+    found = picked(np.full((HEIGHT, WIDTH), np.nan, np.float32))
+    assert found.counts.tolist() == [0, 0, 0]
+    assert found.z.shape == (0, SAMPLE)
