@@ -163,7 +163,7 @@ async def test_the_theme_that_somebody_chose_is_kept_and_they_can_log_out(site: 
         await expect(page.locator("body.body--light")).to_be_attached()
         for _ in ("light", "dark"):
             await page.get_by_label("Theme").click()
-        await expect(page.locator("body.body--dark")).to_be_attached()
+        await page.wait_for_function("document.cookie.includes('fleetsight-theme=dark')")
         await looker.go("/")
         await expect(page.locator("body.body--dark")).to_be_attached()
         await page.get_by_label("Log out").click()
