@@ -1,4 +1,4 @@
-"""The guide's pipeline and fleetsight on the same robot, side by side in one run of about five minutes.
+"""The guide's pipeline and fleetsight on the same robot, side by side in one run.
 
 A simulated robot publishes 640x480 colour, depth registered to it and coloured points, pre-rendered, under the guide's
 own topic names. Both sides have the same weights, cores and confidence, and somebody on ROS subscribes to every output:
