@@ -84,6 +84,10 @@ class Process:
         """Return the resident memory."""
         return int(psutil.Process(self._child.pid).memory_info().rss)
 
+    def runs(self) -> bool:
+        """Whether it has not ended."""
+        return self._child.poll() is None
+
     def stop(self) -> None:
         """Let it stand still."""
         self._child.send_signal(signal.SIGSTOP)

@@ -69,7 +69,7 @@ def main(given: Sequence[str] | None = None) -> None:
         prog="python -m benchmarks.guide", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--hz", type=float, default=15.0, help="images a second of the flood (default: 15)")
+    parser.add_argument("--hz", type=float, default=20.0, help="images a second of the flood (default: 20)")
     parser.add_argument("--seconds", type=float, default=8.0, help="length of one measurement (default: 8)")
     parser.add_argument("--repeats", type=at_least_one, default=3, help="how often each is measured (default: 3)")
     parser.add_argument("--slow", type=at_least_one, default=15, help="images at 1 Hz (default: 15)")

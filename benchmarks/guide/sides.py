@@ -52,7 +52,7 @@ class Side:
         """Drive until every output has come.
 
         Raises:
-            PeerError: one never came; says what the processes said.
+            PeerError: one never came, or a process ended; says what the processes said.
         """
         missing = set(self.robot.outputs)
         for _ in range(round(START_S * READY_HZ)):
@@ -60,6 +60,8 @@ class Side:
             missing -= {each.topic for each in self.robot.taken()}
             if not missing:
                 return
+            if not all(_runs(process) for process in self.processes.values()):
+                break
         words = map(_last_words, self.processes.values())
         raise PeerError("\n".join([f"nothing came on {', '.join(sorted(missing))}", *words]))
 
@@ -72,6 +74,10 @@ class Side:
 
 def _pid(process: Process | Child) -> int:
     return process.pid if isinstance(process, Process) else process.process.pid
+
+
+def _runs(process: Process | Child) -> bool:
+    return process.runs() if isinstance(process, Process) else process.process.returncode is None
 
 
 def _last_words(process: Process | Child) -> str:
@@ -96,14 +102,15 @@ async def guide(scene: Scene) -> AsyncIterator[Side]:
 @asynccontextmanager
 async def fleetsight(scene: Scene, runtime: str, folder: Path) -> AsyncIterator[Side]:
     """Run fleetsight as its users start it; all outputs have come once. folder: for its cache and its history."""
-    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
+    port = free_ports(2)
+    endpoint = f"tcp/127.0.0.1:{port}"
     connect = ["--connect", endpoint]
     async with AsyncExitStack() as stack:
         master = stack.enter_context(ros_master())
         history = f"sqlite:///{folder}/{runtime}.db"
         detector = ["--runtime", runtime, "--device", "cpu", "--confidence", str(CONFIDENCE), "--cache", str(folder)]
         commands = {
-            "monitor": ["--listen", endpoint, "--history", history],
+            "monitor": ["--listen", endpoint, "--web-port", str(port + 1), "--history", history],
             "gateway": [*connect, "--robot", "r1", "--ros-master", master, "--ros-host", "127.0.0.1"],
             "detector": [*connect, *detector],
             "distance": connect,
