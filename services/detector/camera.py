@@ -1,11 +1,10 @@
 """One camera at a worker: its publishers, and its frames on their way to the model while somebody wants results."""
 
 import logging
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator
 from concurrent.futures import Executor
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
-from typing import Final
 
 from bus import Bus, Publisher, QoS
 from bus.shared_demand import SharedDemand
@@ -14,34 +13,31 @@ from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector.account import Account
-from services.detector.drawing import Overlay, drawing
+from services.detector.drawing import MASKS, Overlays, drawing
 
 log = logging.getLogger(__name__)
-
-OVERLAYS: Final = (Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A camera's results and the demand for them. overlays: those there can be."""
+    """A camera's results and the demand for them."""
 
     key: CameraKey
     account: Account
     demand: SharedDemand
     detections: Publisher
     classes: Publisher
-    overlays: Mapping[Stream, Overlay]
+    overlays: Overlays
 
     @property
     def wants_masks(self) -> bool:
         """Whether somebody has a use for masks."""
-        segmentation = self.overlays.get(Stream.OVERLAY_SEGMENTATION)
-        return self.detections.wanted or (segmentation is not None and segmentation.wanted)
+        return self.detections.wanted or self.overlays.wants_masks
 
     @property
     def wants_tracks(self) -> bool:
         """Whether somebody has a use for the numbers of tracks."""
-        return self.detections.wanted or any(each.wanted for each in self.overlays.values())
+        return self.detections.wanted or self.overlays.wanted
 
     def publish_classes(self, found: Detections) -> None:
         """Publish the list of classes if somebody wants it."""
@@ -52,8 +48,7 @@ class Camera:
         """Publish what somebody wants of the objects; the overlays follow when they are drawn."""
         if self.detections.wanted:
             self.detections.put(codec.encode(found))
-        for each in self.overlays.values():
-            each.offer(found, frame)
+        self.overlays.offer(found, frame)
 
 
 @asynccontextmanager
@@ -75,9 +70,10 @@ async def serving(
     async with AsyncExitStack() as stack:
         detections = await stack.enter_async_context(declare(Stream.DETECTIONS, QoS.RESULT, Detections))
         classes = await stack.enter_async_context(declare(Stream.CLASSES, QoS.RESULT, ClassList, kept=KEPT_LISTS))
-        overlays = {}
-        for stream in OVERLAYS[: 1 + segments]:
-            publisher = await stack.enter_async_context(declare(stream, QoS.IMAGE, ImageFrame))
-            masks = stream is Stream.OVERLAY_SEGMENTATION
-            overlays[stream] = await stack.enter_async_context(drawing(publisher, painters, masks=masks))
+        publishers = {
+            stream: await stack.enter_async_context(declare(stream, QoS.IMAGE, ImageFrame))
+            for stream, masks in MASKS.items()
+            if segments or not masks
+        }
+        overlays = await stack.enter_async_context(drawing(publishers, painters))
         yield Camera(key, account, demand, detections, classes, overlays)

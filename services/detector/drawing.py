@@ -2,34 +2,42 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import Executor
 from contextlib import asynccontextmanager
-from functools import partial
+from typing import Final
 
 from bus import Publisher
 from schemas import codec
 from schemas.detections import Detections
 from schemas.image import ImageFrame
-from services.detector.overlay import overlay
+from schemas.keys import Stream
+from services.detector.overlay import overlays
 
 log = logging.getLogger(__name__)
 
+MASKS: Final = {Stream.OVERLAY_DETECTION: False, Stream.OVERLAY_SEGMENTATION: True}
+"""The overlays that there can be, in the order they are drawn in, and whether they show masks."""
 
-class Overlay:
-    """One overlay stream of one camera. painters: threads that draw."""
 
-    def __init__(self, publisher: Publisher, painters: Executor | None, *, masks: bool) -> None:
-        self._publisher = publisher
+class Overlays:
+    """The overlay streams of one camera. painters: threads that draw."""
+
+    def __init__(self, publishers: Mapping[Stream, Publisher], painters: Executor | None) -> None:
+        self._publishers = publishers
         self._painters = painters
-        self._masks = masks
         self._waiting: tuple[Detections, ImageFrame] | None = None
         self._offered = asyncio.Event()
 
     @property
     def wanted(self) -> bool:
-        """Whether somebody looks."""
-        return self._publisher.wanted
+        """Whether somebody looks at any."""
+        return any(publisher.wanted for publisher in self._publishers.values())
+
+    @property
+    def wants_masks(self) -> bool:
+        """Whether somebody looks at one that shows masks."""
+        return any(publisher.wanted and MASKS[stream] for stream, publisher in self._publishers.items())
 
     def offer(self, found: Detections, frame: ImageFrame) -> None:
         """Have this drawn next if somebody looks; what still waits for it is left out."""
@@ -43,27 +51,30 @@ class Overlay:
             await self._offered.wait()
             self._offered.clear()
             taken, self._waiting = self._waiting, None
-            if taken is not None and self.wanted:
+            if taken is not None:
                 await self._draw(*taken)
 
     async def _draw(self, found: Detections, frame: ImageFrame) -> None:
-        try:
-            draw = partial(_encoded, found, frame, masks=self._masks)
-            drawn = await asyncio.get_running_loop().run_in_executor(self._painters, draw)
-        except Exception:  # one frame that cannot be drawn ends no camera
-            log.exception("%s/%s: no overlay of frame %d", frame.header.robot, frame.header.camera, frame.header.seq)
-            return
-        self._publisher.put(drawn)
-
-
-def _encoded(found: Detections, frame: ImageFrame, *, masks: bool) -> bytes:
-    return codec.encode(overlay(found, frame, masks=masks))
+        looked_at = [stream for stream in self._publishers if self._publishers[stream].wanted]
+        drawn = map(codec.encode, overlays(found, frame, [MASKS[stream] for stream in looked_at]))
+        for stream in looked_at:
+            try:
+                payload = await asyncio.get_running_loop().run_in_executor(self._painters, next, drawn)
+            except Exception:  # one frame that cannot be drawn ends no camera
+                header = frame.header
+                log.exception("%s/%s: no %s of frame %d", header.robot, header.camera, stream, header.seq)
+                return
+            self._publishers[stream].put(payload)
 
 
 @asynccontextmanager
-async def drawing(publisher: Publisher, painters: Executor | None = None, *, masks: bool) -> AsyncIterator[Overlay]:
-    """Draw what is offered for as long as the context lasts. painters: see `Overlay`; the loop's own unless given."""
-    made = Overlay(publisher, painters, masks=masks)
+async def drawing(publishers: Mapping[Stream, Publisher], painters: Executor | None = None) -> AsyncIterator[Overlays]:
+    """Draw what is offered for as long as the context lasts.
+
+    publishers: of the overlays that there can be, in the order they are drawn in. painters: see `Overlays`; the loop's
+    own unless given.
+    """
+    made = Overlays(publishers, painters)
     async with asyncio.TaskGroup() as group:
         running = group.create_task(made.run())
         try:

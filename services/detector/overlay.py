@@ -1,6 +1,8 @@
 """What a model found, drawn over the image it found it in. Pure."""
 
 import colorsys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
@@ -10,17 +12,18 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from schemas.compression import JPEG
-from schemas.detections import TRACK_COUNT_BITS, Detection, Detections, Mask
+from schemas.detections import TRACK_COUNT_BITS, Detection, Detections
+from schemas.header import Header
 from schemas.image import ImageFrame
 from services.detector.pixels import to_bgr
-from services.geometry.masks import decode
+from services.geometry.masks import Window, decode_all
 
 Picture = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
 QUALITY: Final = 80
 OPACITY: Final = 0.45
-MAX_TINTS: Final = 256
+MAX_COLORS: Final = 256
 FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 SMALLEST_TEXT: Final = 0.4
 """Of OpenCV's font, whose capitals are about 22 pixels high at 1: less than 9 pixels nobody reads."""
@@ -35,13 +38,24 @@ def overlay(found: Detections, frame: ImageFrame, *, masks: bool) -> ImageFrame:
     """Return the frame as a JPEG with boxes, names and scores, and with masks if asked for; its header is the frame's.
 
     Raises:
+        MaskError: a mask is damaged.
         PictureError: the frame cannot be decoded.
     """
-    picture = draw(to_bgr(frame), found.objects, masks=masks)
-    height, width = picture.shape[:2]
-    data = simplejpeg.encode_jpeg(picture, quality=QUALITY, colorspace="BGR", colorsubsampling="420")
+    return next(overlays(found, frame, [masks]))
+
+
+def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Iterator[ImageFrame]:
+    """Return an `overlay` for each of `masks`, each made when it is asked for and what they share made once."""
+    picture = to_bgr(frame)
+    for drawn in drawings(picture, found.objects, masks):
+        yield _jpeg(found.header, drawn)
+
+
+def _jpeg(header: Header, drawn: Picture) -> ImageFrame:
+    height, width = drawn.shape[:2]
+    data = simplejpeg.encode_jpeg(drawn, quality=QUALITY, colorspace="BGR", colorsubsampling="420")
     return ImageFrame(
-        header=found.header,
+        header=header,
         height=height,
         width=width,
         encoding="rgb8",
@@ -51,61 +65,100 @@ def overlay(found: Detections, frame: ImageFrame, *, masks: bool) -> ImageFrame:
     )
 
 
-def draw(picture: Picture, objects: list[Detection], *, masks: bool) -> Picture:
-    """Return a copy of a BGR picture with the objects drawn over it, the surest on top."""
-    drawn = picture.copy()
+def draw(picture: Picture, objects: Sequence[Detection], *, masks: bool) -> Picture:
+    """Return a copy of a BGR picture with the objects drawn over it, the surest on top.
+
+    Raises:
+        MaskError: a mask is damaged.
+    """
+    return next(drawings(picture, objects, [masks]))
+
+
+def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[bool]) -> Iterator[Picture]:
+    """Return a `draw` for each of `masks`, each made when it is asked for and what they share made once."""
     line = max(1, round(min(picture.shape[:2]) / 240))
-    if masks:
-        for found in reversed(objects):
-            if found.mask is not None:
-                _tint(drawn, found.mask, color_of(found.label))
-    for found in reversed(objects):
-        _frame(drawn, found, color_of(found.label), line)
-    for found in reversed(objects):
-        _caption(drawn, found, color_of(found.label), line)
-    return drawn
+    signs = [_Sign.of(found, line) for found in reversed(objects)]
+    for each in masks:
+        drawn = picture.copy()
+        if each:
+            _tint(drawn, list(reversed(objects)))
+        for sign in signs:
+            sign.frame(drawn)
+        for sign in signs:
+            sign.write(drawn)
+        yield drawn
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sign:
+    """An object's box, and its caption as a picture. line: width in pixels."""
+
+    found: Detection
+    color: Color
+    line: int
+    caption: Picture
+
+    @classmethod
+    def of(cls, found: Detection, line: int) -> "_Sign":
+        color = color_of(found.label)
+        return cls(found, color, line, _written(caption(found), color, line))
+
+    def frame(self, drawn: Picture) -> None:
+        """Draw the box."""
+        left, top, right, bottom = self._corners(*drawn.shape[:2])
+        cv2.rectangle(drawn, (left, top), (right, bottom), self.color, self.line)
+
+    def write(self, drawn: Picture) -> None:
+        """Draw the caption at the box, inside the picture whatever the box."""
+        (height, width), (high, wide) = drawn.shape[:2], self.caption.shape[:2]
+        left, top, _, _ = self._corners(height, width)
+        left = max(0, min(left, width - wide + 1))
+        top = max(0, min(top, height - 1) - high + 1)
+        under = drawn[top : top + high, left : left + wide]
+        under[...] = self.caption[: under.shape[0], : under.shape[1]]
+
+    def _corners(self, height: int, width: int) -> tuple[int, int, int, int]:
+        box = self.found.box
+        return int(box.x1), int(box.y1), min(int(box.x2), width - 1), min(int(box.y2), height - 1)
+
+
+@lru_cache(MAX_COLORS)
 def color_of(label: int) -> Color:
     """Return the colour of a class, in BGR."""
     red, green, blue = colorsys.hsv_to_rgb(label * GOLDEN % 1, 0.9, 1.0)
     return round(blue * 255), round(green * 255), round(red * 255)
 
 
-def _corners(found: Detection, height: int, width: int) -> tuple[int, int, int, int]:
-    box = found.box
-    return int(box.x1), int(box.y1), min(int(box.x2), width - 1), min(int(box.y2), height - 1)
+def _tint(drawn: Picture, objects: Sequence[Detection]) -> None:
+    """Lay each object's mask over what is under it, one after the other.
+
+    Raises:
+        MaskError: a mask is damaged.
+    """
+    masked = [found for found in objects if found.mask is not None]
+    windows = decode_all(found.mask for found in masked if found.mask is not None)
+    for found, window in zip(masked, windows, strict=True):
+        if not isinstance(window, Window):
+            raise window
+        under = drawn[window.place]
+        if under.size:
+            cv2.copyTo(cv2.LUT(under, _tints(color_of(found.label))), window.pixels.view(np.uint8), under)
 
 
-def _tint(drawn: Picture, mask: Mask, color: Color) -> None:
-    window = decode(mask)
-    under = drawn[window.place]
-    if under.size:
-        cv2.copyTo(cv2.LUT(under, _tints(color)), window.pixels.view(np.uint8), under)
-
-
-@lru_cache(MAX_TINTS)
+@lru_cache(MAX_COLORS)
 def _tints(color: Color) -> Picture:
     """Return what becomes of each of the 256 values of each channel under a colour."""
     values = np.arange(256, dtype=np.uint8)[:, None] * (1 - OPACITY)
     return (values + np.array(color, np.float32) * OPACITY).astype(np.uint8)[None]
 
 
-def _frame(drawn: Picture, found: Detection, color: Color, line: int) -> None:
-    left, top, right, bottom = _corners(found, *drawn.shape[:2])
-    cv2.rectangle(drawn, (left, top), (right, bottom), color, line)
-
-
-def _caption(drawn: Picture, found: Detection, color: Color, line: int) -> None:
-    """Write name and score on the class's colour, inside the picture whatever the box."""
+def _written(text: str, color: Color, line: int) -> Picture:
+    """Return a text on a ground of a class's colour."""
     scale = max(SMALLEST_TEXT, line * 0.22)
-    (wide, high), below = cv2.getTextSize(caption(found), FONT, scale, line)
-    left, top, _, _ = _corners(found, *drawn.shape[:2])
-    left = max(0, min(left, drawn.shape[1] - wide - 4))
-    bottom = max(high + below + 2, min(top, drawn.shape[0] - 1))
-    cv2.rectangle(drawn, (left, bottom - high - below - 2), (left + wide + 4, bottom), color, cv2.FILLED)
+    (wide, high), below = cv2.getTextSize(text, FONT, scale, line)
+    ground = np.full((high + below + 3, wide + 5, 3), color, np.uint8)
     ink = BLACK if np.dot(color, (0.114, 0.587, 0.299)) > BRIGHT else WHITE
-    cv2.putText(drawn, caption(found), (left + 2, bottom - below), FONT, scale, ink, line, cv2.LINE_AA)
+    return np.asarray(cv2.putText(ground, text, (2, high + 2), FONT, scale, ink, line, cv2.LINE_AA), np.uint8)
 
 
 def caption(found: Detection) -> str:

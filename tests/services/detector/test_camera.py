@@ -4,17 +4,20 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+import msgspec
+import numpy as np
 import pytest
+import simplejpeg
 
 from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
-from schemas.detections import Detections
+from schemas.detections import Detections, Mask
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 from services.detector.account import Account
 from services.detector.camera import Camera, serving
 from tests.services.detector.requests import FRONT, frame_of
-from tests.services.detector.test_overlay import INSIDE, found, grey
+from tests.services.detector.test_overlay import HEIGHT, INSIDE, WIDTH, found, grey
 from tests.services.detector.test_worker import receive, until
 
 DETECTION, SEGMENTATION = Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION
@@ -47,6 +50,31 @@ async def test_an_overlay_is_drawn_while_somebody_looks(stream: Stream) -> None:
             drawn = await receive(overlays, ImageFrame)
         assert (drawn.header.seq, drawn.format) == (3, "jpeg")
         await until(lambda: not made.demand.wanted)
+
+
+async def test_both_overlays_are_drawn_of_the_same_frame() -> None:
+    async with (
+        camera() as (bus, made),
+        bus.subscribe(FRONT.stream(DETECTION), QUEUE(9)) as plain,
+        bus.subscribe(FRONT.stream(SEGMENTATION), QUEUE(9)) as masked,
+    ):
+        await until(lambda: made.overlays.wanted and made.overlays.wants_masks)
+        made.publish_objects(*looked_at(3))
+        drawn = [await receive(each, ImageFrame) for each in (plain, masked)]
+    assert [each.header.seq for each in drawn] == [3, 3]
+    insides = [simplejpeg.decode_jpeg(each.data)[70, 70] for each in drawn]
+    assert [bool(np.ptp(inside) > 50) for inside in insides] == [False, True]
+
+
+async def test_a_frame_that_cannot_be_drawn_ends_no_camera(caplog: pytest.LogCaptureFixture) -> None:
+    damaged = msgspec.structs.replace(INSIDE, mask=Mask((HEIGHT, WIDTH), "1"))
+    async with camera() as (bus, made), bus.subscribe(FRONT.stream(SEGMENTATION), QUEUE(9)) as overlays:
+        await until(lambda: made.demand.wanted)
+        _, frame = looked_at(3)
+        made.publish_objects(found(damaged, frame=frame), frame)
+        await until(lambda: "no overlay/segmentation of frame 3" in caplog.text)
+        made.publish_objects(*looked_at(4))
+        assert (await receive(overlays, ImageFrame)).header.seq == 4
 
 
 async def test_of_frames_that_wait_to_be_drawn_the_newest_is() -> None:

@@ -3,10 +3,11 @@ import numpy as np
 import pytest
 import simplejpeg
 
-from schemas.detections import Box, Detection, Detections
+from schemas.detections import Box, Detection, Detections, Mask
 from schemas.image import ImageFrame
 from services.detector.masks import encode_window
-from services.detector.overlay import caption, color_of, draw, overlay
+from services.detector.overlay import caption, color_of, draw, overlay, overlays
+from services.geometry.errors import MaskError
 from tests.services.detector.requests import frame_of
 
 HEIGHT, WIDTH = 120, 160
@@ -92,3 +93,24 @@ def test_the_smallest_and_the_grey_can_be_drawn_over() -> None:
     everything = Detection(name="box", score=1, box=Box(0, 0, 1, 1))
     seen = Detections(header=dot.header, height=1, width=1, objects=[everything], model="fake", worker="w1")
     assert simplejpeg.decode_jpeg(overlay(seen, dot, masks=True).data).shape == (1, 1, 3)
+
+
+def test_overlays_made_together_are_those_made_alone() -> None:
+    frame = frame_of(np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8))
+    seen = found(INSIDE, detection(Box(70, 60, 130, 100), label=1, track=3), frame=frame)
+    alone = [overlay(seen, frame, masks=masks).data for masks in (True, False)]
+    assert [made.data for made in overlays(seen, frame, [True, False])] == alone
+
+
+def test_what_is_surer_is_tinted_last() -> None:
+    surer, other = detection(Box(40, 50, 100, 90)), detection(Box(70, 60, 130, 100), label=1)
+    under = grey()[0, 0] * 0.55 + np.array(color_of(1)) * 0.45
+    drawn = draw(grey(), [surer, other], masks=True)
+    assert np.allclose(drawn[80, 90], under * 0.55 + np.array(color_of(0)) * 0.45, atol=2)
+
+
+def test_a_damaged_mask_is_an_error_where_masks_are_drawn() -> None:
+    damaged = msgspec.structs.replace(INSIDE, mask=Mask((HEIGHT, WIDTH), "1"))
+    assert draw(grey(), [damaged], masks=False).shape == (HEIGHT, WIDTH, 3)
+    with pytest.raises(MaskError):
+        draw(grey(), [INSIDE, damaged], masks=True)
