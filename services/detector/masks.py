@@ -1,51 +1,102 @@
 """Binary masks to COCO run-length encoding, which counts down the columns of the whole image. Pure."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.detections import Mask
+from services.geometry.masks import Window
+
+Integers = NDArray[np.int64]
+
+MANY_PIXELS: Final = 1 << 22
+"""Windows of more pixels than these together are not encoded at once."""
 
 _SHIFTS: Final = np.arange(0, 35, 5)
 """Where the groups of five bits begin in a number of at most 35."""
 
 
-def encode_window(columns: NDArray[np.bool_], top: int, left: int, height: int, width: int) -> Mask:
-    """Encode a mask that is zero outside a window, without ever making the rest of it.
-
-    columns: the window's columns, each from the top down: window width x window height. top, left: where the window
-    begins in the image of height x width.
-    """
-    runs = _merged(_edges(columns, top, left, height))
-    counts = np.diff(runs.ravel(), prepend=0, append=height * width)
-    if len(counts) > 1 and counts[-1] == 0:
-        counts = counts[:-1]
-    return Mask((height, width), _compressed(counts))
+def encode_all(windows: Iterable[Window], height: int, width: int) -> Iterator[Mask]:
+    """Encode masks of an image of height x width from their windows, several at a time; outside of those they are 0."""
+    for group in _groups(windows):
+        yield from (Mask((height, width), text) for text in _encoded(group, height, width))
 
 
-def _edges(columns: NDArray[np.bool_], top: int, left: int, height: int) -> NDArray[np.int64]:
-    """Return where runs of ones begin and end in the image, n x 2; none goes on into the next column."""
-    wide, high = columns.shape
-    padded = np.zeros(wide * (high + 1) + 1, np.bool_)
-    padded[:-1].reshape(wide, high + 1)[:, 1:] = columns
-    places = np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)  # each the window's place before a change
-    across, down = np.divmod(places, high + 1)
-    return (left + across) * height + top + down
+def _groups(windows: Iterable[Window]) -> Iterator[list[Window]]:
+    """Return windows, so few that they are encoded in little memory."""
+    group: list[Window] = []
+    pixels = 0
+    for window in windows:
+        pixels += window.pixels.size
+        if group and pixels > MANY_PIXELS:
+            yield group
+            group, pixels = [], window.pixels.size
+        group.append(window)
+    if group:
+        yield group
 
 
-def _merged(runs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Join runs that follow on each other without a gap."""
-    apart = runs[1:, 0] != runs[:-1, 1]
-    begins = np.concatenate([[True], apart])[: len(runs)]
-    ends = np.concatenate([apart, [True]])[-len(runs) :] if len(runs) else begins
-    return np.stack([runs[begins, 0], runs[ends, 1]], axis=1)
+def _encoded(windows: Sequence[Window], height: int, width: int) -> list[str]:
+    edges, whose = _edges(windows, height)
+    edges, whose = _merged(edges, whose)
+    counts, firsts = _counts(edges, whose, len(windows), height * width)
+    return _texts(counts, firsts)
 
 
-def _compressed(counts: NDArray[np.int64]) -> str:
-    """Write counts as COCO does: from the fourth on as differences to the last but one, in groups of five bits."""
+def _edges(windows: Sequence[Window], height: int) -> tuple[Integers, Integers]:
+    """Return where runs of ones begin and end in the image, in turn, and of which window; none spans two columns."""
+    highs = np.array([window.pixels.shape[0] for window in windows]) + 1
+    sizes = np.array([window.pixels.shape[1] for window in windows]) * highs
+    starts = np.cumsum(sizes) - sizes
+    padded = np.zeros(sizes.sum() + 1, np.bool_)  # each window's columns, a zero before each
+    for window, start, size, high in zip(windows, starts.tolist(), sizes.tolist(), highs.tolist(), strict=True):
+        padded[start : start + size].reshape(-1, high)[:, 1:] = window.pixels.T
+    places = np.flatnonzero(padded[1:] != padded[:-1])  # before a change
+    whose = np.searchsorted(starts, places, side="right") - 1
+    across, down = np.divmod(places - starts[whose], highs[whose])
+    lefts = np.array([window.left for window in windows])
+    tops = np.array([window.top for window in windows])
+    return (lefts[whose] + across) * height + tops[whose] + down, whose
+
+
+def _merged(edges: Integers, whose: Integers) -> tuple[Integers, Integers]:
+    """Join runs of a window that follow on each other without a gap."""
+    apart = np.ones(len(edges), np.bool_)
+    apart[1:-1:2] = apart[2::2] = (edges[1:-1:2] != edges[2::2]) | (whose[1:-1:2] != whose[2::2])
+    return edges[apart], whose[apart]
+
+
+def _counts(edges: Integers, whose: Integers, masks: int, size: int) -> tuple[Integers, Integers]:
+    """Return how many zeros and ones there are in turn in masks of `size` pixels, zeros first, and each one's first."""
+    of = np.arange(masks)
+    borders = np.searchsorted(whose, of, side="right") + of
+    line = np.empty(len(edges) + masks, np.int64)  # where values change, all masks one after the other
+    line[np.arange(len(edges)) + whose] = edges + whose * size
+    line[borders] = (of + 1) * size
+    counts = np.diff(line, prepend=0)
+    kept = np.ones(len(counts), np.bool_)
+    kept[borders] = counts[borders] > 0
+    ends = np.cumsum(kept)[borders]
+    return counts[kept], np.concatenate([[0], ends[:-1]])
+
+
+def _texts(counts: Integers, firsts: Integers) -> list[str]:
+    """Write the counts of each mask as COCO does: from the fourth on as differences to the last but one."""
     numbers = counts.copy()
-    numbers[3:] -= counts[1:-2]
+    numbers[2:] -= counts[:-2]
+    ends = np.append(firsts[1:], len(counts))
+    for place in range(3):
+        heads = firsts[firsts + place < ends] + place
+        numbers[heads] = counts[heads]
+    text, lengths = _letters(numbers)
+    stops = np.cumsum(lengths)[ends - 1].tolist()
+    return [text[start:stop] for start, stop in zip([0, *stops], stops, strict=False)]
+
+
+def _letters(numbers: Integers) -> tuple[str, NDArray[np.intp]]:
+    """Write numbers in groups of five bits; also return how many letters each has."""
     groups = numbers[:, None] >> _SHIFTS
     low = groups & 0x1F
     rest = groups >> 5
@@ -53,4 +104,4 @@ def _compressed(counts: NDArray[np.int64]) -> str:
     written = np.ones_like(more)
     np.logical_and.accumulate(more[:, :-1], axis=1, out=written[:, 1:])
     letters = (low | (more << 5)) + ord("0")
-    return str(letters[written].astype(np.uint8).tobytes(), "ascii")
+    return str(letters[written].astype(np.uint8).tobytes(), "ascii"), np.count_nonzero(written, axis=1)

@@ -1,6 +1,6 @@
 """A model's output to objects, as Ultralytics does it, but each mask only where its box is, and its own. Pure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection, Mask
 from schemas.header import MAX_LABEL
-from services.detector.masks import encode_window
+from services.detector.masks import encode_all
 from services.detector.runtime.criteria import Criteria
-from services.detector.runtime.letterbox import Axis, Letterbox
+from services.detector.runtime.letterbox import Letterbox
+from services.detector.runtime.suppression import suppressed
+from services.detector.runtime.taps import Taps
+from services.geometry.masks import Window
 
 Floats = NDArray[np.float32]
 
@@ -66,13 +69,18 @@ def objects(
         OutputError: the output is not that of a model with these classes, or not a number.
     """
     found = _candidates(output, len(names), criteria)
-    kept = found[_suppressed(found, criteria)] if _is_dense(output, len(names)) else found[: criteria.max_detections]
+    most = criteria.max_detections
+    if _is_dense(output, len(names)):
+        kept = found[suppressed(found.corners, found.labels, criteria.iou, most)]
+    else:
+        kept = found[:most]
     if output.prototypes is not None:
         kept = kept[_apart(kept, output.prototypes, letterbox)]
     boxes = _in_image(kept.corners, letterbox)
-    encoded: Sequence[Mask | None] = [None] * len(boxes)
+    encoded: list[Mask | None] = [None] * len(boxes)
     if masks and output.prototypes is not None:
-        encoded = [_mask(*each, output.prototypes, letterbox) for each in zip(kept.coefficients, boxes, strict=True)]
+        windows = _windows(kept.coefficients, boxes, output.prototypes, letterbox)
+        encoded[:] = encode_all(windows, letterbox.rows.image, letterbox.columns.image)
     return [
         Detection(name=names[label][:MAX_LABEL], score=min(score, 1.0), box=Box(*box), mask=mask, label=label)
         for label, score, box, mask in zip(
@@ -120,22 +128,6 @@ def _ended(output: Output, classes: int, criteria: Criteria) -> _Candidates:
     return _Candidates(rows[:, :PLACES], rows[:, PLACES], labels, rows[:, ENDED:])
 
 
-def _suppressed(found: _Candidates, criteria: Criteria) -> NDArray[np.int64]:
-    """Return which candidates, best first, overlap no better one of their class by more than the criteria allow."""
-    kept: list[int] = []
-    left = np.arange(len(found.scores))
-    areas = np.prod(found.corners[:, 2:] - found.corners[:, :2], axis=1)
-    while len(left) and len(kept) < criteria.max_detections:
-        first, rest = left[0], left[1:]
-        kept.append(int(first))
-        here, others = found.corners[first], found.corners[rest]
-        sides = np.minimum(here[2:], others[:, 2:]) - np.maximum(here[:2], others[:, :2])
-        shared = np.prod(np.maximum(sides, 0), axis=1)
-        overlap = shared > criteria.iou * (areas[first] + areas[rest] - shared)
-        left = rest[~(overlap & (found.labels[rest] == found.labels[first]))]
-    return np.array(kept, np.int64)
-
-
 def _apart(found: _Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArray[np.int64]:
     """Return which objects, best first, are not MOSTLY covered by better ones of their class."""
     height, width = prototypes.shape[1:]
@@ -159,43 +151,12 @@ def _in_image(corners: Floats, letterbox: Letterbox) -> Floats:
     return np.stack([across[:, 0], down[:, 0], across[:, 1], down[:, 1]], axis=1)
 
 
-def _mask(coefficients: Floats, box: Floats, prototypes: Floats, letterbox: Letterbox) -> Mask:
-    """Return a mask in the image's own resolution: the prototypes' sum, interpolated where the box is, above zero."""
-    left, top, right, bottom = np.ceil(box).astype(int).tolist()
-    rows = _Taps.of(letterbox.rows, top, bottom, prototypes.shape[1])
-    columns = _Taps.of(letterbox.columns, left, right, prototypes.shape[2])
-    small = np.einsum("c,chw->wh", coefficients, prototypes[:, rows.where, columns.where])  # see above
-    logits = rows.apply(columns.apply(small).T)
-    return encode_window((logits > 0).T, top, left, letterbox.rows.image, letterbox.columns.image)
-
-
-@dataclass(frozen=True, slots=True)
-class _Taps:
-    """Linear interpolation along one axis: pixel n is between two places, `share` of the way from the first."""
-
-    where: slice
-    before: NDArray[np.int64]
-    after: NDArray[np.int64]
-    share: Floats
-
-    @classmethod
-    def of(cls, axis: Axis, begin: int, end: int, size: int) -> "_Taps":
-        """Find the image's pixels from `begin` to `end` among `size` places; the image's padding has no say."""
-        ratio = size / axis.input
-        low = axis.before * ratio
-        high = max(low, low + axis.content * ratio - 1)
-        pixels = np.arange(begin, end) + 0.5
-        places = np.clip(low + pixels * (axis.content * ratio / axis.image) - 0.5, low, min(high, size - 1))
-        before = places.astype(np.int64)
-        after = np.minimum(before + 1, size - 1)
-        first, last = (int(before[0]), int(after[-1]) + 1) if len(pixels) else (0, 1)
-        return cls(slice(first, last), before - first, after - first, (places - before).astype(np.float32)[:, None])
-
-    def apply(self, places: Floats) -> Floats:
-        """Interpolate rows of places: one row per pixel."""
-        values = np.take(places, self.before, axis=0)
-        step = np.take(places, self.after, axis=0)
-        step -= values
-        step *= self.share
-        values += step
-        return values
+def _windows(coefficients: Floats, boxes: Floats, prototypes: Floats, letterbox: Letterbox) -> Iterator[Window]:
+    """Return masks in the image's own resolution: the prototypes' sum, interpolated where the box is, above zero."""
+    rows, columns = Taps.of(letterbox.rows, prototypes.shape[1]), Taps.of(letterbox.columns, prototypes.shape[2])
+    for weights, (left, top, right, bottom) in zip(coefficients, np.ceil(boxes).astype(int).tolist(), strict=True):
+        high, down = rows.cut(top, bottom)
+        wide, across = columns.cut(left, right)
+        small = np.einsum("c,chw->hw", weights, prototypes[:, high, wide])  # see above
+        logits = across.apply(down.apply(small).T)
+        yield Window(top, left, (logits > 0).T)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from schemas.detections import Box, Detection
 from schemas.tuning import Tuning
 from services.detector.account import FAILED, MALFORMED
-from services.detector.masks import encode_window
+from services.detector.masks import encode_all
 from services.detector.model import Failed, Found, ModelError, Outcome, Request, TuningError
 from services.detector.pixels import PictureError, to_bgr
+from services.geometry.masks import Window
 
 BOX = "box"
 
@@ -66,7 +67,7 @@ class FakeModel:
         if tuple(image[0, 0]) == self.FATAL:
             return Failed(FAILED, RuntimeError("this image is fatal"))
         height, width = image.shape[:2]
-        mask = encode_window(np.ones((width, height), np.bool_), 0, 0, height, width)
+        (mask,) = encode_all([Window(0, 0, np.ones((height, width), np.bool_))], height, width)
         wanted = request.masks and self.segments
         found = Detection(name=BOX, score=0.75, box=Box(0, 0, width, height), mask=mask if wanted else None)
         return Found([found], {"model": 1_000})

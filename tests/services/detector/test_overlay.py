@@ -5,9 +5,10 @@ import simplejpeg
 
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.image import ImageFrame
-from services.detector.masks import encode_window
+from services.detector.masks import encode_all
 from services.detector.overlay import caption, color_of, draw, overlay, overlays
 from services.geometry.errors import MaskError
+from services.geometry.masks import Window
 from tests.services.detector.requests import frame_of
 
 HEIGHT, WIDTH = 120, 160
@@ -15,7 +16,7 @@ HEIGHT, WIDTH = 120, 160
 
 def detection(box: Box, *, label: int = 0, track: int | None = None) -> Detection:
     wide, high = int(box.x2 - box.x1), int(box.y2 - box.y1)
-    mask = encode_window(np.ones((wide, high), np.bool_), int(box.y1), int(box.x1), HEIGHT, WIDTH)
+    (mask,) = encode_all([Window(int(box.y1), int(box.x1), np.ones((high, wide), np.bool_))], HEIGHT, WIDTH)
     return Detection(name="box", score=0.876, box=box, mask=mask, label=label, track=track)
 
 
@@ -53,7 +54,8 @@ def test_a_mask_tints_what_it_covers() -> None:
 def test_exactly_the_pixels_of_a_mask_are_tinted(place: tuple[slice, slice]) -> None:
     inside = np.zeros((HEIGHT, WIDTH), np.bool_)
     inside[place] = True
-    plain = msgspec.structs.replace(INSIDE, mask=encode_window(inside.T, 0, 0, HEIGHT, WIDTH))
+    (mask,) = encode_all([Window(0, 0, inside)], HEIGHT, WIDTH)
+    plain = msgspec.structs.replace(INSIDE, mask=mask)
     before = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
     tinted, framed = (draw(before, [plain], masks=masks) for masks in (True, False))
     expected = before[inside] * 0.55 + 0.45 * np.array(color_of(0))
