@@ -37,7 +37,7 @@ from typing import Any, Final
 import psutil
 
 from benchmarks.arguments import at_least_one
-from benchmarks.gateway.processes import ROSMASTER
+from benchmarks.gateway.processes import ROSMASTER, PeerError
 from benchmarks.guide.hops import lines
 from benchmarks.guide.report import Run, Runs, figures, targets
 from benchmarks.guide.scene import Scene
@@ -78,12 +78,24 @@ def main(given: Sequence[str] | None = None) -> None:
     if not Path(ROSMASTER).exists():
         parser.error("Debian's ROS 1 is not installed; tests/integration/install-ros.sh installs it")
     plan = Plan(arguments.instants, arguments.hz, arguments.seconds, arguments.repeats, arguments.slow)
-    found = asyncio.run(measure(plan))
+    try:
+        found = asyncio.run(measure(plan))
+    except (PeerError, ExceptionGroup) as error:
+        if (cause := _of_a_process(error)) is None:
+            raise
+        parser.exit(1, f"{parser.prog}: {cause}\n")
     if arguments.json:
         print(json.dumps(found))
         return
     hops = found.pop("hops")
     print("\n".join([*(f"{name}: {value}" for name, value in found.items()), *lines(hops)]))
+
+
+def _of_a_process(error: Exception) -> PeerError | None:
+    """Return what is wrong with a process, if that is all that is wrong."""
+    while isinstance(error, ExceptionGroup) and len(error.exceptions) == 1:
+        error = error.exceptions[0]
+    return error if isinstance(error, PeerError) else None
 
 
 async def measure(plan: Plan) -> dict[str, Any]:

@@ -74,6 +74,13 @@ HOPS: Final[Mapping[str, Callable[[Seen], int | None]]] = {
 }
 
 
+NO_LIMIT: Final = {
+    "queue": "no limit: a frame that comes alone need not wait",
+    "tracking": "no limit: nothing else that does it stands beside it",
+}
+"""Why there is nothing beside a hop."""
+
+
 def table(frames: Sequence[Seen], link_ms: float, limits: Mapping[str, Limit]) -> list[dict[str, Any]]:
     """Return a row for each hop: the median of the images, its limit, and how many times that it takes.
 
@@ -95,7 +102,7 @@ def _row(name: str, ms: float | None, limit: Limit | None) -> dict[str, Any]:
     return {
         "hop": name,
         "ms": None if ms is None else round(ms, 3),
-        "limit": None if limit is None else limit.what,
+        "limit": NO_LIMIT.get(name) if limit is None else limit.what,
         "limit_ms": None if limit is None else round(limit.ms, 3),
         "ratio": None if limit is None or ms is None or not limit.ms else round(ms / limit.ms, 2),
     }
@@ -109,7 +116,7 @@ def lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def _line(row: Mapping[str, Any]) -> str:
     numbers = [f"{'-' if row[name] is None else row[name]:>{width}}" for name, width in COLUMNS.items()]
-    return f"{row['hop']:16} {' '.join(numbers)}  {row['limit'] or 'nothing'}"
+    return f"{row['hop']:16} {' '.join(numbers)}  {row['limit'] or '-'}"
 
 
 COLUMNS: Final = {"ms": 9, "limit_ms": 9, "ratio": 7}

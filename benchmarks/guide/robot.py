@@ -31,14 +31,16 @@ class Robot:
         loop, stamps = asyncio.get_running_loop(), []
         begun_s = loop.time()
         for number in range(1, max(1, round(hz * seconds)) + 1):
-            stamps.append(self._measure())
+            stamps.append(await self._measure())
             await asyncio.sleep(begun_s + number / hz - loop.time())
         return stamps
 
-    def _measure(self) -> int:
+    async def _measure(self) -> int:
+        """Publish an instant, each message before the next one is made: a camera waits for no other sensor."""
         stamp = time.time_ns()
         for topic, message in self._scene.messages(next(self._numbers), stamp):
             self._publications[topic].publish(message)
+            await asyncio.sleep(0)
         return stamp
 
     def taken(self) -> list[Arrival]:

@@ -1,5 +1,6 @@
 """What the robot's sensors measure, rendered before anything is measured, and its messages with the stamps of now."""
 
+from collections.abc import Iterator
 from typing import Final
 
 from benchmarks.guide.outputs import stamped
@@ -36,11 +37,11 @@ class Scene:
         self._robot = Robot("r1", "", film, (*TF_TOPICS, *SENSORS))
         self._instants = [self._robot.publish(number, SENSORS, lambda: 0) for number in range(instants)]
 
-    def messages(self, number: int, stamp_ns: int) -> list[tuple[Topic, bytes]]:
-        """Return an instant's messages, transforms first."""
-        moving = self._robot.publish(number, [MOVING], lambda: stamp_ns)
-        sensed = self._instants[number % len(self._instants)]
-        return [*moving, *((topic, stamped(message, stamp_ns)) for topic, message in sensed)]
+    def messages(self, number: int, stamp_ns: int) -> Iterator[tuple[Topic, bytes]]:
+        """Return an instant's messages, transforms first, each made when it is asked for."""
+        yield from self._robot.publish(number, [MOVING], lambda: stamp_ns)
+        for topic, message in self._instants[number % len(self._instants)]:
+            yield topic, stamped(message, stamp_ns)
 
     def static(self, stamp_ns: int) -> bytes:
         """Return where the sensors are on the robot."""

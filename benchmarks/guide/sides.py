@@ -15,7 +15,7 @@ from benchmarks.guide.scene import Scene
 from benchmarks.guide.sets import Arrival
 from benchmarks.guide.topics import CLASSES, DISTANCE, OBJECTS_SHOWN, SEGMENTATION
 from services.detector.settings import SHIPPED_MODEL
-from services.toolbox.demo.children import Child, child
+from services.toolbox.demo.children import Child, ChildFailedError, child
 from services.toolbox.demo.ports import free_ports
 
 NODES: Final = {"images": SEGMENTATION, "classes": CLASSES, "distance": DISTANCE, "cloud": OBJECTS_SHOWN}
@@ -52,18 +52,18 @@ class Side:
         """Drive until every output has come.
 
         Raises:
-            PeerError: one never came, or a process ended; says what the processes said.
+            PeerError: a process ended, or an output never came; says what the processes said.
         """
         missing = set(self.robot.outputs)
         for _ in range(round(START_S * READY_HZ)):
+            for name, process in self.processes.items():
+                await _check_running(name, process)
             await self.robot.drive(READY_HZ, 1 / READY_HZ)
             missing -= {each.topic for each in self.robot.taken()}
             if not missing:
                 return
-            if not all(_runs(process) for process in self.processes.values()):
-                break
-        words = map(_last_words, self.processes.values())
-        raise PeerError("\n".join([f"nothing came on {', '.join(sorted(missing))}", *words]))
+        words = (f"{name}: {_last_words(process)}" for name, process in self.processes.items())
+        raise PeerError("; ".join([f"nothing came on {', '.join(sorted(missing))}", *words]))
 
     async def quiet(self) -> None:
         """Wait until nothing arrives any more, and forget what did."""
@@ -76,12 +76,20 @@ def _pid(process: Process | Child) -> int:
     return process.pid if isinstance(process, Process) else process.process.pid
 
 
-def _runs(process: Process | Child) -> bool:
-    return process.runs() if isinstance(process, Process) else process.process.returncode is None
+async def _check_running(name: str, process: Process | Child) -> None:
+    """Raise PeerError if a process has ended."""
+    if isinstance(process, Process):
+        if not process.runs():
+            raise PeerError(f"{name} ended: {process.last_words()}")
+    elif process.process.returncode is not None:
+        try:
+            await process.ended()
+        except ChildFailedError as error:
+            raise PeerError(str(error)) from error
 
 
 def _last_words(process: Process | Child) -> str:
-    return process.last_words() if isinstance(process, Process) else f"{process.name}: {process.last_words}"
+    return process.last_words() if isinstance(process, Process) else process.last_words or "it said nothing"
 
 
 @asynccontextmanager

@@ -74,7 +74,16 @@ def test_a_line_for_each_hop() -> None:
     assert head.split() == ["hop", "ms", "limit", "ratio", "of"]
     assert len(rows) == len(HOPS) + 1
     assert rows[5].split() == ["model", "60.0", "40.0", "1.5", "the", "bare", "call"]
-    assert rows[7].split() == ["tracking", "-", "-", "-", "nothing"]
+    assert rows[0].split() == ["camera", "2.0", "-", "-", "-"]
+
+
+@pytest.mark.parametrize("hop", ["queue", "tracking"])
+def test_what_has_no_limit_says_why(hop: str) -> None:
+    (row,) = (row for row in table([seen()], 1.0, {}) if row["hop"] == hop)
+    assert (row["limit_ms"], row["ratio"]) == (None, None)
+    assert row["limit"].startswith("no limit: ")
+    (line,) = (line for line in lines([row]) if line.startswith(hop))
+    assert line.endswith(row["limit"])
 
 
 @pytest.mark.parametrize("name", HOPS)

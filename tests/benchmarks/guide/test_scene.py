@@ -10,7 +10,7 @@ NOW_NS = 1_795_000_000_123_456_789
 
 def test_an_instant_has_one_stamp_and_the_guides_topics() -> None:
     scene = Scene(1)
-    messages = scene.messages(5, NOW_NS)
+    messages = list(scene.messages(5, NOW_NS))
     assert [topic for topic, _ in messages] == [MOVING, *SENSORS]
     found = {f"/{topic.name}": message for topic, message in messages}
     color, depth = decode_image(found[COLOR]), decode_image(found[DEPTH])
