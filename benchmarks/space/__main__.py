@@ -25,6 +25,9 @@ is so is `unknown_distance` in `spread`.
 Centroids, boxes and foreign points are with true masks: what the services make of masks. `spread` has the same with
 the model's, how often clouds are missing and objects missed, how far the middle of what is visible moves in the map
 in truth, and the percentiles of everything.
+
+A machine that is too slow or too busy for all views and drives within --seconds looks at fewer: `size` is what was
+done, `asked` what it was asked for.
 """
 
 import argparse
@@ -33,8 +36,8 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -62,6 +65,9 @@ DRIVES: Final = 8
 ROUNDS: Final = 30
 CROWDED: Final = 5
 REPORT_EVERY: Final = 10
+SECONDS: Final = 420.0
+FOR_VIEWS: Final = 0.7
+"""The share of it that views may take."""
 PACKAGES: Final = ("numpy", "opencv-python-headless", "msgspec", "ultralytics-opencv-headless", "torch")
 
 
@@ -83,10 +89,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--rounds", type=at_least_one, default=ROUNDS, help="times that each is timed (default: %(default)s)"
     )
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help="that views and drives may take (default: %(default)g)"
+    )
     arguments = parser.parse_args(argv)
     try:
         with contextlib.redirect_stdout(sys.stderr):
-            found = measure(arguments.weights, _size(arguments))
+            found = measure(arguments.weights, _size(arguments), arguments.seconds)
     except (ModelError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {' '.join(str(error).split())}\n")
     print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
@@ -107,39 +116,50 @@ def _size(arguments: argparse.Namespace) -> Size:
     return Size(arguments.views, arguments.drives, arguments.frames, arguments.crowded, arguments.rounds)
 
 
-def measure(weights: Path, size: Size) -> dict[str, Any]:
-    """Load the model, look, measure.
+def measure(weights: Path, asked: Size, seconds: float) -> dict[str, Any]:
+    """Load the model, look, measure. seconds: after which no view or drive begins but the first.
 
     Raises:
         ModelError: the weights cannot be measured.
         OSError: there are no such weights.
     """
     began = time.monotonic()
-    view_seeds, drive_seeds = seeds(size.views), seeds(size.drives, DRIVES_FIRST)
+    view_seeds, drive_seeds = seeds(asked.views), seeds(asked.drives, DRIVES_FIRST)
+    views = drives = 0
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
         look = open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=Path(folder))
         samples = Samples(list)
-        for done, seed in enumerate(view_seeds, start=1):
+        for views, seed in _while_time(view_seeds, began + FOR_VIEWS * seconds):
             view = view_of(seed)
             add_view(view, look(view.image), samples)
-            note_step("views", done, size.views, REPORT_EVERY)
-        for done, seed in enumerate(drive_seeds, start=1):
-            for measured, true in spreads(seed, look, size.frames):
+            note_step("views", views, asked.views, REPORT_EVERY)
+        for drives, seed in _while_time(drive_seeds, began + seconds):
+            for measured, true in spreads(seed, look, asked.frames):
                 samples["map_spread"].append(measured)
                 samples["map_spread_true"].append(true)
-            note_step("drives", done, size.drives, REPORT_EVERY)
+            note_step("drives", drives, asked.drives, REPORT_EVERY)
     note("times")
-    wall_ms, cpu_ms = measure_speed(crowded_views(size.crowded), size.rounds)
+    wall_ms, cpu_ms = measure_speed(crowded_views(asked.crowded), asked.rounds)
     return {
         **report(samples, wall_ms, cpu_ms),
         "seconds": round(time.monotonic() - began, 1),
-        "size": asdict(size),
-        "seeds": {"views": [view_seeds[0], view_seeds[-1]], "drives": [drive_seeds[0], drive_seeds[-1]]},
+        "size": asdict(replace(asked, views=views, drives=drives)),
+        "asked": asdict(asked),
+        "seeds": {"views": [view_seeds[0], view_seeds[views - 1]], "drives": [drive_seeds[0], drive_seeds[drives - 1]]},
         "weights": weights.name,
         "threads": {"opencv": cv2.getNumThreads(), "model": 1},
         "machine": machine(),
         "versions": versions(PACKAGES),
     }
+
+
+def _while_time(seeds: Sequence[int], until: float) -> Iterator[tuple[int, int]]:
+    """Return how many there were so far, and the next one, until it is too late for more than the first."""
+    for done, seed in enumerate(seeds, start=1):
+        if done > 1 and time.monotonic() > until:
+            note(f"no time for more than {done - 1} of {len(seeds)}")
+            return
+        yield done, seed
 
 
 if __name__ == "__main__":
