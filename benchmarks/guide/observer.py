@@ -2,13 +2,11 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Final
 
 from benchmarks.guide.hops import Seen
-from benchmarks.guide.sets import Arrival
-from benchmarks.guide.topics import SEGMENTATION
 from bus import QUEUE, Bus, BusSettings, Sample, open_bus
 from bus.clock import clock_id
 from bus.errors import BusError
@@ -33,6 +31,8 @@ SCHEMAS: Final[dict[Stream, type[Message]]] = {
 }
 WAITING: Final = 100
 TOLD_S: Final = 0.8
+ASK_AGAIN_S: Final = 0.001
+"""Whoever asks without a pause takes the time of those that have work to do."""
 LATITUDE_NS: Final = 500_000_000
 """The monitor's times are measured, not exact; images are further apart."""
 
@@ -44,12 +44,10 @@ class Observer:
         self._bus = bus
         self._seen: dict[int, Seen] = {}
 
-    def frames(self, stamps: Sequence[int], arrivals: Sequence[Arrival]) -> list[Seen]:
-        """Return what was seen of these images; arrivals: what came on ROS."""
-        for each in arrivals:
-            if each.topic == SEGMENTATION and each.stamp_ns in self._seen:
-                self._seen[each.stamp_ns].returned_ns = each.at_ns
-        return [self._seen[stamp] for stamp in stamps if stamp in self._seen]
+    @property
+    def seen(self) -> list[Seen]:
+        """What was seen of each image so far."""
+        return list(self._seen.values())
 
     async def receive(self, stream: Stream) -> None:
         """Note a stream's messages for ever."""
@@ -84,6 +82,7 @@ class Observer:
             answer = codec.decode(InventoryAnswer, reply.payload, reply.encoding)
             if any(each.last_ns > since_ns for each in answer.sightings):
                 return time.time_ns()
+            await asyncio.sleep(ASK_AGAIN_S)
         return None
 
 

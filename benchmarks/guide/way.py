@@ -4,15 +4,17 @@ import asyncio
 import statistics
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from benchmarks.gateway.processes import module, running
 from benchmarks.guide.hops import Limit, Seen, table
 from benchmarks.guide.limits import link_ms, memcpy_ms, tcp_ms
-from benchmarks.guide.observer import observing
 from benchmarks.guide.scene import Scene
-from benchmarks.guide.sets import mean_sizes
+from benchmarks.guide.sets import Arrival, mean_sizes
 from benchmarks.guide.sides import Side
 from benchmarks.guide.topics import CLASSES, DISTANCE, SEGMENTATION
 from schemas.keys import Stream
@@ -26,12 +28,14 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
 
     folder: the cache of the detector, which has chosen its runtime there.
     """
-    async with observing(side.endpoint) as observer:
+    with running(module("fleet_observer", side.endpoint)) as observer:
+        await asyncio.to_thread(observer.ask)
         await side.ready()
         stamps = await side.robot.drive(HZ, images / HZ)
         arrivals = side.robot.taken()
-        frames = observer.frames(stamps, arrivals)
-        overlay = mean_sizes(arrivals)[SEGMENTATION]
+        seen = msgspec.convert((await asyncio.to_thread(observer.ask))["seen"], list[Seen])
+    frames = _returned([each for each in seen if each.stamp_ns in stamps], arrivals)
+    overlay = mean_sizes(arrivals)[SEGMENTATION]
     await side.quiet()
     await guide.ready()
     await guide.robot.drive(HZ, images / HZ)
@@ -53,6 +57,12 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
         "guide_distances_bytes": sizes.get(DISTANCE),
         "raw_overlay_bytes": overlay,
     }
+
+
+def _returned(frames: list[Seen], arrivals: Sequence[Arrival]) -> list[Seen]:
+    """Note when each image's overlay came on ROS."""
+    at = {each.stamp_ns: each.at_ns for each in arrivals if each.topic == SEGMENTATION}
+    return [replace(frame, returned_ns=at.get(frame.stamp_ns)) for frame in frames]
 
 
 def _mean_size(frames: Sequence[Seen], stream: Stream) -> int | None:
