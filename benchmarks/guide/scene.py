@@ -3,6 +3,9 @@
 from collections.abc import Iterator
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from benchmarks.guide.outputs import stamped
 from benchmarks.guide.topics import COLOR, DEPTH, POINTS
 from gateway.ros1 import image, point_cloud
@@ -42,6 +45,13 @@ class Scene:
         yield from self._robot.publish(number, [MOVING], lambda: stamp_ns)
         for topic, message in self._instants[number % len(self._instants)]:
             yield topic, stamped(message, stamp_ns)
+
+    @property
+    def pictures(self) -> NDArray[np.uint8]:
+        """What the colour camera sees, instants x HEIGHT x WIDTH x 3."""
+        sent = [message for instant in self._instants for topic, message in instant if topic.content is Content.COLOR]
+        decoded = [np.frombuffer(image.decode_image(message).data, np.uint8) for message in sent]
+        return np.stack([pixels.reshape(HEIGHT, WIDTH, 3) for pixels in decoded])
 
     def static(self, stamp_ns: int) -> bytes:
         """Return where the sensors are on the robot."""

@@ -3,12 +3,12 @@
 import asyncio
 import statistics
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
+import numpy as np
 
 from benchmarks.gateway.processes import module, running
 from benchmarks.guide.hops import Limit, Seen, table
@@ -40,9 +40,7 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
     await guide.ready()
     await guide.robot.drive(HZ, images / HZ)
     sizes = mean_sizes(guide.robot.taken())
-    with ExitStack() as stack:
-        bare = stack.enter_context(running(module("bare_call", "auto", str(folder))))
-        alone = await asyncio.to_thread(bare.ask)
+    alone = await asyncio.to_thread(_alone, scene, folder)
     link = await link_ms(side.endpoint, scene.size(Content.COLOR))
     mean = {stream: _mean_size(frames, stream) for stream in Stream}
     limits = await asyncio.to_thread(_limits, scene, mean, overlay, alone)
@@ -57,6 +55,14 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
         "guide_distances_bytes": sizes.get(DISTANCE),
         "raw_overlay_bytes": overlay,
     }
+
+
+def _alone(scene: Scene, folder: Path) -> dict[str, Any]:
+    """Return how long the model's stages take for the same pictures with nothing else at work, and its runtime."""
+    pictures = folder / "pictures.npy"
+    np.save(pictures, scene.pictures)
+    with running(module("bare_call", "auto", str(folder), str(pictures))) as bare:
+        return bare.ask()
 
 
 def _returned(frames: list[Seen], arrivals: Sequence[Arrival]) -> list[Seen]:

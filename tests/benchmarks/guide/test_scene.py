@@ -19,6 +19,8 @@ def test_an_instant_has_one_stamp_and_the_guides_topics() -> None:
     assert (depth.height, depth.width, depth.encoding, depth.stamp) == (480, 640, "16UC1", NOW_NS)
     assert (points.height, points.width, points.stamp) == (480, 640, NOW_NS)
     assert scene.size(Content.COLOR) == len(found[COLOR])
+    assert scene.pictures.tobytes() == bytes(color.data)
+    assert scene.pictures.shape == (1, 480, 640, 3)
     (moving, *_) = deserialise(MOVING.type, messages[0][1]).transforms
     assert moving.header.stamp.sec * 1_000_000_000 + moving.header.stamp.nanosec == NOW_NS
     assert deserialise(STATIC.type, scene.static(NOW_NS)).transforms
