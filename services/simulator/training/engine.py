@@ -4,7 +4,7 @@ import logging
 import os
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 _QUIET: Final = {
     "YOLO_OFFLINE": "true",
@@ -22,4 +22,9 @@ def load_ultralytics(config_dir: Path) -> ModuleType:
 
     ultralytics.settings.update({key: False for key in _SILENCED if key in ultralytics.settings})
     ultralytics.utils.LOGGER.setLevel(logging.WARNING)
+
+    def unseen(*arguments: Any, **options: Any) -> Any:
+        return ultralytics.utils.TQDM(*arguments, **options | {"disable": True})
+
+    ultralytics.data.base.TQDM = unseen  # it shows these bars however quiet it is told to be
     return ultralytics
