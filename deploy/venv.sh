@@ -74,7 +74,8 @@ fi
 # pip that is interrupted leaves what it has fetched, and /tmp may be too small for it.
 scratch=$(mktemp -d "$PWD/.venv/setup.XXXXXX")
 trap 'rm -rf "$log" "$scratch"' EXIT
-export PIP_CONSTRAINT=$PWD/constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 TMPDIR=$scratch
+# Relative, because pip takes what follows a space for another file.
+export PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 TMPDIR=$scratch
 if ! with_progress "installing fleetsight[$extra] (PyTorch alone is some GB)" \
     .venv/bin/python -m pip install --progress-bar off --editable ".[$extra]"; then
     tail -n 20 "$log" >&2

@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.help import EXIT_CODES
 from services.toolbox.settings import UsageError, load
 
 OURS = ("bus", "gateway", "schemas", "services")
@@ -40,14 +41,25 @@ def overview() -> str:
     lines = [f"usage: {PROG} COMMAND [OPTION ...]", "", __doc__ or "", "", "commands:"]
     lines += [f"  {command.name:<10} {command.summary}" for command in COMMANDS]
     lines += ["", f"'{PROG} COMMAND --help' lists a command's options; each is also read from the environment", ""]
-    lines[-1:] = ["(FLEETSIGHT_ROBOT for --robot) and from the YAML or TOML file that --config names.", ""]
+    lines[-1:] = [
+        "(FLEETSIGHT_ROBOT for --robot) and from the YAML or TOML file that --config names.",
+        "",
+        EXIT_CODES,
+        "",
+    ]
     return "\n".join(lines)
 
 
 def _start(command: Command, arguments: Sequence[str]) -> int:
     prog = f"{PROG} {command.name}"
     try:
-        loaded = load(command.load_settings(), command.options_of(arguments), prog=prog)
+        loaded = load(
+            command.load_settings(),
+            command.options_of(arguments),
+            prog=prog,
+            positional=command.positional,
+            examples=command.examples,
+        )
         logs.configure(loaded.log_level or command.log_level)
         return _run(command, loaded.settings)
     except ModuleNotFoundError as error:

@@ -61,6 +61,7 @@ def test_toml_file(tmp_path: Path) -> None:
         (("--robot", "r", "--rate-hz", "0"), "--rate-hz '0': Input should be greater than 0"),
         (("--robot", "r", "--rate-hz", "fast"), "--rate-hz 'fast': Input should be a valid number"),
         (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r"),
+        (("--robot", "r", "front"), "unrecognized arguments: front (usage: test [OPTION ...])"),
         (("--robot",), "argument --robot: expected one argument"),
         (("--robot", "r", "--cameras", "front"), "--cameras: write it like name=value"),
         (("--robot", "r", "--config", "missing.yaml"), "--config missing.yaml: [Errno 2] No such file"),
