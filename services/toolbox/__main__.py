@@ -1,6 +1,7 @@
 """fleetsight: what every robot of a warehouse fleet sees, known centrally."""
 
 import importlib.metadata
+import signal
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -88,7 +89,8 @@ def _run(command: Command, settings: BaseModel) -> int:
 
 
 def console() -> NoReturn:
-    """Run the command line of this process and leave it."""
+    """Run the command line of this process and leave it. Ctrl-C before there is anything to end leaves no stack."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     process.leave(main())
 
 
