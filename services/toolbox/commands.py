@@ -123,6 +123,7 @@ COMMANDS: Final = (
         refusals=("bus:BusError", "services.toolbox.clouds.errors:ViewerError"),
         extra="viewer",
         positional=("do", "robot", "camera"),
+        log_level="error",
         examples=(
             "fleetsight clouds view r1 front",
             "fleetsight clouds save r1 front --folder clouds --count 5",

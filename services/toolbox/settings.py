@@ -81,8 +81,8 @@ def load(
         raise SystemExit(0)
     try:
         found = _settings_class(model, prog)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
-        own = found.model_fields_set & set(model.model_fields)
-        settings = model.model_validate({name: getattr(found, name) for name in own})
+        own = {name: field for name, field in model.model_fields.items() if name in found.model_fields_set}
+        settings = model.model_validate({field.alias or name: getattr(found, name) for name, field in own.items()})
     except ValidationError as error:
         raise UsageError(_first_mistake(error)) from error
     except SettingsError as error:
@@ -96,7 +96,9 @@ class _Common(BaseSettings):
     config: Annotated[Path | None, Field(description="YAML or TOML file with any of these settings")] = None
     log_level: Annotated[
         LogLevel | None,
-        Field(description="least severe events written to stderr; info unless given, for detect, users and call error"),
+        Field(
+            description="least severe events written to stderr; info unless given, for detect, clouds, users and call error"
+        ),
     ] = None
 
 
