@@ -97,7 +97,7 @@ class _Common(BaseSettings):
     log_level: Annotated[
         LogLevel | None,
         Field(
-            description="least severe events written to stderr; info unless given, for detect, clouds, users and call error"
+            description="least severe events written to stderr; info unless given, error for detect, clouds, users, call"
         ),
     ] = None
 
