@@ -96,9 +96,7 @@ class _Common(BaseSettings):
     config: Annotated[Path | None, Field(description="YAML or TOML file with any of these settings")] = None
     log_level: Annotated[
         LogLevel | None,
-        Field(
-            description="least severe events written to stderr; info unless given, error for detect, clouds, users, call"
-        ),
+        Field(description="least severe events written to stderr; info, or error for detect, clouds, users and call"),
     ] = None
 
 

@@ -21,7 +21,7 @@ def load_ultralytics(config_dir: Path) -> ModuleType:
     import ultralytics  # noqa: PLC0415 - it reads the environment when it is imported
 
     ultralytics.settings.update({key: False for key in _SILENCED if key in ultralytics.settings})
-    ultralytics.utils.LOGGER.setLevel(logging.WARNING)
+    ultralytics.utils.LOGGER.setLevel(logging.ERROR)
 
     def unseen(*arguments: Any, **options: Any) -> Any:
         return ultralytics.utils.TQDM(*arguments, **options | {"disable": True})
