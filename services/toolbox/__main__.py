@@ -66,7 +66,7 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
     except ModuleNotFoundError as error:
         if command.extra is None or error.name is None or error.name.split(".")[0] in OURS:
             raise
-        reason = f"{error.name} is not installed; fleetsight's extra [{command.extra}] brings it"
+        reason = f"{error.name} is not installed; it comes with pip install -c constraints.txt '.[{command.extra}]'"
     except UsageError as error:
         reason = str(error)
     sys.stderr.write(f"{prog}: {printable(reason)}\n")
