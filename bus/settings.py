@@ -35,7 +35,10 @@ class BusSettings(BaseModel):
         default=[], validate_default=True, description="endpoints to accept connections on; a router needs one"
     )
     scouting: bool = Field(default=False, description="find routers and peers on the local network by multicast")
-    shared_memory: bool = Field(default=True, description="pass large payloads on one host through shared memory")
+    shared_memory: bool = Field(
+        default=True,
+        description="pass large payloads on one host through shared memory, if the process may lock it (ulimit -l)",
+    )
     lease_s: float = Field(
         default=2.0, ge=0.5, le=60, description="seconds of silence after which a link counts as lost"
     )

@@ -14,6 +14,7 @@ from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohSubscripti
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, single_key
+from bus.locking import SHAREABLE_BYTES, may_lock
 from bus.serving import check_free
 from bus.session import Declaration, SessionThread
 from bus.settings import BusSettings
@@ -41,12 +42,22 @@ async def open_bus(settings: BusSettings) -> AsyncIterator[Bus]:
 
     """
     keep_freed_memory()
-    bus = ZenohBus(settings)
+    bus = ZenohBus(_shareable(settings))
     try:
         await bus.start()
         yield bus
     finally:
         await bus.close()
+
+
+def _shareable(settings: BusSettings) -> BusSettings:
+    if not settings.shared_memory or may_lock(SHAREABLE_BYTES):
+        return settings
+    _log.info(
+        "no shared memory: that takes leave to lock %d MiB (ulimit -l); frames go through sockets",
+        SHAREABLE_BYTES >> 20,
+    )
+    return settings.model_copy(update={"shared_memory": False})
 
 
 class ZenohBus:

@@ -21,20 +21,21 @@ find_python() {
     fail "no Python 3.11 or newer found; install one, or name it: make PYTHON=/path/to/python3 ..."
 }
 
+columns() { stty size </dev/tty 2>/dev/null | cut -d ' ' -f 2 | grep '[1-9]' || echo 80; }
+
 # Run a slow command and keep one line on the screen that says how it gets on. Its output is in $log.
 with_progress() {
     local what=$1 began=$SECONDS every=15 pid
     shift
     "$@" >"$log" 2>&1 &
     pid=$!
-    trap 'kill $pid 2>/dev/null; exit 130' INT TERM
+    trap 'kill $pid 2>/dev/null; wait $pid || true; exit 130' INT TERM
     [ -t 1 ] && every=1
     while kill -0 "$pid" 2>/dev/null; do
         sleep 1
         if (((SECONDS - began) % every == 0)); then
-            local line
-            line=$(printf '[setup] %s: %d s, %s' "$what" $((SECONDS - began)) "$(tail -n 1 "$log" | cut -c 1-60)")
-            if [ -t 1 ]; then printf '\r\033[K%s' "$line"; else printf '%s\n' "$line"; fi
+            local line="[setup] $what: $((SECONDS - began)) s, $(tail -n 1 "$log")"
+            if [ -t 1 ]; then printf '\r\033[K%s' "${line:0:$(columns) - 1}"; else printf '%s\n' "$line"; fi
         fi
     done
     trap - INT TERM
@@ -45,9 +46,12 @@ with_progress() {
 
 make_venv() {
     rm -rf .venv
-    "$1" -m venv .venv >"$log" 2>&1 && return
-    rm -rf .venv # half of one would be taken for a whole one
-    return 1
+    trap 'rm -rf .venv; exit 130' INT TERM # half of one would be taken for a whole one
+    if ! "$1" -m venv .venv >"$log" 2>&1; then
+        rm -rf .venv
+        return 1
+    fi
+    trap - INT TERM
 }
 
 install_venv_package() {
@@ -63,13 +67,17 @@ if ! [ -x .venv/bin/python ]; then
         package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
         export DEBIAN_FRONTEND=noninteractive
         with_progress "installing $package" install_venv_package "$package" ||
-            { tail -n 5 "$log" >&2; fail "could not install it; run: apt-get install $package"; }
+            { tail -n 5 "$log" >&2; fail "could not install it; run as root: apt-get install $package"; }
         make_venv "$python" || { tail -n 20 "$log" >&2; fail "could not make .venv"; }
     fi
 fi
-export PIP_CONSTRAINT=$PWD/constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1
+# pip that is interrupted leaves what it has fetched, and /tmp may be too small for it.
+scratch=$(mktemp -d "$PWD/.venv/setup.XXXXXX")
+trap 'rm -rf "$log" "$scratch"' EXIT
+# Relative, because pip takes what follows a space for another file.
+export PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 TMPDIR=$scratch
 if ! with_progress "installing fleetsight[$extra] (PyTorch alone is some GB)" \
-    .venv/bin/python -m pip install --editable ".[$extra]"; then
+    .venv/bin/python -m pip install --progress-bar off --editable ".[$extra]"; then
     tail -n 20 "$log" >&2
     fail "could not install fleetsight[$extra]"
 fi

@@ -1,6 +1,7 @@
 """fleetsight: what every robot of a warehouse fleet sees, known centrally."""
 
 import importlib.metadata
+import signal
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -11,6 +12,7 @@ from pydantic import BaseModel
 from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.help import EXIT_CODES
 from services.toolbox.settings import UsageError, load
 
 OURS = ("bus", "gateway", "schemas", "services")
@@ -40,20 +42,31 @@ def overview() -> str:
     lines = [f"usage: {PROG} COMMAND [OPTION ...]", "", __doc__ or "", "", "commands:"]
     lines += [f"  {command.name:<10} {command.summary}" for command in COMMANDS]
     lines += ["", f"'{PROG} COMMAND --help' lists a command's options; each is also read from the environment", ""]
-    lines[-1:] = ["(FLEETSIGHT_ROBOT for --robot) and from the YAML or TOML file that --config names.", ""]
+    lines[-1:] = [
+        "(FLEETSIGHT_ROBOT for --robot) and from the YAML or TOML file that --config names.",
+        "",
+        EXIT_CODES,
+        "",
+    ]
     return "\n".join(lines)
 
 
 def _start(command: Command, arguments: Sequence[str]) -> int:
     prog = f"{PROG} {command.name}"
     try:
-        loaded = load(command.load_settings(), command.options_of(arguments), prog=prog)
+        loaded = load(
+            command.load_settings(),
+            command.options_of(arguments),
+            prog=prog,
+            positional=command.positional,
+            examples=command.examples,
+        )
         logs.configure(loaded.log_level or command.log_level)
         return _run(command, loaded.settings)
     except ModuleNotFoundError as error:
         if command.extra is None or error.name is None or error.name.split(".")[0] in OURS:
             raise
-        reason = f"{error.name} is not installed; fleetsight's extra [{command.extra}] brings it"
+        reason = f"{error.name} is not installed; it comes with pip install -c constraints.txt '.[{command.extra}]'"
     except UsageError as error:
         reason = str(error)
     sys.stderr.write(f"{prog}: {printable(reason)}\n")
@@ -76,7 +89,8 @@ def _run(command: Command, settings: BaseModel) -> int:
 
 
 def console() -> NoReturn:
-    """Run the command line of this process and leave it."""
+    """Run the command line of this process and leave it. Ctrl-C before there is anything to end leaves no stack."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     process.leave(main())
 
 

@@ -20,7 +20,7 @@ class Command:
     run: a coroutine function that takes the settings. refusals: the errors it raises for settings that turn out to be
     wrong once used. extra: what must be installed beyond the base. positional: settings that the first arguments are
     for where they are no options. arguments: a function that turns arguments of other kinds into options. log_level:
-    least severe events written unless told otherwise.
+    least severe events written unless told otherwise. examples: whole command lines, for the help.
     """
 
     name: str
@@ -32,6 +32,7 @@ class Command:
     positional: tuple[str, ...] = ()
     arguments: str | None = None
     log_level: LogLevel = "info"
+    examples: tuple[str, ...] = ()
 
     def load_settings(self) -> type[BaseModel]:
         """Import the settings model."""
@@ -69,6 +70,11 @@ COMMANDS: Final = (
         "gateway.process:run",
         refusals=("bus:BusError", "gateway.process:HostError"),
         arguments="gateway.arguments:options_of",
+        examples=(
+            "fleetsight gateway --robot r1 --connect tcp/central:7447",
+            "fleetsight gateway --robot r1 --cameras front=/cam0/picture --topics front/depth=/cam0/range,tf=/tf",
+            "fleetsight gateway --robot r1 --connect tcp/central:7447 --max-hz 10,*/depth=5 --uplink-mbit 8",
+        ),
     ),
     Command(
         "doctor",
@@ -76,6 +82,10 @@ COMMANDS: Final = (
         "gateway.doctor.settings:DoctorSettings",
         "gateway.doctor.process:run",
         arguments="gateway.arguments:options_of",
+        examples=(
+            "fleetsight doctor --robot r1 --connect tcp/central:7447",
+            "fleetsight doctor --config /etc/fleetsight/gateway.yaml --json",
+        ),
     ),
     Command(
         "detector",
@@ -84,6 +94,10 @@ COMMANDS: Final = (
         "services.detector.process:run",
         refusals=("bus:BusError", "services.detector.model:ModelError"),
         extra="detector",
+        examples=(
+            "fleetsight detector --connect tcp/central:7447",
+            "fleetsight detector --model my-seg.pt --robots r1 --device cuda:0",
+        ),
     ),
     Command(
         "distance",
@@ -91,6 +105,7 @@ COMMANDS: Final = (
         "services.distance.settings:DistanceSettings",
         "services.distance.process:run",
         extra="distance",
+        examples=("fleetsight distance --robots r1 --connect tcp/central:7447",),
     ),
     Command(
         "cloud",
@@ -98,6 +113,7 @@ COMMANDS: Final = (
         "services.cloud.settings:CloudSettings",
         "services.cloud.process:run",
         extra="cloud",
+        examples=("fleetsight cloud --robots r1 --connect tcp/central:7447",),
     ),
     Command(
         "clouds",
@@ -107,6 +123,11 @@ COMMANDS: Final = (
         refusals=("bus:BusError", "services.toolbox.clouds.errors:ViewerError"),
         extra="viewer",
         positional=("do", "robot", "camera"),
+        log_level="error",
+        examples=(
+            "fleetsight clouds view r1 front",
+            "fleetsight clouds save r1 front --folder clouds --count 5",
+        ),
     ),
     Command(
         "detect",
@@ -117,6 +138,10 @@ COMMANDS: Final = (
         extra="detector",
         positional=("image",),
         log_level="error",
+        examples=(
+            "fleetsight detect photo.jpg --connect tcp/central:7447",
+            "fleetsight detect photo.jpg --local --model my-seg.pt --json",
+        ),
     ),
     Command(
         "monitor",
@@ -129,6 +154,11 @@ COMMANDS: Final = (
             "services.monitor.web.errors:WebError",
         ),
         extra="monitor",
+        examples=(
+            "fleetsight monitor --listen tcp/0.0.0.0:7447",
+            "fleetsight monitor --listen tcp/0.0.0.0:7447 --rules warehouse.yaml --web-host 0.0.0.0",
+            "fleetsight monitor --history postgresql://fleetsight@db/fleetsight",
+        ),
     ),
     Command(
         "users",
@@ -139,6 +169,13 @@ COMMANDS: Final = (
         extra="monitor",
         positional=("task", "name"),
         log_level="error",
+        examples=(
+            "fleetsight users add bob --role viewer",
+            "fleetsight users reset bob --role operator",
+            "fleetsight users remove bob",
+            "fleetsight users list",
+            "fleetsight users token bob --days 30",
+        ),
     ),
     Command(
         "history",
@@ -148,6 +185,10 @@ COMMANDS: Final = (
         refusals=("services.monitor.history.errors:HistoryError",),
         extra="monitor",
         positional=("task",),
+        examples=(
+            "fleetsight history export --to seen.csv --since 2026-11-20T06:00 --robot r1",
+            "fleetsight history export --to alerts.parquet --what alerts",
+        ),
     ),
     Command(
         "rules",
@@ -157,6 +198,7 @@ COMMANDS: Final = (
         refusals=("services.monitor.history.errors:HistoryError", "services.monitor.rules.loading:RuleFileError"),
         extra="monitor",
         positional=("task", "file"),
+        examples=("fleetsight rules test rules.yaml --since 2026-11-20T06:00",),
     ),
     Command(
         "call",
@@ -165,6 +207,10 @@ COMMANDS: Final = (
         "services.toolbox.call.process:run",
         positional=("robot", "service"),
         log_level="error",
+        examples=(
+            "fleetsight call r1 /reset --connect tcp/central:7447",
+            "fleetsight call r1 /lights --data true",
+        ),
     ),
     Command(
         "simulate",
@@ -173,6 +219,11 @@ COMMANDS: Final = (
         "services.simulator.process:run",
         refusals=("services.simulator.errors:SimulatorError",),
         extra="simulator",
+        examples=(
+            "fleetsight simulate --robots 5 --hz 5",
+            "fleetsight simulate --robots 5 --bag '{robot}.bag'",
+            "fleetsight simulate --streams color,depth --ros-master http://robot:11311",
+        ),
     ),
     Command(
         "train",
@@ -181,6 +232,10 @@ COMMANDS: Final = (
         "services.toolbox.train.process:run",
         refusals=("services.simulator.training.errors:TrainingError",),
         extra="train",
+        examples=(
+            "fleetsight train --output my.pt",
+            "fleetsight train --images 200 --holdout 20 --polish-epochs 0 --work-dir runs/quick --output quick.pt",
+        ),
     ),
     Command(
         "demo",
@@ -188,5 +243,9 @@ COMMANDS: Final = (
         "services.toolbox.demo.settings:DemoSettings",
         "services.toolbox.demo.process:run",
         extra="all",
+        examples=(
+            "fleetsight demo --robots 3",
+            "fleetsight demo --seconds 30 --model my-seg.pt",
+        ),
     ),
 )

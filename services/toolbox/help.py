@@ -1,8 +1,9 @@
-"""The help text of a command: what it does, and every setting with its default. Pure."""
+"""The help text of a command: what it does, how it is called, and every setting with its default. Pure."""
 
 import inspect
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from types import NoneType, UnionType
@@ -12,10 +13,20 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 INDENT: Final = 26
+EXIT_CODES: Final = "Exit code: 0 when it is done or was told to stop, 1 when it failed, 2 when it was called wrongly."
 PLACEHOLDERS: Final = {str: "TEXT", int: "N", float: "NUMBER", Path: "FILE"}
 
 
-def help_text(model: type[BaseModel], common: type[BaseModel], *, prog: str, env_prefix: str, width: int) -> str:
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """How a command is called. positional: settings that the first arguments are for. examples: whole commands."""
+
+    prog: str
+    positional: Sequence[str] = ()
+    examples: Sequence[str] = ()
+
+
+def help_text(model: type[BaseModel], common: type[BaseModel], usage: Usage, *, env_prefix: str, width: int) -> str:
     """Describe a command by its settings model and what every command has in `common`.
 
     Settings of a base class with a `heading` are listed under it. Lines are at most `width` characters long where words
@@ -24,9 +35,10 @@ def help_text(model: type[BaseModel], common: type[BaseModel], *, prog: str, env
     about = inspect.cleandoc(model.__doc__ or "")
     return "\n".join(
         [
-            f"usage: {prog} [OPTION ...]",
+            usage_line(model, usage),
             "",
             *_paragraphs(about, width),
+            *_examples(usage),
             "options:",
             *_option("-h, --help", "show this and exit", width),
             *(line for each in (model, common) for line in _groups(each, width)),
@@ -36,8 +48,25 @@ def help_text(model: type[BaseModel], common: type[BaseModel], *, prog: str, env
                 " --config names; what is given here wins over the environment, and that over the file.",
                 width,
             ),
+            *_paragraphs(EXIT_CODES, width),
         ]
     )
+
+
+def usage_line(model: type[BaseModel], usage: Usage) -> str:
+    """Say in which order a command is called."""
+    arguments = (_argument(name, model.model_fields[name]) for name in usage.positional)
+    return f"usage: {' '.join([usage.prog, *arguments])} [OPTION ...]"
+
+
+def _argument(name: str, field: FieldInfo) -> str:
+    choices = _placeholder(field.annotation)
+    word = choices if "|" in choices else name.upper()
+    return word if field.is_required() else f"[{word}]"
+
+
+def _examples(usage: Usage) -> list[str]:
+    return ["examples:", *(f"  {example}" for example in usage.examples), ""] if usage.examples else []
 
 
 def _paragraphs(text: str, width: int) -> Iterator[str]:

@@ -21,7 +21,7 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from services.toolbox.help import help_text
+from services.toolbox.help import Usage, help_text, usage_line
 
 ENV_PREFIX = "FLEETSIGHT_"
 MAX_HELP_WIDTH = 100
@@ -63,25 +63,30 @@ def _pairs(name: str, parts: Sequence[str]) -> dict[str, str]:
     return mapping
 
 
-def load(model: type[S], argv: Sequence[str], *, prog: str) -> Loaded[S]:
+def load(
+    model: type[S], argv: Sequence[str], *, prog: str, positional: Sequence[str] = (), examples: Sequence[str] = ()
+) -> Loaded[S]:
     """Build `model` from the options in `argv`, `FLEETSIGHT_*` variables and the file that `--config` names.
+
+    prog, positional, examples: what its help says of how it is called, see `Usage`.
 
     Raises:
         UsageError: an option, variable or key of the file is unknown, missing or wrong.
         SystemExit: `--help` was asked for and printed.
     """
+    usage = Usage(prog, positional, examples)
     if not {"-h", "--help"}.isdisjoint(argv):
         width = min(shutil.get_terminal_size().columns, MAX_HELP_WIDTH)
-        sys.stdout.write(help_text(model, _Common, prog=prog, env_prefix=ENV_PREFIX, width=width))
+        sys.stdout.write(help_text(model, _Common, usage, env_prefix=ENV_PREFIX, width=width))
         raise SystemExit(0)
     try:
         found = _settings_class(model, prog)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
-        own = found.model_fields_set & set(model.model_fields)
-        settings = model.model_validate({name: getattr(found, name) for name in own})
+        own = {name: field for name, field in model.model_fields.items() if name in found.model_fields_set}
+        settings = model.model_validate({field.alias or name: getattr(found, name) for name, field in own.items()})
     except ValidationError as error:
         raise UsageError(_first_mistake(error)) from error
     except SettingsError as error:
-        raise UsageError(_unparsed(str(error))) from error
+        raise UsageError(_unparsed(str(error), usage_line(model, usage))) from error
     return Loaded(settings, found.log_level)
 
 
@@ -91,7 +96,7 @@ class _Common(BaseSettings):
     config: Annotated[Path | None, Field(description="YAML or TOML file with any of these settings")] = None
     log_level: Annotated[
         LogLevel | None,
-        Field(description="least severe events written to stderr; info unless given, and error for a call"),
+        Field(description="least severe events written to stderr; info, or error for detect, clouds, users and call"),
     ] = None
 
 
@@ -151,11 +156,13 @@ def _wrong_file(path: Path, reason: str, cause: Exception | None = None) -> NoRe
     raise UsageError(f"--config {path}: {' '.join(reason.split())}") from cause
 
 
-def _unparsed(message: str) -> str:
+def _unparsed(message: str, usage: str) -> str:
     """Say what could not be read from the command line; pydantic's own words on name=value pairs are Python's."""
     unreadable = re.match(r"Parsing error encountered for (\w+):", message)
     if unreadable is None:
-        return message.removeprefix("error parsing CLI: ")
+        reason = message.removeprefix("error parsing CLI: ")
+        misplaced = re.match(r"unrecognized arguments: [^-]", reason)
+        return f"{reason} ({usage})" if misplaced else reason
     return f"--{unreadable[1].replace('_', '-')}: write it like name=value"
 
 

@@ -14,7 +14,7 @@ Moment = AwareDatetime | NaiveDatetime
 class ExportSettings(BaseModel):
     """Write what a monitor kept into a file: sightings, one row as long as a count stayed the same, or alerts.
 
-    `fleetsight history export --to seen.csv`; a name that ends in .parquet makes Parquet.
+    A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet].
     """
 
     task: Annotated[Literal["export"], Field(description="what to do")]

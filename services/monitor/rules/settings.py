@@ -12,7 +12,7 @@ from services.monitor.history.settings import HistoryUrl, default_url
 class RulesSettings(BaseModel):
     """Try a rule file against what a monitor kept: print each alert that it would have raised.
 
-    `fleetsight rules test rules.yaml`; a mistake in the file is shown with its line.
+    A mistake in the file is shown with its line.
     """
 
     task: Annotated[Literal["test"], Field(description="what to do")]

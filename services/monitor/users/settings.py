@@ -11,9 +11,8 @@ from services.monitor.web.auth.visitor import Role
 class UsersSettings(BaseModel):
     """Say who may log in to a monitor. A password is asked for, or read from standard input.
 
-    `fleetsight users add NAME --role viewer`; `reset NAME` gives another password and ends every session and token of
-    theirs, `remove NAME`, `list`; `token NAME` prints a token for a program that does what this user may. A running
-    monitor knows within seconds.
+    `reset` gives another password or role and ends every session and token of theirs, as `remove` does; `token` prints
+    a token for a program that does what this user may. A running monitor knows within seconds.
     """
 
     task: Annotated[Literal["add", "reset", "remove", "list", "token"], Field(description="what to do")]

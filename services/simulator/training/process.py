@@ -1,12 +1,11 @@
-"""The training run as a command: progress on the terminal, work off the event loop."""
+"""The training run as a command: progress on stderr, work off the event loop."""
 
 import asyncio
 import threading
 
 from rich.console import Console
-from rich.progress import TaskID
 
-from services.simulator.bars import bars
+from services.simulator import bars
 from services.simulator.training.evaluation.looking import Opener
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
@@ -20,19 +19,16 @@ async def run(settings: TrainingSettings, opener: Opener) -> None:
     Raises:
         TrainingError: the work directory belongs to a run with other settings.
     """
-    with bars(Console()) as shown:
-        stages: dict[str, TaskID] = {}
+    with bars.progress(Console(stderr=True)) as report:
         cancelled = threading.Event()
 
         def progress(stage: str, done: int, total: int) -> None:
             if cancelled.is_set():
                 raise asyncio.CancelledError
-            if stage not in stages:
-                stages[stage] = shown.add_task(stage, total=total)
-            shown.update(stages[stage], completed=done, total=total)
+            report(stage, done, total)
 
         try:
             await asyncio.to_thread(train, settings, progress, opener)
         finally:
             cancelled.set()  # the thread notices where it next reports
-    shown.console.print(f"wrote {settings.output} and its card beside it", highlight=False)
+    Console().print(f"wrote {settings.output} and its card beside it", highlight=False, soft_wrap=True)

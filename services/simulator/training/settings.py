@@ -8,29 +8,31 @@ WEIGHTS_FOLDER = Path(__file__).parents[2] / "detector" / "weights"
 
 
 class TrainingSettings(BaseModel):
-    """Settings of `train`; the defaults make the weights that are shipped."""
+    """Make a model for the simulated warehouse from nothing: render, train, evaluate, write weights and their card.
+
+    The defaults make the weights that are shipped, and put them in their place; that takes hours without a GPU. Stopped
+    at any time, the same command goes on from its last epoch.
+    """
 
     seed: int = Field(
-        default=1, ge=0, description="Seed of the scenes and of the training; the same seed, the same data."
+        default=1, ge=0, description="seed of the scenes and of the training; the same seed, the same data"
     )
-    images: PositiveInt = Field(default=6000, description="Images to train on, two of each scene.")
-    holdout: PositiveInt = Field(default=300, description="Images of other scenes to evaluate on, never trained on.")
-    coarse_epochs: int = Field(default=4, ge=0, description="First passes over the images, at half the size.")
-    epochs: PositiveInt = Field(default=2, description="Passes over the images at their whole size.")
+    images: PositiveInt = Field(default=6000, description="images to train on, two of each scene")
+    holdout: PositiveInt = Field(default=300, description="images of other scenes to evaluate on, never trained on")
+    coarse_epochs: int = Field(default=4, ge=0, description="first passes over the images, at half the size")
+    epochs: PositiveInt = Field(default=2, description="passes over the images at their whole size")
     polish_epochs: int = Field(
-        default=3, ge=0, description="Last passes at the whole size, the learning rate raised once more to fall slowly."
+        default=3, ge=0, description="last passes at the whole size, the learning rate raised once more to fall slowly"
     )
-    imgsz: PositiveInt = Field(default=640, multiple_of=32, description="Longer side of the model's input in pixels.")
-    batch: PositiveInt = Field(default=8, description="Images per step.")
-    workers: PositiveInt = Field(default=2, description="Processes that render, and threads that train without a GPU.")
-    device: str = Field(
-        default="auto", description='"auto" (a GPU if there is one), "cpu", or a GPU number such as "0".'
-    )
+    imgsz: PositiveInt = Field(default=640, multiple_of=32, description="longer side of the model's input in pixels")
+    batch: PositiveInt = Field(default=8, description="images per step")
+    workers: PositiveInt = Field(default=2, description="processes that render, and threads that train without a GPU")
+    device: str = Field(default="auto", description="auto (a GPU if there is one), cpu, or a GPU number such as 0")
     output: Path = Field(
         default=WEIGHTS_FOLDER / "warehouse-n-seg.pt",
-        description="Where the weights go; the model card goes beside them.",
+        description="where the weights go, with the model card beside them",
     )
     work_dir: Path = Field(
         default=Path("runs/warehouse-n-seg"),
-        description="Data set and checkpoints; an interrupted run with the same settings goes on from here.",
+        description="folder of data set and checkpoints; an interrupted run with the same settings goes on from here",
     )

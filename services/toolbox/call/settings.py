@@ -11,7 +11,7 @@ from schemas.service import MAX_CALL_S
 
 
 class CallSettings(BusSettings):
-    """Call a ROS service of a robot, which its gateway must list: `fleetsight call r1 /reset`.
+    """Call a ROS service of a robot, which its gateway must list (`--services` there).
 
     Services of std_srvs are meant: Empty, Trigger, and SetBool with --data. Prints what the service answers. Exit code
     1 and one line say why there is no answer, or that the service did not succeed.

@@ -57,7 +57,8 @@ async def save(bus: Bus, settings: CloudsSettings) -> int:
                     seen = await _next(samples, settings)
             except TimeoutError:
                 where = f"clouds of {settings.key} in {settings.timeout_s:g} s"
-                sys.stderr.write(f"fleetsight clouds: no {where}; a cloud worker and a detector must be there\n")
+                reason = bus.link_problem or "a cloud worker and a detector must be there"
+                sys.stderr.write(f"fleetsight clouds: no {where}; {reason}\n")
                 return FAILED
             for path in await asyncio.to_thread(_write, seen, settings):
                 sys.stdout.write(f"{path}: {sum(each.count for each in seen.objects)} points\n")

@@ -11,7 +11,7 @@ from schemas.keys import CameraKey
 
 
 class CloudsSettings(BusSettings):
-    """Look at the clouds of a camera's objects: `fleetsight clouds view r1 front`, `fleetsight clouds save r1 front`.
+    """Look at the clouds of a camera's objects, or save them.
 
     Asking for them makes a cloud worker and a detector work. View shows them in a window, as they come, until it is
     closed. Save writes each message to files that Open3D, CloudCompare, MeshLab and PCL read, and ends.

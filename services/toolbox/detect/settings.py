@@ -9,7 +9,7 @@ from bus.settings import BusSettings
 
 
 class DetectSettings(BusSettings):
-    """Say what is in an image: `fleetsight detect photo.jpg`.
+    """Say what is in an image.
 
     Asks one of the fleet's detector workers, any that is not busy; with --local a model of this process. Prints a line
     per object, best score first, and writes the image with the objects drawn over it. Exit code 1 and one line say why

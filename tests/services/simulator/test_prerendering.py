@@ -28,7 +28,7 @@ async def test_all_that_topics_need_is_there_before_anybody_drives(capsys: pytes
         assert store.get((1, number, Part.DEPTH)) is not None
         assert store.get((1, number, Part.SWEEP)) is None
     said = capsys.readouterr()
-    assert f"{FRAMES}/{FRAMES}" in said.err
+    assert f"rendering: {FRAMES} of {FRAMES}" in said.err
     assert said.out == ""
 
 

@@ -1,6 +1,9 @@
+import os
+import signal
 import subprocess
 import sys
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
@@ -48,3 +51,14 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(command: object) -> None:
     assert ended.returncode == process.EXIT_USAGE
     assert ended.stderr == f"fleetsight {name}: unrecognized arguments: --no-such-option\n"
     assert ended.stdout == ""
+
+
+def test_ctrl_c_before_there_is_anything_to_end_is_silent(tmp_path: Path) -> None:
+    config = tmp_path / "slow.yaml"
+    os.mkfifo(config)
+    command = [sys.executable, "-m", "services.toolbox", "demo", "--config", str(config)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as running, config.open("w"):
+        running.send_signal(signal.SIGINT)
+        said, _ = running.communicate(timeout=60)
+    assert running.returncode == -signal.SIGINT
+    assert said == b""

@@ -14,6 +14,7 @@ class Settings(BaseModel):
     cameras: dict[str, str] = {"camera": "/image"}
     rate_hz: float = Field(default=1, gt=0)
     shared: bool = True
+    as_json: bool = Field(default=False, alias="json")
 
 
 def read(*argv: str) -> Loaded[Settings]:
@@ -24,6 +25,11 @@ def test_defaults_and_options() -> None:
     loaded = read("--robot", "r1", "--connect", "a", "--connect", "b", "--cameras", "front=/f", "--no-shared")
     assert loaded.settings == Settings(robot="r1", connect=["a", "b"], cameras={"front": "/f"}, shared=False)
     assert loaded.log_level is None
+
+
+def test_an_option_may_be_called_other_than_its_setting() -> None:
+    assert read("--robot", "r1", "--json").settings.as_json
+    assert not read("--robot", "r1").settings.as_json
 
 
 def test_options_win_over_environment_over_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,6 +67,7 @@ def test_toml_file(tmp_path: Path) -> None:
         (("--robot", "r", "--rate-hz", "0"), "--rate-hz '0': Input should be greater than 0"),
         (("--robot", "r", "--rate-hz", "fast"), "--rate-hz 'fast': Input should be a valid number"),
         (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r"),
+        (("--robot", "r", "front"), "unrecognized arguments: front (usage: test [OPTION ...])"),
         (("--robot",), "argument --robot: expected one argument"),
         (("--robot", "r", "--cameras", "front"), "--cameras: write it like name=value"),
         (("--robot", "r", "--config", "missing.yaml"), "--config missing.yaml: [Errno 2] No such file"),

@@ -124,5 +124,5 @@ def test_without_open3d_there_is_one_clear_line() -> None:
     ended = subprocess.run([sys.executable, "-c", WITHOUT_OPEN3D], capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (
         2,
-        "fleetsight clouds: open3d is not installed; fleetsight's extra [viewer] brings it\n",
+        "fleetsight clouds: open3d is not installed; it comes with pip install -c constraints.txt '.[viewer]'\n",
     )
