@@ -43,12 +43,13 @@ TOO_MANY: Final = "too many frames"
 
 @dataclass(slots=True)
 class _Edge:
-    """A frame's transforms to its parent, ascending by stamp; `static` ones hold at any time."""
+    """A frame's transforms to its parent, ascending by stamp; of a `static` one `fixed` holds at any time."""
 
     parent: str
     static: bool
     stamps: list[int] = field(default_factory=list)
     poses: list[tuple[Numbers, Numbers]] = field(default_factory=list)
+    fixed: Numbers = field(default_factory=lambda: np.identity(4))
 
 
 class TransformTree:
@@ -138,7 +139,7 @@ class TransformTree:
 
     def _insert(self, edge: _Edge, stamp_ns: int, translation: Numbers, rotation: Numbers) -> None:
         if edge.static:
-            edge.stamps, edge.poses = [stamp_ns], [(translation, rotation / np.linalg.norm(rotation))]
+            edge.fixed = matrix_of(translation, rotation / np.linalg.norm(rotation))
             return
         newest = edge.stamps[-1] if edge.stamps else stamp_ns
         if stamp_ns < newest - JUMP_NS:
@@ -184,7 +185,7 @@ def _at(child: str, edge: _Edge, stamp_ns: int) -> Numbers:
         TooNewError: the stamp is after the last.
     """
     if edge.static:
-        return matrix_of(*edge.poses[0])
+        return edge.fixed
     place = bisect_left(edge.stamps, stamp_ns)
     if place == len(edge.stamps):
         late_s = (stamp_ns - edge.stamps[-1]) / 1e9

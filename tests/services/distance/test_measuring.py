@@ -171,6 +171,25 @@ def test_pixels_that_look_nowhere_have_a_depth_and_no_place() -> None:
     assert "look nowhere" in measured.places[0].unknown
 
 
+def test_where_only_scattered_readings_look_somewhere_the_place_is_of_these() -> None:
+    folded = camera(lens=("plumb_bob", [-0.9, 0.0, 0.0, 0.0, 0.0]))
+    depth = np.full_like(wall(), NAN)
+    depth[:8, :8] = 2.0
+    depth[20:28, 30:35] = np.geomspace(3, 20, 40).reshape(8, 5)
+    both = mask(slice(0, 8), slice(0, 8)) | mask(slice(20, 28), slice(30, 35))
+    measured = known(measure(found(both), View(depth, FRAME, folded), Criteria())[0])
+    (place,) = measured.places
+    assert place.at is not None
+    assert 7 < place.at[2] < 11
+
+
+def test_a_lens_that_sees_beyond_all_distances_makes_no_result_that_nobody_can_read() -> None:
+    seen = View(wall(5_000.0), FRAME, camera(focal=1e-3))
+    measured = known(measure(found(mask(ROWS, slice(0, 20))), seen, Criteria())[0])
+    assert (measured.axial_m, measured.euclidean_m) == (5_000, None)
+    assert "look nowhere" in measured.places[0].unknown
+
+
 def test_a_camera_of_another_size_is_refused() -> None:
     with pytest.raises(CalibrationError, match="calibrated for 64x48"):
         measure(found(mask(ROWS, COLUMNS)), View(np.zeros((24, 32), np.float32), FRAME, camera()), Criteria())
