@@ -4,15 +4,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from schemas.distances import Measured, ObjectDistance, Place
+from schemas.header import MAX_LABEL
 from schemas.space import MAX_COORDINATE_M, MAX_DISTANCE_M
 from services.distance.picking import RING, Criteria, Picked, pick
 from services.geometry.camera import CameraModel
-from services.geometry.errors import MaskError
+from services.geometry.errors import GeometryError, MaskError
 from services.geometry.foreground import foreground, on_surface
 from services.geometry.masks import Window, decode_all
 from services.geometry.rotation import moved
@@ -65,6 +67,28 @@ def measure(objects: Sequence[Detection], view: View, criteria: Criteria) -> lis
     for windows in _groups(objects, measured):
         measured.update((each.index, each) for each in _measured(objects, windows, view, criteria))
     return [measured[index] for index in range(len(objects))]
+
+
+def measure_apart(objects: Sequence[Detection], view: View, criteria: Criteria) -> list[ObjectDistance]:
+    """Measure as `measure` does it, but if one object makes that fail, in whatever way, it alone is unknown.
+
+    Raises:
+        GeometryError: see `measure`.
+    """
+    try:
+        return measure(objects, view, criteria)
+    except GeometryError:
+        raise
+    except Exception:  # noqa: BLE001 - which object it was, and why, is found out below
+        return [_alone(index, found, view, criteria) for index, found in enumerate(objects)]
+
+
+def _alone(index: int, found: Detection, view: View, criteria: Criteria) -> ObjectDistance:
+    try:
+        (only,) = measure([found], view, criteria)
+    except Exception as error:  # noqa: BLE001 - said of the object
+        return _unknown(index, found, 0.0, f"it failed: {error!r}"[:MAX_LABEL])
+    return msgspec.structs.replace(only, index=index)
 
 
 def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:

@@ -4,10 +4,11 @@ import pytest
 
 from schemas.detections import Mask
 from schemas.distances import Measured, ObjectDistance
-from services.distance.measuring import Frame, View, measure, unknown
+from services.distance.measuring import Frame, View, measure, measure_apart, unknown
 from services.distance.picking import Criteria
 from services.geometry.errors import CalibrationError
 from services.simulator.world import Camera, Drive, generate, render
+from tests.schemas.masks import coco_mask
 from tests.services.detector.views import NEAR_VIEWS
 from tests.services.detector.views import View as Near
 from tests.services.distance.scenes import FRAME, HEIGHT, WIDTH, found, mask, wall
@@ -157,6 +158,17 @@ def test_objects_without_a_mask_or_with_a_damaged_or_empty_one_are_unknown() -> 
     assert known(seen[1]).axial_m == 2
     assert "runs" in seen[2].unknown
     assert seen[3].unknown == "0 of its 0 pixels have a reading, 30 are needed"
+
+
+def test_an_object_that_cannot_be_measured_costs_no_other() -> None:
+    sound = found(mask(ROWS, COLUMNS), mask(ROWS, COLUMNS))
+    beyond = msgspec.structs.replace(sound[0], mask=coco_mask(np.ones((HEIGHT + 1, WIDTH), np.bool_)))
+    objects = [sound[0], beyond, sound[1]]
+    seen = measure_apart(objects, view(wall(2.0)), Criteria())
+    assert [each.index for each in seen] == [0, 1, 2]
+    assert [each.measured is None for each in seen] == [False, True, False]
+    assert seen[1].unknown.startswith("it failed: ValueError(")
+    assert [seen[0], msgspec.structs.replace(seen[2], index=1)] == measure(sound, view(wall(2.0)), Criteria())
 
 
 def test_nothing_in_view() -> None:
