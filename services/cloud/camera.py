@@ -37,6 +37,7 @@ from services.cloud.account import (
 from services.cloud.cutting import Cut, Job, cut, nothing
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Matched, Waiting
+from services.geometry.room import Room
 
 log = logging.getLogger(__name__)
 
@@ -60,6 +61,7 @@ class Camera:
         limits: Limits,
         target_frame: str,
         tolerance_ns: int | None,
+        room: Room,
     ) -> None:
         self._bus = bus
         self._key = key
@@ -68,7 +70,7 @@ class Camera:
         self._executor = executor
         self._limits = limits
         self._target_frame = target_frame
-        self._waiting = Waiting(account, target=target_frame, tolerance_ns=tolerance_ns)
+        self._waiting = Waiting(account, target=target_frame, tolerance_ns=tolerance_ns, room=room)
         self._news = asyncio.Event()
 
     async def run(self, points: CameraKey, publish: Callable[[ObjectClouds], None]) -> None:

@@ -1,19 +1,24 @@
 """Detections and the points of their instant to ObjectClouds, with every reason why not. Pure."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
+import msgspec
 from numpy.typing import NDArray
 
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
-from schemas.objects import ObjectClouds
+from schemas.header import MAX_LABEL
+from schemas.objects import MAX_OBJECT_POINTS, ObjectCloud, ObjectClouds
 from schemas.points import PointCloud
 from services.cloud.measuring import Limits, Target, measure
 from services.cloud.points import Points
 from services.cloud.views import Instant, moves_of, target_of, view_of
 from services.cloud.waiting import Waiting
 from services.geometry.errors import GeometryError
+
+NO_ROOM: Final = "more points than fit in the message"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,12 +59,58 @@ def cut(job: Job, limits: Limits, worker: str) -> Cut:
     try:
         points = Points.of(job.cloud)
         view = view_of(Instant(job.detections, points, job.cloud.header, job.info, job.moves))
-        clouds = measure(
-            job.detections, points, view, of=job.cloud.header, target=job.target, limits=limits, worker=worker
-        )
+
+        def measured(detections: Detections) -> ObjectClouds:
+            return measure(
+                detections, points, view, of=job.cloud.header, target=job.target, limits=limits, worker=worker
+            )
+
+        return Cut(apart(job.detections, measured))
     except GeometryError as error:
         return nothing(job.detections, str(error), worker)
-    return Cut(clouds)
+
+
+def apart(detections: Detections, measured: Callable[[Detections], ObjectClouds]) -> ObjectClouds:
+    """Return what is measured of detections; if one object makes that fail, in whatever way, it alone has no cloud.
+
+    Raises:
+        GeometryError: none can be measured.
+    """
+    try:
+        return measured(detections)
+    except GeometryError:
+        raise
+    except Exception:  # noqa: BLE001 - which object it was, and why, is found out below
+        return _each(detections, measured)
+
+
+def _each(detections: Detections, measured: Callable[[Detections], ObjectClouds]) -> ObjectClouds:
+    """Return what is measured of each of the detections by itself."""
+    clouds: list[ObjectCloud] = []
+    unmeasured: dict[int, str] = {}
+    room = MAX_OBJECT_POINTS
+    for index in range(len(detections.objects)):
+        try:
+            own = measured(_masked(detections, index))
+        except Exception as error:  # noqa: BLE001 - said of the object
+            unmeasured[index] = f"it failed: {error!r}"[:MAX_LABEL]
+            continue
+        points = sum(each.count for each in own.objects)
+        if index in own.unmeasured or points > room:
+            unmeasured[index] = own.unmeasured.get(index, NO_ROOM)
+            continue
+        clouds += own.objects
+        room -= points
+    return msgspec.structs.replace(measured(_masked(detections, None)), objects=clouds, unmeasured=unmeasured)
+
+
+def _masked(detections: Detections, only: int | None) -> Detections:
+    """Return detections of which at most one has its mask."""
+    objects = [
+        found if index == only else msgspec.structs.replace(found, mask=None)
+        for index, found in enumerate(detections.objects)
+    ]
+    return msgspec.structs.replace(detections, objects=objects)
 
 
 def nothing(detections: Detections, reason: str, worker: str) -> Cut:

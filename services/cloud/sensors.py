@@ -1,5 +1,6 @@
 """Which sensors there are, and whose points are a camera's. Pure."""
 
+from collections import defaultdict
 from collections.abc import Mapping
 
 from schemas.keys import CameraKey, Stream, StreamKey
@@ -10,23 +11,24 @@ class Sensors:
 
     def __init__(self, chosen: Mapping[str, str]) -> None:
         self._chosen = chosen
-        self._there: dict[Stream, set[CameraKey]] = {Stream.COLOR: set(), Stream.POINTS: set()}
+        self._there: defaultdict[tuple[str, Stream], set[CameraKey]] = defaultdict(set)
 
     def note(self, key: StreamKey, *, alive: bool) -> None:
         """Note that a stream of points or colour came or went."""
-        cameras = self._there[key.stream]
-        (cameras.add if alive else cameras.discard)(key.camera)
+        of = (key.camera.robot, key.stream)
+        (self._there[of].add if alive else self._there[of].discard)(key.camera)
+        if not self._there[of]:
+            del self._there[of]
 
     def points_of(self, camera: CameraKey) -> CameraKey | None:
         """Return whose points are those of a camera, if they are there.
 
         Its own; else those of the first, by name, of the robot's sensors that see no colour: a lidar.
         """
-        there, colors = self._there[Stream.POINTS], self._there[Stream.COLOR]
+        there, colors = (self._there.get((camera.robot, stream), set()) for stream in (Stream.POINTS, Stream.COLOR))
         if camera.camera in self._chosen:
             chosen = CameraKey(camera.robot, self._chosen[camera.camera])
             return chosen if chosen in there else None
         if camera in there:
             return camera
-        lidars = (key for key in there if key.robot == camera.robot and key not in colors)
-        return min(lidars, default=None)
+        return min(there - colors, default=None)

@@ -11,6 +11,7 @@ from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.keys import NAME, CameraKey
 from services.cloud.measuring import Limits
+from services.geometry.room import MIB, ROOM_BYTES
 
 
 def _points(points: dict[str, str]) -> dict[str, str]:
@@ -55,6 +56,14 @@ class CloudSettings(SharingSettings, BusSettings):
     voxel_m: Annotated[
         float, Field(ge=0, le=1, description="edge of cubes of each of which one point is sent; 0 sends all")
     ] = 0.0
+    memory_mib: Annotated[
+        int,
+        Field(
+            ge=16,
+            le=1_048_576,
+            description="memory for points and transforms that wait for detections, of all cameras together",
+        ),
+    ] = ROOM_BYTES // MIB
     worker: str = Field(
         default_factory=default_worker_name, pattern=f"^{NAME.pattern}$", description="this worker's name"
     )

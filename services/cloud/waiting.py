@@ -13,6 +13,7 @@ from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
 from services.cloud.views import FIXED_FRAMES
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner, Partner
+from services.geometry.room import Room
 from services.geometry.transforms import TransformTree
 
 PATIENCE_S: Final = 0.3
@@ -36,17 +37,19 @@ class Matched:
 class Waiting:
     """Joins one camera's detections with its points; the newest that can be joined count.
 
-    target: the frame that transforms are waited for to. tolerance_ns: see `Joiner`. Time is any steady clock's, in
-    seconds.
+    target: the frame that transforms are waited for to. tolerance_ns, room: see `Joiner`. Time is any steady clock's,
+    in seconds.
     """
 
-    def __init__(self, account: Account, *, target: str, tolerance_ns: int | None = None) -> None:
+    def __init__(
+        self, account: Account, *, target: str, tolerance_ns: int | None = None, room: Room | None = None
+    ) -> None:
         self._account = account
         self._target = target
-        self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns)
+        self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns, room=room)
         self._waiting: deque[tuple[Detections, float]] = deque()
         self._newest: tuple[str, int] | None = None
-        self.tree = TransformTree()
+        self.tree = TransformTree(room=room)
         self.info: CameraInfo | None = None
 
     @property
@@ -71,12 +74,12 @@ class Waiting:
             self._account.dropped[UNSTAMPED] += 1
             return
         self._clouds.keep(cloud.header.stamp_ns, cloud, cloud.data.nbytes)
-        self._account.add(POINTS, self._clouds.dropped)
+        self._count()
 
     def transforms(self, sent: Transforms, *, static: bool) -> None:
         """Take transforms of the robot."""
         self.tree.take(sent, static=static)
-        self._account.add(TRANSFORMS, self.tree.rejected)
+        self._count()
 
     def take(self, now_s: float) -> Matched | None:
         """Return the newest detections that what belongs to them is there for, or that have waited long enough.
@@ -94,6 +97,7 @@ class Waiting:
 
     def end(self) -> int:
         """Forget everything that is of an instant; return how many detections waited."""
+        self._count()
         waited = len(self._waiting)
         self._waiting.clear()
         self._clouds.flush()
@@ -101,6 +105,10 @@ class Waiting:
         self.tree.flush()
         self._newest = None
         return waited
+
+    def _count(self) -> None:
+        self._account.add(POINTS, self._clouds.dropped)
+        self._account.add(TRANSFORMS, self.tree.rejected)
 
     def _drop(self, count: int) -> None:
         self._account.dropped[REPLACED] += count

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import time
+from collections import defaultdict
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -23,6 +24,7 @@ from services.cloud.account import Account
 from services.cloud.camera import Camera
 from services.cloud.sensors import Sensors
 from services.cloud.settings import CloudSettings
+from services.geometry.room import MIB, Room
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +50,8 @@ class Worker:
         self._name = tokens[0].worker
         self._executor = executor
         self._sensors = Sensors(settings.points)
-        self._changed = asyncio.Event()
+        self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
+        self._room = Room(settings.memory_mib * MIB)
         self._accounts: dict[CameraKey, Account] = {}
         self._serving: set[CameraKey] = set()
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
@@ -65,9 +68,9 @@ class Worker:
         async with self._bus.watch(keys.every_stream_alive(stream)) as watch:
             async for presence in watch:
                 with suppress(SchemaError):  # the sharing of the work says what is no camera
-                    self._sensors.note(keys.parse_stream(presence.key), alive=presence.alive)
-                    changed, self._changed = self._changed, asyncio.Event()
-                    changed.set()
+                    sensor = keys.parse_stream(presence.key)
+                    self._sensors.note(sensor, alive=presence.alive)
+                    self._changed.pop(sensor.camera.robot, asyncio.Event()).set()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
         account = self._accounts.setdefault(key, Account(key))
@@ -104,6 +107,7 @@ class Worker:
             limits=self._settings.limits,
             target_frame=self._settings.target_frame,
             tolerance_ns=self._settings.tolerance_ns,
+            room=self._room,
         )
 
     async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Awaitable[None]]) -> None:
@@ -113,7 +117,7 @@ class Worker:
             async with asyncio.TaskGroup() as group:
                 working = None if points is None else group.create_task(_run(work, points))
                 while self._sensors.points_of(key) == points:
-                    await self._changed.wait()
+                    await self._changed[key.robot].wait()
                 if working is not None:
                     working.cancel()
 

@@ -17,7 +17,7 @@ from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
 from schemas.keys import Stream, StreamKey, Wanted
 from services.distance.account import FAILED, REPLACED, UNWANTED, Account
-from services.distance.measuring import View, measure, unknown
+from services.distance.measuring import View, measure_apart, unknown
 from services.distance.picking import Criteria
 from services.distance.sensed import Moment, Sensed
 from services.distance.taking import Taking
@@ -50,20 +50,23 @@ async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[]
     key = camera.account.camera
     token = str(Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker))
     taking = Taking(camera.account, camera.sensed)
-    async with (
-        bus.announce(token),
-        asyncio.TaskGroup() as group,
-        bus.subscribe(key.stream(Stream.DETECTIONS), LATEST, history=False) as samples,
-    ):
-        group.create_task(taking.run(bus))
-        async for sample in samples:
-            camera.account.dropped[REPLACED] += sample.replaced
-            try:
-                await _answer(camera, sample, publisher, taking.news)
-            except SchemaError as error:
-                camera.account.malformed("detections")
-                log.warning("%s: detections left out: %s", key, error)
-            done()
+    try:
+        async with (
+            bus.announce(token),
+            asyncio.TaskGroup() as group,
+            bus.subscribe(key.stream(Stream.DETECTIONS), LATEST, history=False) as samples,
+        ):
+            group.create_task(taking.run(bus))
+            async for sample in samples:
+                camera.account.dropped[REPLACED] += sample.replaced
+                try:
+                    await _answer(camera, sample, publisher, taking.news)
+                except SchemaError as error:
+                    camera.account.malformed("detections")
+                    log.warning("%s: detections left out: %s", key, error)
+                done()
+    finally:
+        taking.end()
 
 
 async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
@@ -112,6 +115,6 @@ def _objects(camera: Camera, seen: Detections, moment: Moment) -> list[ObjectDis
         return unknown(seen.objects, moment.instant)
     try:
         metres, model = camera.views.view(moment.instant)
-        return measure(seen.objects, View(metres, seen.header.frame_id, model, moment.frames), camera.criteria)
+        return measure_apart(seen.objects, View(metres, seen.header.frame_id, model, moment.frames), camera.criteria)
     except GeometryError as error:
         return unknown(seen.objects, str(error))

@@ -4,21 +4,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from schemas.distances import Measured, ObjectDistance, Place
-from schemas.space import MAX_COORDINATE_M
+from schemas.header import MAX_LABEL
+from schemas.space import MAX_COORDINATE_M, MAX_DISTANCE_M
 from services.distance.picking import RING, Criteria, Picked, pick
 from services.geometry.camera import CameraModel
-from services.geometry.errors import MaskError
+from services.geometry.errors import GeometryError, MaskError
 from services.geometry.foreground import foreground, on_surface
 from services.geometry.masks import Window, decode_all
 from services.geometry.rotation import moved
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 
 AT_ONCE: Final = 1 << 21
 """Pixels of the windows of objects that are measured at once."""
@@ -66,6 +69,28 @@ def measure(objects: Sequence[Detection], view: View, criteria: Criteria) -> lis
     return [measured[index] for index in range(len(objects))]
 
 
+def measure_apart(objects: Sequence[Detection], view: View, criteria: Criteria) -> list[ObjectDistance]:
+    """Measure as `measure` does it, but if one object makes that fail, in whatever way, it alone is unknown.
+
+    Raises:
+        GeometryError: see `measure`.
+    """
+    try:
+        return measure(objects, view, criteria)
+    except GeometryError:
+        raise
+    except Exception:  # noqa: BLE001 - which object it was, and why, is found out below
+        return [_alone(index, found, view, criteria) for index, found in enumerate(objects)]
+
+
+def _alone(index: int, found: Detection, view: View, criteria: Criteria) -> ObjectDistance:
+    try:
+        (only,) = measure([found], view, criteria)
+    except Exception as error:  # noqa: BLE001 - said of the object
+        return _unknown(index, found, 0.0, f"it failed: {error!r}"[:MAX_LABEL])
+    return msgspec.structs.replace(only, index=index)
+
+
 def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:
     """Say of each object that nothing is known, and why."""
     return [_unknown(index, found, 0.0, reason) for index, found in enumerate(objects)]
@@ -111,13 +136,11 @@ def _measured(
 
 
 def _known(picked: Picked, view: View) -> Iterator[Measured]:
-    z = picked.z.astype(np.float64)
+    z = picked.z
     own = foreground(z, picked.around)
     axial = _medians(z, own)
     spread = _SIGMA * _medians(np.abs(z - axial[:, np.newaxis]), own)
-    solid = own & on_surface(z)
-    scattered = ~solid.any(axis=1)
-    solid[scattered] = own[scattered]
+    solid = _else(own & on_surface(z), own)
     order = solid.cumsum(axis=1)
     nearest = z[np.arange(len(z)), (order > (order[:, -1:] * _NOISE).astype(np.intp)).argmax(axis=1)]
     numbers = (each.tolist() for each in (axial, picked.mean_m[picked.rows], nearest, spread))
@@ -134,7 +157,12 @@ def _known(picked: Picked, view: View) -> Iterator[Measured]:
         )
 
 
-def _medians(values: NDArray[Any], own: NDArray[np.bool_]) -> NDArray[Any]:
+def _else(some: Bools, other: Bools) -> Bools:
+    """Return each row of the one, or of the other where nothing is set in it."""
+    return np.where(some.any(axis=1, keepdims=True), some, other)
+
+
+def _medians(values: NDArray[Any], own: Bools) -> NDArray[Any]:
     """Return the median of each row's own values; NaN where there are none."""
     ascending = np.sort(np.where(own, values, np.inf), axis=1)
     counts = own.sum(axis=1)
@@ -144,22 +172,23 @@ def _medians(values: NDArray[Any], own: NDArray[np.bool_]) -> NDArray[Any]:
 
 
 def _placed(
-    z: NDArray[Any], at: Indices, own: NDArray[np.bool_], solid: NDArray[np.bool_], view: View
+    z: Floats, at: Indices, own: Bools, solid: Bools, view: View
 ) -> tuple[list[float | None], list[list[Place]]]:
     """Return each object's straight distance, and the middle of its solid readings in each frame."""
     names = [view.frame_id, *(frame.frame_id for frame in view.frames)]
     if isinstance(view.camera, str):
         return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
-    x, y = (plane[at] for plane in view.camera.rays(*view.depth_m.shape).reshape(2, -1))
+    x, y = (plane.take(at) for plane in view.camera.rays(*view.depth_m.shape).reshape(2, -1))
     if not (somewhere := np.isfinite(x)).all():
-        own, solid = own & somewhere, solid & somewhere
+        own = own & somewhere
+        solid = _else(solid & somewhere, own)
         x, y = np.where(somewhere, x, 0), np.where(somewhere, y, 0)
     straight = _medians(z * np.sqrt(1 + x * x + y * y), own)
     weights = np.where(solid, z, 0.0) / np.maximum(solid.sum(axis=1, keepdims=True), 1)
     middles = np.stack([*(np.einsum("nm,nm->n", ray, weights) for ray in (x, y)), weights.sum(axis=1)], axis=1)
     places = [_in_frame(view.frame_id, middles, np.identity(4))]
     places += [_in_frame(frame.frame_id, middles, frame.from_camera) for frame in view.frames]
-    seen = np.isfinite(straight)
+    seen = straight <= MAX_DISTANCE_M
     return (
         [float(each) if known else None for each, known in zip(straight, seen, strict=True)],
         [

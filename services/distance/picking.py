@@ -69,7 +69,7 @@ def pick(windows: Sequence[Window], depth_m: Floats, criteria: Criteria) -> Pick
     core = _Marked.of(list(_cores(windows, offsets, there, criteria)), offsets, there) if criteria.edge else masked
     within = core.nearest(rows)
     at = _in_image(within, [windows[row] for row in rows.tolist()], offsets[rows], depth_m.shape[1])
-    z, at = _ascending(depth[within], at)
+    z, at = _ascending(depth.take(within), at)
     around = _around(windows, rows, depth, there, offsets)
     return Picked(masked.areas, masked.counts, masked.means(depth), rows, z, at, around)
 
@@ -88,11 +88,11 @@ class _Marked:
 
     @classmethod
     def of(cls, windows: Sequence[Window], offsets: Indices, there: Bools) -> "_Marked":
-        at = np.flatnonzero(np.concatenate([window.pixels.reshape(-1) for window in windows]))
-        has = there[at]
+        pixels = np.concatenate([window.pixels.reshape(-1) for window in windows])
+        at = pixels.nonzero()[0]
         read = np.zeros(len(at) + 1, np.intp)
-        has.cumsum(out=read[1:])
-        inner = at if read[-1] == len(at) else at.take(np.flatnonzero(has))
+        there.take(at).cumsum(out=read[1:])
+        inner = at if read[-1] == len(at) else (pixels & there).nonzero()[0]
         return cls(at, inner, np.searchsorted(at, offsets), read)
 
     @property
@@ -120,9 +120,9 @@ class _Marked:
         inner, wanted = self.inner, _spread(self.bounds[rows], self.areas[rows], SAMPLE)
         if inner is self.at:
             return inner.take(wanted)
-        after, wanted = self.read[wanted], self.at[wanted]
+        after, wanted = self.read.take(wanted), self.at.take(wanted)
         first, last = (self.read[self.bounds[rows + end]][:, np.newaxis] for end in (0, 1))
-        nexts, lasts = inner[np.minimum(after, last - 1)], inner[np.maximum(after - 1, first)]
+        nexts, lasts = inner.take(np.minimum(after, last - 1)), inner.take(np.maximum(after - 1, first))
         to_next, to_last = np.abs(nexts - wanted), np.abs(wanted - lasts)
         near = np.minimum(to_next, to_last) <= REACH
         found = np.where(to_next <= to_last, nexts, lasts)[near]
@@ -130,7 +130,7 @@ class _Marked:
         few = counts < FILLED
         starts = np.where(few, len(found) + first[:, 0], np.cumsum(counts) - counts)
         counts = np.where(few, (last - first)[:, 0], counts)
-        return np.asarray(np.concatenate([found, inner])[_spread(starts, counts, SAMPLE)])
+        return np.concatenate([found, inner]).take(_spread(starts, counts, SAMPLE))
 
 
 def _cores(windows: Sequence[Window], offsets: Indices, there: Bools, criteria: Criteria) -> Iterator[Window]:
@@ -145,12 +145,12 @@ def _around(windows: Sequence[Window], rows: Indices, depth: Floats, there: Bool
     ring = np.zeros(len(depth), np.bool_)
     for row in rows.tolist():
         ring[offsets[row] : offsets[row + 1]] = surroundings(windows[row], RING).reshape(-1)
-    at = np.flatnonzero(ring & there)
+    at = (ring & there).nonzero()[0]
     bounds = np.searchsorted(at, offsets)
     starts, counts = bounds[rows], np.diff(bounds)[rows]
     around = np.full((len(rows), AROUND), np.nan, np.float32)
     some = counts > 0
-    around[some] = depth[at[_spread(starts[some], counts[some], AROUND)]]
+    around[some] = depth.take(at.take(_spread(starts[some], counts[some], AROUND)))
     around.sort(axis=1)
     return around
 
@@ -164,8 +164,8 @@ def _in_image(pixels: Indices, windows: Sequence[Window], starts: Indices, width
     """Return where in a flat image so wide pixels are, (m, k), that are counted from m windows' starts."""
     places = np.array([(window.top, window.left, window.pixels.shape[1]) for window in windows], np.intp)
     top, left, across = places.reshape(-1, 3).T[:, :, np.newaxis]
-    rows, columns = np.divmod(pixels - starts[:, np.newaxis], across)
-    return np.asarray((rows + top) * width + columns + left)
+    inside = pixels - starts[:, np.newaxis]
+    return np.asarray(inside + inside // across * (width - across) + (top * width + left))
 
 
 def _ascending(z: Floats, at: Indices) -> tuple[Floats, Indices]:

@@ -38,6 +38,11 @@ class Sensed:
     info: CameraInfo | None = None
     depth_info: CameraInfo | None = None
 
+    def end(self) -> None:
+        """Forget everything that is of an instant."""
+        self.depths.flush()
+        self.transforms.flush()
+
     def at(self, detections: Detections) -> Moment:
         """Return what is known of the instant of an image."""
         header = detections.header

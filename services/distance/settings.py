@@ -12,6 +12,7 @@ from schemas.header import MAX_LABEL
 from schemas.keys import NAME
 from services.distance.picking import Criteria
 from services.distance.views import Limits
+from services.geometry.room import MIB, ROOM_BYTES
 
 
 class DistanceSettings(SharingSettings, BusSettings):
@@ -39,6 +40,14 @@ class DistanceSettings(SharingSettings, BusSettings):
             " two depth images",
         ),
     ] = None
+    memory_mib: Annotated[
+        int,
+        Field(
+            ge=16,
+            le=1_048_576,
+            description="memory for depth and transforms that wait for detections, of all cameras together",
+        ),
+    ] = ROOM_BYTES // MIB
     worker: str = Field(
         default_factory=default_worker_name, pattern=f"^{NAME.pattern}$", description="this worker's name"
     )

@@ -49,6 +49,11 @@ class Taking:
             ):
                 group.create_task(self._take(bus, what, key, keep, accept))
 
+    def end(self) -> None:
+        """Forget what is of an instant."""
+        self._count()
+        self._sensed.end()
+
     async def _take(
         self, bus: Bus, what: str, key: str, keep: Latest | Queue, accept: Callable[[Sample], None]
     ) -> None:
@@ -70,7 +75,7 @@ class Taking:
             self._account.add(DEPTH_IMAGE, Counter({STAMPLESS: 1}))
             return
         self._sensed.depths.keep(frame.header.stamp_ns, frame, frame.data.nbytes)
-        self._account.add(DEPTH_IMAGE, self._sensed.depths.dropped)
+        self._count()
 
     def _info(self, sample: Sample) -> None:
         self._sensed.info = self._of_camera(CameraInfo, sample)
@@ -88,6 +93,10 @@ class Taking:
         said = codec.decode(Transforms, sample.payload, sample.encoding)
         codec.check_identity(said.header, RobotStreamKey(self._key.robot, stream))
         self._sensed.transforms.take(said, static=stream == TF_STATIC)
+        self._count()
+
+    def _count(self) -> None:
+        self._account.add(DEPTH_IMAGE, self._sensed.depths.dropped)
         self._account.add(TRANSFORMS, self._sensed.transforms.rejected)
 
     def _of_camera(self, schema: type[H], sample: Sample) -> H:

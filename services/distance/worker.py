@@ -21,6 +21,8 @@ from services.distance.sensed import DEPTH_IMAGE, Sensed
 from services.distance.settings import DistanceSettings
 from services.distance.views import Views
 from services.geometry.joining import Joiner
+from services.geometry.room import MIB, Room
+from services.geometry.transforms import TransformTree
 
 SERVICE: Final = "distance"
 
@@ -32,6 +34,7 @@ class Worker:
         self._bus = bus
         self._settings = settings
         self._executor = executor
+        self._room = Room(settings.memory_mib * MIB)
         self._accounts: dict[CameraKey, Account] = {}
         self._serving: set[CameraKey] = set()
         tokens = settings.tokens(SERVICE, settings.worker)
@@ -65,7 +68,11 @@ class Worker:
     def _camera(self, account: Account) -> Camera:
         return Camera(
             account=account,
-            sensed=Sensed(self._settings.frames, Joiner(DEPTH_IMAGE, tolerance_ns=self._settings.tolerance_ns)),
+            sensed=Sensed(
+                self._settings.frames,
+                Joiner(DEPTH_IMAGE, tolerance_ns=self._settings.tolerance_ns, room=self._room),
+                TransformTree(room=self._room),
+            ),
             views=Views(self._settings.limits),
             criteria=self._settings.criteria,
             worker=self._settings.worker,

@@ -113,7 +113,7 @@ class CameraModel:
     def _rays(self) -> Floats:
         rows, columns = np.indices((self.height, self.width))
         directions = self.undistort(np.column_stack([columns.ravel(), rows.ravel()])).T
-        return _frozen(directions.reshape(2, self.height, self.width).astype(np.float32))
+        return _frozen(directions.reshape(2, self.height, self.width).astype(np.float32, order="C"))
 
 
 def _frozen(made: Floats) -> Floats:

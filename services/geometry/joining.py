@@ -5,10 +5,14 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
+from services.geometry.room import CROWDED, Room
+
 T = TypeVar("T")
 
 KEEP_NS: Final = 2_000_000_000
-KEEP_BYTES: Final = 128 * 1024 * 1024
+ITEM_BYTES: Final = 1024
+"""What an item takes beside its data, about."""
+
 JUMP_NS: Final = 1_000_000_000
 """Stamps that go back by more than this are of a clock that jumped: what was kept is of another round."""
 
@@ -47,20 +51,20 @@ class _Kept(Generic[T]):
 
 
 class Joiner(Generic[T]):
-    """Keeps a stream's newest items by stamp, bounded by time and bytes, and finds the one of an instant.
+    """Keeps a stream's newest items by stamp, bounded by time and by room, and finds the one of an instant.
 
     what: names an item in reasons, like "depth image". tolerance_ns: how far apart the stamps of one instant may be;
-    None is half of the kept stream's own period, which is measured. dropped: items that left without having been found,
-    by reason. jumps: how often the stamps went back.
+    None is half of the kept stream's own period, which is measured. room: what it may share with others. dropped: items
+    that left without having been found, by reason. jumps: how often the stamps went back.
     """
 
     def __init__(
-        self, what: str, *, tolerance_ns: int | None = None, keep_ns: int = KEEP_NS, keep_bytes: int = KEEP_BYTES
+        self, what: str, *, tolerance_ns: int | None = None, keep_ns: int = KEEP_NS, room: Room | None = None
     ) -> None:
         self._what = what
         self._given_ns = tolerance_ns
         self._keep_ns = keep_ns
-        self._keep_bytes = keep_bytes
+        self._room = room or Room()
         self._kept: list[_Kept[T]] = []
         self._bytes = 0
         self._periods: deque[int] = deque(maxlen=_PERIODS)
@@ -79,7 +83,7 @@ class Joiner(Generic[T]):
         return min(period, LONGEST_PERIOD_NS) // 2
 
     def keep(self, stamp_ns: int, item: T, size: int) -> None:
-        """Keep an item of `size` bytes; the oldest leave when there are too many."""
+        """Keep an item with `size` bytes of data; where there is no room the oldest leave, here or elsewhere."""
         newest = self._kept[-1].stamp_ns if self._kept else stamp_ns
         if stamp_ns < newest - JUMP_NS:
             self.jumps += 1
@@ -91,9 +95,11 @@ class Joiner(Generic[T]):
         if place < len(self._kept) and self._kept[place].stamp_ns == stamp_ns:
             self.dropped[DOUBLE] += 1
             self._bytes -= self._kept.pop(place).size
-        self._kept.insert(place, _Kept(stamp_ns, item, size))
-        self._bytes += size
-        self._trim()
+        self._kept.insert(place, _Kept(stamp_ns, item, size + ITEM_BYTES))
+        self._bytes += size + ITEM_BYTES
+        old = bisect_left(self._kept, self._kept[-1].stamp_ns - self._keep_ns, key=lambda kept: kept.stamp_ns)
+        self._leave(old, UNUSED)
+        self._room.settle()
 
     def find(self, stamp_ns: int) -> Partner[T] | NoPartner:
         """Return the item nearest to a stamp, or why there is none; the item stays."""
@@ -104,6 +110,10 @@ class Joiner(Generic[T]):
             best.used = True
             return Partner(best.item, best.stamp_ns, best.stamp_ns - stamp_ns)
         return self._missing(best, stamp_ns, may_come=place == len(self._kept))
+
+    def shed(self) -> None:
+        """Let go of the oldest item."""
+        self._leave(1, CROWDED)
 
     def flush(self) -> None:
         """Forget everything: the clock is another one."""
@@ -118,17 +128,10 @@ class Joiner(Generic[T]):
         reason = f"no {self._what} of its instant: the nearest is {abs(apart_s):.3f} s {side} it"
         return NoPartner(reason, final=not may_come)
 
-    def _trim(self) -> None:
-        oldest_ns = self._kept[-1].stamp_ns - self._keep_ns
-        old, left = 0, self._bytes
-        while old < len(self._kept) - 1 and (self._kept[old].stamp_ns < oldest_ns or left > self._keep_bytes):
-            left -= self._kept[old].size
-            old += 1
-        self._leave(old, UNUSED)
-
     def _leave(self, count: int, reason: str) -> None:
         for kept in self._kept[:count]:
             self._bytes -= kept.size
             if not kept.used:
                 self.dropped[reason] += 1
         del self._kept[:count]
+        self._room.hold(self, self._bytes)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import Mask
 from services.geometry.errors import MaskError
-from services.geometry.runs import Runs
+from services.geometry.runs import Integers, Runs
 
 Bools = NDArray[np.bool_]
 
@@ -90,25 +90,39 @@ def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
 
 def _windows(runs: Runs, width: int, margin: int) -> Iterator[Window]:
     """Return the windows of masks of images so wide."""
-    height = runs.height
-    some = np.flatnonzero(np.diff(runs.bounds))
-    lefts = np.arange(len(runs.bounds) - 1) * width
-    borders, rights = lefts[some], lefts.copy()
-    tops, bottoms = np.zeros_like(lefts), np.zeros_like(lefts)
-    if len(some):
-        begins = runs.bounds[some]
-        (first_columns, first), (last_columns, last) = np.divmod(runs.starts, height), np.divmod(runs.stops - 1, height)
-        whole = np.logical_or.reduceat(first_columns != last_columns, begins)
-        tops[some] = np.where(whole, 0, np.maximum(np.minimum.reduceat(first, begins) - margin, 0))
-        bottoms[some] = np.where(whole, height, np.minimum(np.maximum.reduceat(last, begins) + 1 + margin, height))
-        lefts[some] = np.maximum(first_columns[begins] - margin, borders)
-        rights[some] = np.minimum(last_columns[runs.bounds[some + 1] - 1] + 1 + margin, borders + width)
-    columns = runs.pixels(lefts, rights).reshape(-1, height)
-    end = 0
-    for top, bottom, left, right in zip(*(each.tolist() for each in (tops, bottoms, lefts, rights)), strict=True):
-        start, end = end, end + right - left
-        pixels = np.ascontiguousarray(columns[start:end, top:bottom].T)
-        yield Window(top, left % width if end > start else 0, pixels)
+    counts = runs.bounds[1:] - runs.bounds[:-1]
+    some = counts.nonzero()[0]
+    begins, counts_of_some = runs.bounds[some], counts[some]
+    columns, first = np.divmod(runs.starts, runs.height)
+    lengths = runs.stops - runs.starts
+    ends = np.maximum.reduceat(first + lengths, begins)
+    tops = np.maximum(np.minimum.reduceat(first, begins) - margin, 0)
+    tops[ends > runs.height] = 0  # a run goes on in the next column
+    borders = some * width
+    lefts = np.maximum(columns[begins] - margin, borders)
+    lasts = (runs.stops[begins + counts_of_some - 1] - 1) // runs.height
+    highs = np.minimum(ends + margin, runs.height) - tops
+    wides = np.minimum(lasts + 1 + margin, borders + width) - lefts
+    stops = (highs * wides).cumsum()
+    shifts = stops - (lefts + wides) * highs - tops
+    starts = columns * highs.repeat(counts_of_some) + first + shifts.repeat(counts_of_some)
+    pixels = _drawn(starts, starts + lengths, stops[-1] if len(stops) else 0)
+    places = zip(*(each.tolist() for each in (tops, lefts - borders, highs, wides, stops)), strict=True)
+    for count in counts.tolist():
+        if not count:
+            yield Window(0, 0, np.zeros((0, 0), np.bool_))
+            continue
+        top, left, high, wide, stop = next(places)
+        yield Window(top, left, np.ascontiguousarray(pixels[stop - high * wide : stop].reshape(wide, high).T))
+
+
+def _drawn(starts: Integers, stops: Integers, size: int) -> Bools:
+    """Return so many pixels, of which those of the runs are set."""
+    edges = np.zeros(2 * len(starts) + 2, np.int64)
+    edges[1:-1:2], edges[2:-1:2], edges[-1] = starts, stops, size
+    is_set = np.zeros(len(edges) - 1, np.bool_)
+    is_set[1::2] = True
+    return is_set.repeat(edges[1:] - edges[:-1])
 
 
 def eroded(window: Window, pixels: int) -> Window:

@@ -18,6 +18,7 @@ from services.geometry.errors import (
     UnconnectedError,
     UnknownFrameError,
 )
+from services.geometry.room import CROWDED, Room
 from services.geometry.rotation import inverse_of, matrix_of, slerp
 
 Numbers = NDArray[np.float64]
@@ -29,6 +30,9 @@ JUMP_NS: Final = 1_000_000_000
 MAX_SAMPLES: Final = 5_000
 MOST_SAMPLES: Final = 200_000
 """Of one frame, and of all of them, which have equal shares of it."""
+
+SAMPLE_BYTES: Final = 400
+"""What one of them takes, about."""
 
 MAX_FRAMES: Final = 4_096
 _UNIT: Final = 0.01
@@ -43,23 +47,27 @@ TOO_MANY: Final = "too many frames"
 
 @dataclass(slots=True)
 class _Edge:
-    """A frame's transforms to its parent, ascending by stamp; `static` ones hold at any time."""
+    """A frame's transforms to its parent, ascending by stamp; of a `static` one `fixed` holds at any time."""
 
     parent: str
     static: bool
     stamps: list[int] = field(default_factory=list)
     poses: list[tuple[Numbers, Numbers]] = field(default_factory=list)
+    fixed: Numbers = field(default_factory=lambda: np.identity(4))
 
 
 class TransformTree:
     """One robot's frames of reference. A frame has one parent, the one that was said last, as in ROS.
 
-    keep_ns: how far back transforms are kept. rejected: transforms that were not taken, by reason. jumps: how often a
-    frame's stamps went back by more than JUMP_NS, so that what was kept of it was forgotten.
+    keep_ns: how far back transforms are kept. room: what it may share with others. rejected: transforms that were not
+    taken, or gave way to something else, by reason. jumps: how often a frame's stamps went back by more than JUMP_NS,
+    so that what was kept of it was forgotten.
     """
 
-    def __init__(self, keep_ns: int = KEEP_NS) -> None:
+    def __init__(self, keep_ns: int = KEEP_NS, room: Room | None = None) -> None:
         self._keep_ns = keep_ns
+        self._room = room or Room()
+        self._samples = 0
         self._edges: dict[str, _Edge] = {}
         self.rejected: Counter[str] = Counter()
         self.jumps = 0
@@ -68,6 +76,8 @@ class TransformTree:
         """Take what came on `tf`, or `static`, on `tf_static`."""
         for transform in transforms.transforms:
             self.add(transform, static=static)
+        self._room.hold(self, self._samples * SAMPLE_BYTES)
+        self._room.settle()
 
     def add(self, transform: Transform, *, static: bool) -> None:
         """Take one transform; one that means nothing is counted in `rejected`."""
@@ -85,6 +95,16 @@ class TransformTree:
     def flush(self) -> None:
         """Forget everything that is not static: the clock is another one."""
         self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
+        self._samples = 0
+        self._room.hold(self, 0)
+
+    def shed(self) -> None:
+        """Let go of the older half of what is not static."""
+        before = self._samples
+        for edge in self._edges.values():
+            self._forget(edge, (len(edge.stamps) + 1) // 2)
+        self.rejected[CROWDED] += before - self._samples
+        self._room.hold(self, self._samples * SAMPLE_BYTES)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> Numbers:
         """Return the 4 x 4 transform that moves points of the source frame into the target frame at a stamp.
@@ -133,29 +153,34 @@ class TransformTree:
     def _edge(self, parent: str, child: str, *, static: bool) -> _Edge:
         edge = self._edges.get(child)
         if edge is None or edge.parent != parent or edge.static != static:
+            self._samples -= len(edge.stamps) if edge else 0
             edge = self._edges[child] = _Edge(parent, static)
         return edge
 
     def _insert(self, edge: _Edge, stamp_ns: int, translation: Numbers, rotation: Numbers) -> None:
         if edge.static:
-            edge.stamps, edge.poses = [stamp_ns], [(translation, rotation / np.linalg.norm(rotation))]
+            edge.fixed = matrix_of(translation, rotation / np.linalg.norm(rotation))
             return
         newest = edge.stamps[-1] if edge.stamps else stamp_ns
         if stamp_ns < newest - JUMP_NS:
             self.jumps += 1
-            edge.stamps.clear()
-            edge.poses.clear()
+            self._forget(edge, len(edge.stamps))
         place = bisect_left(edge.stamps, stamp_ns)
         known = place < len(edge.stamps) and edge.stamps[place] == stamp_ns
         edge.stamps[place : place + known] = [stamp_ns]
         edge.poses[place : place + known] = [(translation, rotation / np.linalg.norm(rotation))]
+        self._samples += not known
         self._trim(edge)
 
     def _trim(self, edge: _Edge) -> None:
         old = bisect_left(edge.stamps, edge.stamps[-1] - self._keep_ns)
-        old = max(old, len(edge.stamps) - min(MAX_SAMPLES, MOST_SAMPLES // len(self._edges)))
-        if old:
-            del edge.stamps[:old], edge.poses[:old]
+        self._forget(edge, max(old, len(edge.stamps) - min(MAX_SAMPLES, MOST_SAMPLES // len(self._edges))))
+
+    def _forget(self, edge: _Edge, count: int) -> None:
+        """Forget the oldest."""
+        if count > 0:
+            del edge.stamps[:count], edge.poses[:count]
+            self._samples -= count
 
 
 def _name(frame_id: str) -> str:
@@ -184,7 +209,7 @@ def _at(child: str, edge: _Edge, stamp_ns: int) -> Numbers:
         TooNewError: the stamp is after the last.
     """
     if edge.static:
-        return matrix_of(*edge.poses[0])
+        return edge.fixed
     place = bisect_left(edge.stamps, stamp_ns)
     if place == len(edge.stamps):
         late_s = (stamp_ns - edge.stamps[-1]) / 1e9

@@ -14,6 +14,7 @@ from schemas.detections import Box, Detection, Detections
 from schemas.distances import Distances
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
+from services.toolbox.demo.ports import free_ports
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment
 from tests.schemas.masks import coco_mask
@@ -59,8 +60,9 @@ async def detecting(rig: FleetRig) -> AsyncIterator[Publisher]:
 async def test_an_echo_on_the_robot_shows_distances_and_zenoh_has_places(ros: RosEnvironment, rig: FleetRig) -> None:
     camera = await ros.script(SCENE)
     await camera.until_output("scene up")
-    await rig.gateway("r1", ros.master_uri, {})
-    await rig.start("distance", "--robots", "r1")
+    port = free_ports(1)
+    await rig.gateway("r1", ros.master_uri, {}, "--mode", "router", "--listen", f"tcp/127.0.0.1:{port}")
+    await rig.at(port).start("distance", "--robots", "r1")
     async with detecting(rig) as detections:
         await rig.return_status("r1", "front", lambda status: not status.wanted, stream="distances")
         assert not detections.wanted

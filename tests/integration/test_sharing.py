@@ -9,11 +9,12 @@ from contextlib import AsyncExitStack, asynccontextmanager
 import pytest
 
 from bus import QUEUE, BusSettings, Subscription, open_bus
-from schemas import codec, keys
+from schemas import keys
 from schemas.detections import ClassList
 from schemas.keys import Stream
 from services.toolbox.demo.ports import free_ports
 from tests.integration.fleet import PATIENCE_S
+from tests.integration.serving import served
 
 ROBOTS, CAMERAS = 2, 4
 WORKERS = ("w1", "w2", "w3")
@@ -34,13 +35,7 @@ async def peer(name: str, *arguments: str) -> AsyncIterator[Process]:
 
 async def owners(lists: Subscription, among: set[str]) -> dict[str, str]:
     """Take results until those of each camera come from one of the workers."""
-    found: dict[str, str] = {}
-    async with asyncio.timeout(PATIENCE_S):
-        while len(found) < ROBOTS * CAMERAS or set(found.values()) - among:
-            sample = await anext(lists)
-            seen = codec.decode(ClassList, sample.payload, sample.encoding)
-            found[f"{seen.header.robot}/{seen.header.camera}"] = seen.worker
-    return found
+    return await served(lists, ClassList, lambda found: len(found) == ROBOTS * CAMERAS and set(found.values()) <= among)
 
 
 async def shared(lists: Subscription) -> dict[str, str]:

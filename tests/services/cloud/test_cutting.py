@@ -2,9 +2,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from schemas.detections import Detections
 from schemas.keys import CameraKey
+from schemas.objects import ObjectClouds
 from services.cloud.account import Account
-from services.cloud.cutting import Job, cut, nothing
+from services.cloud.cutting import Job, apart, cut, nothing
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Waiting
 from tests.services.cloud.clouds import Layout, cloud_of, xyz_cloud
@@ -50,3 +52,22 @@ def test_nothing_is_said_of_each_object(count: int) -> None:
     made = nothing(detections(*[detection(None)] * count), "no points arrived", "w")
     assert made.clouds.unmeasured == dict.fromkeys(range(count), "no points arrived")
     assert msgspec.structs.asdict(made.clouds)["objects"] == []
+
+
+def test_an_object_that_cannot_be_measured_costs_no_other() -> None:
+    points, owners = camera_view(BOXES)
+    found = detections(detection(owners == 1), detection(None), detection(owners == 1), detection(owners == 1))
+    whole = cut(Job.of(found, xyz_cloud(points, header=found.header), waiting(), ""), Limits(), "w").clouds
+
+    def measured(of: Detections) -> ObjectClouds:
+        masked = {index for index, each in enumerate(of.objects) if each.mask is not None}
+        if 2 in masked:
+            raise ZeroDivisionError("2")
+        objects = [each for each in whole.objects if each.index in masked]
+        return msgspec.structs.replace(
+            whole, objects=objects, unmeasured={index: "no mask" for index in range(4) if index not in masked}
+        )
+
+    made = apart(found, measured)
+    assert [each.index for each in made.objects] == [0, 3]
+    assert made.unmeasured == {1: "no mask", 2: "it failed: ZeroDivisionError('2')"}

@@ -4,10 +4,11 @@ import pytest
 
 from schemas.detections import Mask
 from schemas.distances import Measured, ObjectDistance
-from services.distance.measuring import Frame, View, measure, unknown
+from services.distance.measuring import Frame, View, measure, measure_apart, unknown
 from services.distance.picking import Criteria
 from services.geometry.errors import CalibrationError
 from services.simulator.world import Camera, Drive, generate, render
+from tests.schemas.masks import coco_mask
 from tests.services.detector.views import NEAR_VIEWS
 from tests.services.detector.views import View as Near
 from tests.services.distance.scenes import FRAME, HEIGHT, WIDTH, found, mask, wall
@@ -159,6 +160,17 @@ def test_objects_without_a_mask_or_with_a_damaged_or_empty_one_are_unknown() -> 
     assert seen[3].unknown == "0 of its 0 pixels have a reading, 30 are needed"
 
 
+def test_an_object_that_cannot_be_measured_costs_no_other() -> None:
+    sound = found(mask(ROWS, COLUMNS), mask(ROWS, COLUMNS))
+    beyond = msgspec.structs.replace(sound[0], mask=coco_mask(np.ones((HEIGHT + 1, WIDTH), np.bool_)))
+    objects = [sound[0], beyond, sound[1]]
+    seen = measure_apart(objects, view(wall(2.0)), Criteria())
+    assert [each.index for each in seen] == [0, 1, 2]
+    assert [each.measured is None for each in seen] == [False, True, False]
+    assert seen[1].unknown.startswith("it failed: ValueError(")
+    assert [seen[0], msgspec.structs.replace(seen[2], index=1)] == measure(sound, view(wall(2.0)), Criteria())
+
+
 def test_nothing_in_view() -> None:
     assert measure([], view(wall()), Criteria()) == []
 
@@ -168,6 +180,25 @@ def test_pixels_that_look_nowhere_have_a_depth_and_no_place() -> None:
     seen = View(wall(2.0), FRAME, folded)
     measured = known(measure(found(mask(slice(0, 8), slice(0, 8))), seen, Criteria())[0])
     assert (measured.axial_m, measured.euclidean_m) == (2.0, None)
+    assert "look nowhere" in measured.places[0].unknown
+
+
+def test_where_only_scattered_readings_look_somewhere_the_place_is_of_these() -> None:
+    folded = camera(lens=("plumb_bob", [-0.9, 0.0, 0.0, 0.0, 0.0]))
+    depth = np.full_like(wall(), NAN)
+    depth[:8, :8] = 2.0
+    depth[20:28, 30:35] = np.geomspace(3, 20, 40).reshape(8, 5)
+    both = mask(slice(0, 8), slice(0, 8)) | mask(slice(20, 28), slice(30, 35))
+    measured = known(measure(found(both), View(depth, FRAME, folded), Criteria())[0])
+    (place,) = measured.places
+    assert place.at is not None
+    assert 7 < place.at[2] < 11
+
+
+def test_a_lens_that_sees_beyond_all_distances_makes_no_result_that_nobody_can_read() -> None:
+    seen = View(wall(5_000.0), FRAME, camera(focal=1e-3))
+    measured = known(measure(found(mask(ROWS, slice(0, 20))), seen, Criteria())[0])
+    assert (measured.axial_m, measured.euclidean_m) == (5_000, None)
     assert "look nowhere" in measured.places[0].unknown
 
 

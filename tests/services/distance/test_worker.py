@@ -163,6 +163,24 @@ async def test_a_loop_of_transforms_is_a_reason_and_distances_go_on(rig: Rig) ->
     assert [place.unknown for place in measured.places] == ["", "", "frame 'odom' is its own ancestor"]
 
 
+async def test_a_camera_that_waits_for_its_robots_map_holds_up_no_other(rig: Rig) -> None:
+    other = CameraKey("r2", "front")
+    async with robot(rig.bus, other) as of_r2, rig.bus.subscribe("fleet/*/*/distances", QUEUE(9)) as distances:
+        await rig.robot.until_wanted()
+        await of_r2.until_wanted()
+        rig.robot.send(TF, transforms(("map", "base_link", 1.0), stamp_ns=stamp_of(4)))
+        rig.frame(5)
+        await asyncio.sleep(0.02)
+        of_r2.send(Stream.DEPTH, msgspec.structs.replace(depth(wall(3.0), 5), header=head(5, robot="r2")))
+        of_r2.send(Stream.DETECTIONS, msgspec.structs.replace(detections(BOX, 5), header=head(5, robot="r2")))
+        first, second = [await receive(distances, Distances) for _ in range(2)]
+    assert (first.header.robot, only(first)) == ("r2", (3.0, ""))
+    assert (second.header.robot, only(second)) == ("r1", (2.0, ""))
+    measured = second.objects[0].measured
+    assert measured is not None
+    assert measured.places[2].unknown == "the transform from base_link to map is known until 0.033 s before the stamp"
+
+
 async def test_a_clock_that_jumps_back_starts_over(rig: Rig) -> None:
     async with rig.wanted() as distances:
         for seq, z in ((100, 2.0), (101, 2.0), (3, 4.0)):

@@ -1,11 +1,14 @@
+from typing import Any
+
 import pytest
 
-from services.geometry.joining import DOUBLE, FLUSHED, UNUSED, Joiner, NoPartner, Partner
+from services.geometry.joining import DOUBLE, FLUSHED, ITEM_BYTES, UNUSED, Joiner, NoPartner, Partner
+from services.geometry.room import CROWDED, Room
 
 MS = 1_000_000
 
 
-def joiner(*stamps_ms: int, tolerance_ms: int | None = 10, **more: int) -> Joiner[str]:
+def joiner(*stamps_ms: int, tolerance_ms: int | None = 10, **more: Any) -> Joiner[str]:
     made: Joiner[str] = Joiner("depth image", tolerance_ns=None if tolerance_ms is None else tolerance_ms * MS, **more)
     for stamp in stamps_ms:
         made.keep(stamp * MS, f"at {stamp}", 100)
@@ -48,13 +51,25 @@ def test_stamps_out_of_order_take_their_place() -> None:
     assert made.jumps == 0
 
 
-def test_what_is_kept_is_bounded_by_time_and_bytes_and_the_newest_always_stays() -> None:
+def test_what_is_kept_is_bounded_by_time_and_bytes() -> None:
     old = joiner(0, 100, 200, keep_ns=150 * MS)
     assert len(old) == 2
     assert old.dropped == {UNUSED: 1}
-    large = joiner(0, 100, 200, keep_bytes=250)
+    large = joiner(0, 100, 200, room=Room(2 * (100 + ITEM_BYTES)))
     assert len(large) == 2
-    assert len(joiner(0, 100, keep_bytes=1)) == 1
+    assert large.dropped == {CROWDED: 1}
+    assert len(joiner(0, 100, room=Room(100 + ITEM_BYTES - 1))) == 0
+
+
+def test_streams_share_the_room_and_the_one_that_holds_most_gives_way() -> None:
+    room = Room(5 * (100 + ITEM_BYTES))
+    modest, greedy = joiner(0, 100, room=room), joiner(*range(0, 1000, 100), room=room)
+    assert (len(modest), len(greedy)) == (2, 3)
+    assert (modest.dropped, greedy.dropped) == ({}, {CROWDED: 7})
+    assert room.taken == 5 * (100 + ITEM_BYTES)
+    greedy.flush()
+    modest.flush()
+    assert room.taken == 0
 
 
 def test_what_was_found_is_not_counted_as_unused() -> None:

@@ -15,8 +15,6 @@ def test_runs_of_several_masks_go_down_columns_side_by_side() -> None:
     assert runs.starts.tolist() == [1, 24, 35]
     assert runs.stops.tolist() == [4, 25, 36]
     assert runs.bounds.tolist() == [0, 1, 1, 3]
-    pixels = runs.pixels(np.array([0, 4, 8]), np.array([4, 4, 12]))
-    assert np.array_equal(pixels.reshape(-1, 3), np.concatenate([first.T, second.T]))
 
 
 @pytest.mark.parametrize("counts", ["", "=", "ü"])

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from schemas.space import MAX_COORDINATE_M
 from schemas.transforms import Transform, Transforms
 from services.geometry.errors import LoopError, TooNewError, TooOldError, UnconnectedError, UnknownFrameError
+from services.geometry.room import CROWDED, Room
 from services.geometry.rotation import matrix_of, moved
 from services.geometry.transforms import (
     BAD_ROTATION,
@@ -18,6 +19,7 @@ from services.geometry.transforms import (
     MOST_SAMPLES,
     NOT_FINITE,
     OF_ITSELF,
+    SAMPLE_BYTES,
     TOO_FAR,
     TOO_MANY,
     TransformTree,
@@ -242,3 +244,31 @@ def test_a_place_beyond_what_messages_carry_is_no_place() -> None:
     made = tree(said("map", "base", MAX_COORDINATE_M), said("map", "other", 2 * MAX_COORDINATE_M))
     assert made.rejected == {TOO_FAR: 1}
     assert made.lookup("map", "base", 0)[0, 3] == MAX_COORDINATE_M
+
+
+def test_transforms_give_way_where_there_is_no_room_the_older_half_first_and_fixed_ones_never() -> None:
+    room = Room(10 * SAMPLE_BYTES)
+    made = TransformTree(room=room)
+    made.take(Transforms(header=header(), transforms=[said("base", "camera", 1.0)]), static=True)
+    for at in range(11):
+        made.take(Transforms(header=header(), transforms=[said("map", "base", at, at=at)]), static=False)
+    assert made.rejected == {CROWDED: 6}
+    assert room.taken == 5 * SAMPLE_BYTES
+    assert made.lookup("map", "camera", 6)[0, 3] == 7
+    with pytest.raises(TooOldError):
+        made.lookup("map", "base", 5)
+
+
+def test_room_is_for_what_is_kept_now() -> None:
+    room = Room()
+    made = TransformTree(room=room)
+    for said_now in ([said("map", "base", at=S)], [said("map", "base", 1.0, at=S)], [said("odom", "base", at=3 * S)]):
+        made.take(Transforms(header=header(), transforms=said_now), static=False)
+        assert room.taken == SAMPLE_BYTES
+    made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)  # a clock jumped
+    assert room.taken == SAMPLE_BYTES
+    made.take(Transforms(header=header(), transforms=[said("odom", "base")]), static=True)
+    assert room.taken == 0
+    made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)
+    made.flush()
+    assert room.taken == 0
