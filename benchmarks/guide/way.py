@@ -35,7 +35,7 @@ async def way(side: Side, guide: Side, scene: Scene, images: int, folder: Path) 
         arrivals = side.robot.taken()
         seen = msgspec.convert((await asyncio.to_thread(observer.ask))["seen"], list[Seen])
     frames = _returned([each for each in seen if each.stamp_ns in stamps], arrivals)
-    overlay = mean_sizes(arrivals)[SEGMENTATION]
+    overlay = mean_sizes(arrivals).get(SEGMENTATION)
     await side.quiet()
     await guide.ready()
     await guide.robot.drive(HZ, images / HZ)
@@ -76,7 +76,9 @@ def _mean_size(frames: Sequence[Seen], stream: Stream) -> int | None:
     return round(statistics.mean(sizes)) if sizes else None
 
 
-def _limits(scene: Scene, sizes: dict[Stream, int | None], overlay: int, alone: dict[str, Any]) -> dict[str, Limit]:
+def _limits(
+    scene: Scene, sizes: dict[Stream, int | None], overlay: int | None, alone: dict[str, Any]
+) -> dict[str, Limit]:
     picture = scene.size(Content.COLOR)
     tcp = Limit("loopback TCP of the same bytes", tcp_ms(picture))
     copied = Limit("memcpy of the same bytes", memcpy_ms(picture))
@@ -88,9 +90,9 @@ def _limits(scene: Scene, sizes: dict[Stream, int | None], overlay: int, alone: 
         "model": Limit("the bare model call", alone["model"]),
         "post-processing": Limit("the same with nothing else at work", alone["postprocess"]),
         "results": Limit(tcp.what, tcp_ms(sizes[Stream.DETECTIONS] or 1)),
-        "overlays": Limit("memcpy of both", memcpy_ms(2 * overlay)),
+        "overlays": Limit("memcpy of both", memcpy_ms(2 * (overlay or 1))),
         "distance": Limit("memcpy of the depth image", memcpy_ms(scene.size(Content.DEPTH))),
         "cloud": Limit("memcpy of the points", memcpy_ms(scene.size(Content.POINTS))),
-        "return to ROS": Limit("loopback TCP of the overlay", tcp_ms(overlay)),
+        "return to ROS": Limit("loopback TCP of the overlay", tcp_ms(overlay or 1)),
         "monitor": Limit("loopback TCP of the class list", tcp_ms(sizes[Stream.CLASSES] or 1)),
     }
