@@ -35,7 +35,7 @@ with_progress() {
         sleep 1
         if (((SECONDS - began) % every == 0)); then
             local line="[setup] $what: $((SECONDS - began)) s, $(tail -n 1 "$log")"
-            if [ -t 1 ]; then printf '\r\033[K%s' "${line:0:$(columns) - 1}"; else printf '%s\n' "$line"; fi
+            if [ -t 1 ]; then printf '\r\033[K%s' "${line:0:$(columns) - 1}"; else printf '%.120s\n' "$line"; fi
         fi
     done
     trap - INT TERM

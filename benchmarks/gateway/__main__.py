@@ -33,6 +33,7 @@ from benchmarks.gateway.processes import ROSMASTER, ros_master
 from benchmarks.gateway.report import Run, medians, targets
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note
+from bus.locking import SHAREABLE_BYTES, may_lock
 
 REPEATS: Final = 3
 HZ: Final = 30
@@ -60,6 +61,10 @@ def main() -> None:
     arguments = parser.parse_args()
     if not Path(ROSMASTER).exists():
         parser.error("Debian's ROS 1 is not installed; tests/integration/install-ros.sh installs it")
+    if not may_lock(SHAREABLE_BYTES):
+        parser.error(
+            f"half of it is with shared memory: that takes leave to lock {SHAREABLE_BYTES >> 20} MiB (ulimit -l)"
+        )
     found = measure(arguments.seconds)
     print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
 

@@ -32,7 +32,7 @@ def check_cameras(evidence: Evidence) -> Iterator[Finding]:
     keys = [each.key for each in evidence.streams if isinstance(each.key, StreamKey)]
     for camera in dict.fromkeys(key.camera.camera for key in keys):
         streams = {key.stream for key in keys if key.camera.camera == camera}
-        if streams != {Stream.COLOR}:
+        if streams not in ({Stream.COLOR}, {Stream.POINTS}):
             yield from check_calibration(camera, Stream.COLOR, Stream.INFO, evidence)
         if evidence.of(camera, Stream.DEPTH_INFO):
             yield from check_calibration(camera, Stream.DEPTH, Stream.DEPTH_INFO, evidence)

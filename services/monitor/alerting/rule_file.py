@@ -30,8 +30,12 @@ class RuleFile:
         Raises:
             RuleFileError: it cannot be used.
         """
-        if self._path is not None:
+        if self._path is None:
+            return
+        try:
             await asyncio.to_thread(self._read, self._path)
+        except RuleFileError as error:
+            raise error.of(self._path) from error
 
     async def watch(self) -> None:
         """Keep `book` up to date, for ever."""
@@ -54,7 +58,7 @@ class RuleFile:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             self._stamp = None
-            raise RuleFileError(1, " ".join(str(error).split())) from error
+            raise RuleFileError(None, getattr(error, "strerror", None) or str(error)) from error
         self._stamp = stamp
         self.book = load_rules(text)
         self.problem = ""

@@ -1,6 +1,7 @@
 """Rule files: YAML, validated, and what is wrong said with its line. Pure."""
 
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, Self
 
 import yaml
 from pydantic import ValidationError
@@ -12,12 +13,17 @@ MAX_BYTES: Final = 1_000_000
 
 
 class RuleFileError(Exception):
-    """A rule file that cannot be used. line: where, from 1."""
+    """A rule file that cannot be used. line: where, from 1; none if it cannot be read at all."""
 
-    def __init__(self, line: int, reason: str) -> None:
-        super().__init__(f"line {line}: {reason}")
+    def __init__(self, line: int | None, reason: str, file: Path | None = None) -> None:
+        place = [*([] if file is None else [str(file)]), *([] if line is None else [f"line {line}"])]
+        super().__init__(": ".join([*place, reason]))
         self.line = line
         self.reason = reason
+
+    def of(self, file: Path) -> Self:
+        """Return it with the file's name before the reason."""
+        return type(self)(self.line, self.reason, file)
 
 
 def load_rules(text: str) -> RuleBook:

@@ -50,4 +50,7 @@ def _read(settings: RulesSettings) -> RuleBook:
     try:
         return load_rules(settings.file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise RuleFileError(1, " ".join(str(error).split())) from error
+        reason = getattr(error, "strerror", None) or str(error)
+        raise RuleFileError(None, reason, settings.file) from error
+    except RuleFileError as error:
+        raise error.of(settings.file) from error

@@ -2,6 +2,7 @@
 
 import logging
 import os
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -19,13 +20,17 @@ def load_ultralytics(config_dir: Path) -> ModuleType:
     config_dir.mkdir(parents=True, exist_ok=True)
     os.environ.update(_QUIET, YOLO_CONFIG_DIR=str(config_dir.resolve()))
     import ultralytics  # noqa: PLC0415 - it reads the environment when it is imported
-    from ultralytics.data import base  # noqa: PLC0415 - as above
 
     ultralytics.settings.update({key: False for key in _SILENCED if key in ultralytics.settings})
     ultralytics.utils.LOGGER.setLevel(logging.ERROR)
+    _hide_bars(import_module("ultralytics.data.base"), import_module("ultralytics.utils.tqdm").TQDM)
+    return ultralytics
+
+
+def _hide_bars(module: Any, bar: Any) -> None:
+    """Keep from showing the bars that a module of Ultralytics shows however quiet it is told to be."""
 
     def unseen(*arguments: Any, **options: Any) -> Any:
-        return ultralytics.utils.TQDM(*arguments, **options | {"disable": True})
+        return bar(*arguments, **options | {"disable": True})
 
-    base.TQDM = unseen  # it shows these bars however quiet it is told to be
-    return ultralytics
+    module.TQDM = unseen

@@ -65,7 +65,8 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
     """
     async with open_bus(settings) as bus:
         workers = await _workers(bus, settings.timeout_s)
-        reason: RequestError = NotServedError(f"no detector worker was seen within {settings.timeout_s:g} s")
+        seen = f"no detector worker was seen within {settings.timeout_s:g} s"
+        reason: RequestError = NotServedError(f"{seen}: {bus.link_problem}" if bus.link_problem else seen)
         for worker in random.sample(workers, len(workers)):
             try:
                 reply = await bus.request(worker_keys.infer(worker), image, timeout_s=settings.timeout_s)

@@ -12,6 +12,7 @@ from tests.gateway.doctor.seeing import (
     depth_info,
     evidence,
     publisher,
+    sends,
     stream,
 )
 
@@ -26,6 +27,10 @@ def test_a_calibrated_camera_needs_no_word() -> None:
 
 def test_colour_alone_needs_no_calibration() -> None:
     assert said("front/info", color()) == []
+
+
+def test_a_lidar_has_no_calibration() -> None:
+    assert said("velodyne/info", sends("velodyne/points", "/velodyne_points", "sensor_msgs/PointCloud2")) == []
 
 
 def test_depth_without_any_camera_info() -> None:
