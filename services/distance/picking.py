@@ -30,6 +30,8 @@ RING: Final = 5
 
 _NUMBER_BITS: Final = np.uint64(32)
 _EVEN: Final = {count: np.arange(count) for count in (SAMPLE, AROUND)}
+_APART: Final = {count: np.random.default_rng(0).random(count) for count in (SAMPLE, AROUND)}
+"""Where in each of so many equal parts of a range: at their beginnings, all could fall on one column of a mask."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,8 +158,9 @@ def _around(windows: Sequence[Window], rows: Indices, depth: Floats, there: Bool
 
 
 def _spread(starts: Indices, counts: Indices, wanted: int) -> Indices:
-    """Return so many numbers of each range, (n, wanted), evenly spread."""
-    return np.asarray(starts[:, np.newaxis] + _EVEN[wanted] * counts[:, np.newaxis] // wanted)
+    """Return so many numbers of each range, (n, wanted), one of each equal part of it."""
+    begins = starts[:, np.newaxis] + _EVEN[wanted] * counts[:, np.newaxis] // wanted
+    return np.asarray(begins + (_APART[wanted] * (counts // wanted)[:, np.newaxis]).astype(np.intp))
 
 
 def _in_image(pixels: Indices, windows: Sequence[Window], starts: Indices, width: int) -> Indices:

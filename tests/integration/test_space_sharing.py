@@ -32,6 +32,7 @@ PERIOD_S = 0.05
 COUNTED = 10
 LINK_BYTES_PER_S = 100_000_000
 BOX = found(mask(slice(10, 30), slice(20, 50)))
+Measurement = ImageFrame | PointCloud
 LEASE = ("--lease-s", "1")
 OWN = ("--robots", "r1", *LEASE)
 
@@ -49,7 +50,7 @@ class Service:
     name: str
     stream: Stream
     schema: type[codec.Message]
-    measured: Callable[[int], ImageFrame | PointCloud]
+    measured: Callable[[int], Measurement]
     result: type[Result]
     results: Stream
 
@@ -61,7 +62,7 @@ CLOUD = Service("cloud", Stream.POINTS, PointCloud, points, ObjectClouds, Stream
 @asynccontextmanager
 async def sensors(bus: Bus, camera: CameraKey, service: Service) -> AsyncIterator[None]:
     """Publish what a gateway and a detector would: a box before a camera."""
-    sent = (
+    sent: tuple[tuple[Stream, type[codec.Message], Callable[[int], Measurement | Detections]], ...] = (
         (service.stream, service.schema, service.measured),
         (Stream.DETECTIONS, Detections, partial(detections, BOX)),
     )

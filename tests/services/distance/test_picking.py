@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from services.distance.picking import AROUND, RING, SAMPLE, Criteria, Picked, pick
@@ -69,6 +70,17 @@ def test_an_edge_is_taken_off_where_enough_is_left() -> None:
     columns = picked(depth_m, edge=3).at % WIDTH
     assert (columns[0].min(), columns[0].max()) == (10, 19)
     assert (columns[1].min(), columns[1].max()) == (33, 46)
+
+
+@pytest.mark.parametrize("height", [64, 128, 256, 512])
+def test_readings_are_from_all_over_a_mask_whatever_its_shape(height: int) -> None:
+    mask = np.zeros((height + 20, WIDTH), np.bool_)
+    mask[10:-10, FAR] = True
+    found = pick([decode(coco_mask(mask), margin=RING)], np.ones(mask.shape, np.float32), Criteria())
+    rows, columns = np.divmod(found.at[0], WIDTH)
+    assert len(set(columns.tolist())) >= 15
+    assert np.bincount(columns).max() < 2.5 * SAMPLE / 20
+    assert rows.min() <= 10 + height / 64 <= height - height / 64 <= rows.max()
 
 
 def test_where_no_object_has_enough_there_is_nothing() -> None:

@@ -5,6 +5,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 import msgspec
+import numpy as np
 import pytest
 
 from bus import QUEUE, Bus, Subscription
@@ -234,6 +235,33 @@ async def test_depth_that_no_detections_came_for_is_counted(rig: Rig) -> None:
         await receive(distances, Distances)
         account = await load(rig.bus, lambda of: of.inferred == 1)
     assert account.dropped == {"depth image: nothing of its instant was asked for": 2}
+
+
+async def test_all_cameras_depth_together_has_one_bound_and_what_it_costs_is_counted() -> None:
+    network = FakeNetwork()
+    large = np.full((1024, 1280), 2.0, np.float32)  # 2.5 MiB a depth image
+    with ThreadPoolExecutor(1) as executor:
+        async with (
+            network.open_bus() as theirs,
+            network.open_bus() as ours,
+            robot(theirs) as modest,
+            robot(theirs, CameraKey("r2", "front")) as greedy,
+            working(ours, executor, memory_mib=16),
+            theirs.subscribe("fleet/*/*/distances", QUEUE(9)),
+        ):
+            await modest.until_wanted()
+            await greedy.until_wanted()
+            for seq in range(2):
+                modest.send(Stream.DEPTH, depth(large, seq))
+                await asyncio.sleep(0.01)
+            for seq in range(7):
+                sent = depth(large, seq)
+                greedy.send(Stream.DEPTH, msgspec.structs.replace(sent, header=head(seq, robot="r2")))
+                await asyncio.sleep(0.01)
+            account = await load(theirs, lambda of: of.robot == "r2" and sum(of.dropped.values()) == 3)
+            assert account.dropped == {"depth image: no room for more": 3}
+            account = await load(theirs, lambda of: of.robot == "r1")
+            assert account.dropped == {}
 
 
 async def test_only_the_robots_it_is_told_are_served() -> None:
