@@ -80,15 +80,15 @@ class Process:
         except OSError as error:
             raise PeerError(self.last_words()) from error
 
-    def answer(self) -> dict[str, Any]:
+    def answer(self, within_s: float | None = None) -> dict[str, Any]:
         """Return its next answer.
 
         Raises:
-            PeerError: it ended.
+            PeerError: it ended, or it said nothing within that time.
         """
         with self._news:
-            self._news.wait_for(lambda: self._lines)
-            line = self._lines.popleft() if self._lines[0] else ""
+            said = self._news.wait_for(lambda: self._lines, within_s)
+            line = self._lines.popleft() if said and self._lines[0] else ""
         try:
             answer: dict[str, Any] = json.loads(line)
         except ValueError as error:

@@ -7,6 +7,7 @@ import asyncio
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import islice
 from typing import IO, Final
 
@@ -57,7 +58,7 @@ async def _draw(
             room = max(1, console.height - FRAME_LINES - len(wrong))
             rows = list(islice(fleet.rows(time.monotonic()), room))
             picture = Group(render(rows, [*notes_of(fleet.left_out), note], fleet.cameras - len(rows)), *wrong)
-            await aside(lambda picture=picture: live.update(picture, refresh=True))  # type: ignore[misc]
+            await aside(partial(live.update, picture, refresh=True))
             await asyncio.sleep(refresh_s)
     finally:
         with suppress(TimeoutError):
@@ -87,7 +88,7 @@ async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable
         lines += [each for each in now_wrong if each not in wrong]
         wrong = set(now_wrong)
         if lines:
-            await aside(lambda text="".join(f"{each}\n" for each in lines): _write(to, text))  # type: ignore[misc]
+            await aside(partial(_write, to, "".join(f"{each}\n" for each in lines)))
         await asyncio.sleep(refresh_s)
         rows = fleet.take_changed(time.monotonic())
 

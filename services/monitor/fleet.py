@@ -213,4 +213,7 @@ def _same(some: Sequence[ClassCount], others: Sequence[ClassCount]) -> bool:
     """Whether lists count the same, whatever their scores."""
     if len(some) != len(others):
         return False
-    return all(one.count == other.count and one.name == other.name for one, other in zip(some, others, strict=True))
+    for one, other in zip(some, others, strict=True):
+        if one.count != other.count or one.name != other.name:
+            return False
+    return True
