@@ -152,7 +152,7 @@ class ZenohSubscription(SampleReader):
             subscriber = session.declare_subscriber(self._key_expr, handler)
             undeclared = [subscriber.undeclare]
         if self._gathers:
-            gathering = Gathering(session, subscriber.handler, self._on_samples)
+            gathering = Gathering(subscriber.handler, self._on_samples, declared_on=session)
             self._declared.callback(gathering.join, STOP_GRACE_S)
         for undeclare in undeclared:
             self._declared.callback(undeclare)
@@ -188,26 +188,27 @@ class ZenohSubscription(SampleReader):
 
 
 class ZenohWatch(PresenceReader):
-    """A watch."""
+    """A watch: all of a large fleet come at once, so they are fetched in batches."""
 
     def __init__(self, key_expr: str, loop: AbstractEventLoop) -> None:
         super().__init__(loop)
         self._key_expr = key_expr
-        self._subscriber: zenoh.Subscriber[None] | None = None
+        self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
-        self._subscriber = session.liveliness().declare_subscriber(
-            self._key_expr, Callback(self._on_change, indirect=False), history=True
-        )
+        channel: Any = FifoChannel(ROOM)
+        subscriber = session.liveliness().declare_subscriber(self._key_expr, channel, history=True)
+        self._declared.callback(Gathering(subscriber.handler, self._on_changes).join, STOP_GRACE_S)
+        self._declared.callback(subscriber.undeclare)
 
     def undeclare(self) -> None:
         """Undeclare."""
-        if self._subscriber is not None:
-            self._subscriber.undeclare()
+        self._declared.close()
 
-    def _on_change(self, sample: zenoh.Sample) -> None:
-        self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
+    def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
+        for sample in samples:
+            self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
 
 
 class ZenohToken:

@@ -19,17 +19,21 @@ MAX_DECLARED: Final = 20_000
 
 
 class Gathering:
-    """Fetches what a channel of `session` receives, until the channel is closed, on a thread of its own.
+    """Fetches what a channel receives, until the channel is closed, on a thread of its own.
 
-    deliver: is given the samples of a batch, in order.
+    deliver: is given the samples of a batch, in order. declared_on: where the keys are declared that come.
     """
 
     def __init__(
-        self, session: zenoh.Session, channel: Any, deliver: Callable[[Sequence[zenoh.Sample]], None]
+        self,
+        channel: Any,
+        deliver: Callable[[Sequence[zenoh.Sample]], None],
+        *,
+        declared_on: zenoh.Session | None = None,
     ) -> None:
-        self._session = session
         self._channel = channel
         self._deliver = deliver
+        self._session = declared_on
         self._declared: set[str] = set()
         self._thread = threading.Thread(target=self._run, name="bus-gathering", daemon=True)
         self._thread.start()
@@ -41,8 +45,9 @@ class Gathering:
     def _run(self) -> None:
         while batch := self._next():
             self._deliver(batch)
-            for sample in batch:
-                self._declare(str(sample.key_expr))
+            if self._session is not None:
+                for sample in batch:
+                    self._declare(self._session, str(sample.key_expr))
             time.sleep(PAUSE_S)
 
     def _next(self) -> list[zenoh.Sample]:
@@ -57,12 +62,12 @@ class Gathering:
             pass
         return batch
 
-    def _declare(self, key: str) -> None:
+    def _declare(self, session: zenoh.Session, key: str) -> None:
         """Have Zenoh (1.10) remember who takes a key; else it looks through all keys it ever heard of each time."""
         if key in self._declared or len(self._declared) >= MAX_DECLARED:
             return
         self._declared.add(key)
         try:
-            self._session.declare_keyexpr(key)
+            session.declare_keyexpr(key)
         except zenoh.ZError:  # it is closed
             self._declared.clear()

@@ -38,7 +38,7 @@ SETTLED_S: Final = 2.0
 PATIENCE_S: Final = 30.0
 """For what takes a moment on a machine that does nothing else."""
 
-ARRIVING: Final = 1_000
+ARRIVING: Final = 500
 """How many robots come at once."""
 
 ASK_S: Final = 3.0
