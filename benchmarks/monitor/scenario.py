@@ -99,7 +99,8 @@ class Scenario:
             for publisher in self._publishers:
                 publisher.tell(f"robots {known // len(self._publishers)}")
             await self._answers(PATIENCE_S)
-            until_s = time.monotonic() + PATIENCE_S
+            await asyncio.sleep(SETTLED_S)
+            until_s = time.monotonic() + 2 * PATIENCE_S
             while (flow := await self.send(1.0, 2.0)).lost:
                 if time.monotonic() > until_s:
                     raise PeerError(f"of {known} robots' lists {flow.lost} are lost: {self.monitor.last_words()}")

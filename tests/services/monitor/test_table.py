@@ -54,3 +54,22 @@ def test_plain_line() -> None:
 def test_what_does_not_fit_is_counted() -> None:
     assert "and 1 more cameras" in drawn(BUSY, LOST, more=1)
     assert "more cameras" not in drawn(BUSY, LOST)
+
+
+def test_what_was_left_out_is_said() -> None:
+    assert notes_of({}) == []
+    assert notes_of({"malformed messages": 3, "b": 1}) == ["left out: 1 b, 3 malformed messages"]
+
+
+def test_a_models_names_write_nothing_but_themselves() -> None:
+    hostile = Row(
+        CameraKey("r1", "front"),
+        online=True,
+        classes=(ClassCount("\x1b[2Jbox\nr2/front: online", 1, 0.9),),
+        age=None,
+        rate_hz=0,
+    )
+    assert r": online, 1 \x1b[2Jbox\nr2/front: online, age" in line(hostile)
+    shown = drawn(hostile)
+    assert r"\x1b[2Jbox\nr2/front" in shown
+    assert "\x1b" not in shown
