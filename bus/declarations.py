@@ -3,17 +3,18 @@
 import asyncio
 import time
 from asyncio import AbstractEventLoop
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from typing import Any, Final
 
 import zenoh
 from zenoh import CongestionControl, Priority, Reliability, ext
-from zenoh.handlers import Callback
+from zenoh.handlers import Callback, FifoChannel
 
-from bus.api import MAX_REQUEST_BYTES, Handler, Latest, QoS, Queue, Reply, Request
+from bus.api import MAX_REQUEST_BYTES, Handler, Latest, QoS, Queue, Reply, Request, Sample
 from bus.demand import Demand
+from bus.gathering import ROOM, Gathering
 from bus.lane import Lane
 from bus.panics import panics_are_errors
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
@@ -128,35 +129,44 @@ class ZenohPublisher(MessageWriter):
 
 
 class ZenohSubscription(SampleReader):
-    """A subscription."""
+    """A subscription. What many publish and nobody may miss is fetched in batches."""
 
     def __init__(
         self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool, recover: int
     ) -> None:
         super().__init__(keep, loop)
         self._key_expr = key_expr
+        self._gathers = isinstance(keep, Queue) and "*" in key_expr
         self._history = history
         self._recover = recover
         self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
-        callback = Callback(self._on_sample, indirect=False)
-        if not self._history:
-            self._declared.callback(session.declare_subscriber(self._key_expr, callback).undeclare)
-            return
-        subscriber = ext.declare_advanced_subscriber(
+        handler: Any = FifoChannel(ROOM) if self._gathers else Callback(self._on_sample, indirect=False)
+        if self._history:
+            subscriber = self._with_history(session, handler)
+            listener = subscriber.sample_miss_listener(Callback(self._on_miss, indirect=False))
+            undeclared = [subscriber.undeclare, listener.undeclare]
+        else:
+            subscriber = session.declare_subscriber(self._key_expr, handler)
+            undeclared = [subscriber.undeclare]
+        if self._gathers:
+            gathering = Gathering(subscriber.handler, self._on_samples, declared_on=session)
+            self._declared.callback(gathering.join, STOP_GRACE_S)
+        for undeclare in undeclared:
+            self._declared.callback(undeclare)
+
+    def _with_history(self, session: zenoh.Session, handler: Any) -> Any:
+        return ext.declare_advanced_subscriber(
             session,
             self._key_expr,
-            callback,
+            handler,
             history=ext.HistoryConfig(detect_late_publishers=True, max_samples=self._recover),
             # Without it what comes live before history is there makes Zenoh (1.10) drop the history. Nobody sends
             # heartbeats: what the last messages' loss leaves open is history's.
             recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True) if self._recover > 1 else None,
         )
-        self._declared.callback(subscriber.undeclare)
-        listener = subscriber.sample_miss_listener(Callback(self._on_miss, indirect=False))
-        self._declared.callback(listener.undeclare)
 
     def undeclare(self) -> None:
         """Undeclare: a callback subscriber lives on when it is only forgotten."""
@@ -166,31 +176,39 @@ class ZenohSubscription(SampleReader):
         self.miss(miss.nb)
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
-        if sample.kind == zenoh.SampleKind.PUT:
-            self.arrive(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding))
+        self._on_samples([sample])
+
+    def _on_samples(self, samples: Sequence[zenoh.Sample]) -> None:
+        now_ns = time.time_ns()
+        self.arrive_all(
+            Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), now_ns, 0)
+            for sample in samples
+            if sample.kind == zenoh.SampleKind.PUT
+        )
 
 
 class ZenohWatch(PresenceReader):
-    """A watch."""
+    """A watch: all of a large fleet come at once, so they are fetched in batches."""
 
     def __init__(self, key_expr: str, loop: AbstractEventLoop) -> None:
         super().__init__(loop)
         self._key_expr = key_expr
-        self._subscriber: zenoh.Subscriber[None] | None = None
+        self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
-        self._subscriber = session.liveliness().declare_subscriber(
-            self._key_expr, Callback(self._on_change, indirect=False), history=True
-        )
+        channel: Any = FifoChannel(ROOM)
+        subscriber = session.liveliness().declare_subscriber(self._key_expr, channel, history=True)
+        self._declared.callback(Gathering(subscriber.handler, self._on_changes).join, STOP_GRACE_S)
+        self._declared.callback(subscriber.undeclare)
 
     def undeclare(self) -> None:
         """Undeclare."""
-        if self._subscriber is not None:
-            self._subscriber.undeclare()
+        self._declared.close()
 
-    def _on_change(self, sample: zenoh.Sample) -> None:
-        self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
+    def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
+        for sample in samples:
+            self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
 
 
 class ZenohToken:

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import threading
 from asyncio import AbstractEventLoop
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
 from bus.errors import BusError
@@ -29,11 +29,16 @@ class Inbox(Generic[T]):
 
     def offer(self, key: str, item: T) -> None:
         """Bring an item. Any thread; never waits for the reader."""
+        self.offer_all([(key, item)])
+
+    def offer_all(self, items: Sequence[tuple[str, T]]) -> None:
+        """Bring several items, in order. Any thread; never waits for the reader."""
         with self._lock:
             if self._ended:
                 return
-            self.received += 1
-            self.dropped += self._mailbox.offer(key, item)
+            self.received += len(items)
+            for key, item in items:
+                self.dropped += self._mailbox.offer(key, item)
             if self._waiter is None or self._called:
                 return
             self._called = True

@@ -2,6 +2,7 @@
 
 import time
 from asyncio import AbstractEventLoop
+from collections.abc import Iterable
 from typing import Final, Self, assert_never
 
 from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
@@ -27,7 +28,11 @@ class SampleReader:
 
     def arrive(self, key: str, payload: bytes, encoding: str) -> None:
         """Bring a sample. Any thread."""
-        self._inbox.offer(key, Sample(key, payload, encoding, time.time_ns(), 0))
+        self.arrive_all([Sample(key, payload, encoding, time.time_ns(), 0)])
+
+    def arrive_all(self, samples: Iterable[Sample]) -> None:
+        """Bring samples, in order. Any thread."""
+        self._inbox.offer_all([(sample.key, sample) for sample in samples])
 
     def miss(self, number: int) -> None:
         """Count samples that will never arrive. Any thread."""

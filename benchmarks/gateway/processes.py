@@ -7,7 +7,9 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,6 +23,7 @@ from services.toolbox.demo.ports import free_ports
 ROS_PYTHON: Final = "/usr/bin/python3"
 ROSMASTER: Final = "/usr/bin/rosmaster"
 START_S: Final = 30.0
+KEPT_LINES: Final = 1_000
 _CPU_CLOCK: Final = 2
 """Linux's number for the precise one among a process's processor time clocks."""
 
@@ -30,11 +33,30 @@ class PeerError(Exception):
 
 
 class Process:
-    """A running process."""
+    """A running process. What it says is read all the time, so that it never waits; the newest lines are kept."""
 
     def __init__(self, child: subprocess.Popen[str], errors: IO[bytes]) -> None:
         self._child = child
         self._errors = errors
+        self._lines: deque[str] = deque(maxlen=KEPT_LINES)
+        self._news = threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._child.stdout is not None  # noqa: S101 - it is a pipe
+        with self._child.stdout as lines:
+            for line in lines:
+                with self._news:
+                    self._lines.append(line)
+                    self._news.notify()
+        with self._news:
+            self._lines.append("")
+            self._news.notify()
+
+    def join(self) -> None:
+        """Wait until all that it said was read: it has ended."""
+        self._reader.join(START_S)
 
     def ask(self) -> dict[str, Any]:
         """Return what a peer that answers says now.
@@ -58,16 +80,18 @@ class Process:
         except OSError as error:
             raise PeerError(self.last_words()) from error
 
-    def answer(self) -> dict[str, Any]:
+    def answer(self, within_s: float | None = None) -> dict[str, Any]:
         """Return its next answer.
 
         Raises:
-            PeerError: it ended.
+            PeerError: it ended, or it said nothing within that time.
         """
-        assert self._child.stdout is not None  # noqa: S101 - it is a pipe
+        with self._news:
+            said = self._news.wait_for(lambda: self._lines, within_s)
+            line = self._lines.popleft() if said and self._lines[0] else ""
         try:
-            answer: dict[str, Any] = json.loads(self._child.stdout.readline())
-        except (OSError, ValueError) as error:
+            answer: dict[str, Any] = json.loads(line)
+        except ValueError as error:
             raise PeerError(self.last_words()) from error
         return answer
 
@@ -150,12 +174,15 @@ def running(arguments: Sequence[str], master: str = "") -> Iterator[Process]:
             yield process
         finally:
             process.go_on()
+            assert child.stdin is not None  # noqa: S101 - it is a pipe
+            with suppress(OSError):
+                child.stdin.close()
             child.terminate()
             try:
-                child.communicate(timeout=5)
+                child.wait(timeout=5)
             except subprocess.TimeoutExpired:
-                child.kill()
-                child.communicate()
+                process.kill()
+            process.join()
 
 
 def module(name: str, *arguments: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""5,000 robots' class lists through one router to one monitor process, in about four minutes.
+"""5,000 robots' class lists through one router to one monitor process, in about three minutes.
 
 The robots are four other processes with ten sessions each, so that one session has as many robots as a busy detector
 worker has cameras; each robot and camera is present and each class list published as gateways and detectors do it.
@@ -9,10 +9,12 @@ router, its history in SQLite, with three rules.
                       in, two seconds after the last; every list counts once, so that doubles hide no loss
     p99_ms            from putting a list on the bus until an answer about the inventory shows it, the answer's way
                       included; of one more camera, twenty times a second, amid the others
-    page_p95_ms       a whole answer of the page or of the API, the slowest of three addresses fetched in turn meanwhile
+    page_p95_ms       a whole answer of the page or of the API, the slowest of three addresses fetched in turn,
+                      meanwhile, that is with 5,000 robots
     rss_mb            resident memory of the monitor after that
     max_msgs_per_s    the highest rate at which nothing was lost; max_is_publishers: the publishers could not send more
-    cpu_share_1000x5  processor time of the monitor, of one core, with 1,000 robots at 5 lists a second
+    cpu_share_1000x5  processor time of the monitor, of one core, with 1,000 robots at 5 lists a second, while nobody
+                      looks at its page or asks it anything
     sessions          Zenoh sessions that the robots share
 
 All processes share the machine's cores.
@@ -27,6 +29,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks.gateway.processes import PeerError
 from benchmarks.machine import machine, versions
 from benchmarks.monitor.report import targets
 from benchmarks.monitor.scenario import PUBLISHERS, SESSIONS, Scenario, scenario
@@ -52,8 +55,18 @@ def main() -> None:
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
     with tempfile.TemporaryDirectory() as folder:
-        found = asyncio.run(measure(Path(folder), arguments.seconds))
+        try:
+            found = asyncio.run(measure(Path(folder), arguments.seconds))
+        except* PeerError as failed:
+            sys.exit("\n".join(causes(failed)))
     print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+
+
+def causes(failed: BaseException) -> list[str]:
+    """Return what went wrong, each once."""
+    if isinstance(failed, BaseExceptionGroup):
+        return list(dict.fromkeys(cause for each in failed.exceptions for cause in causes(each)))
+    return [str(failed)]
 
 
 async def measure(folder: Path, seconds: float) -> dict[str, Any]:
@@ -64,7 +77,7 @@ async def measure(folder: Path, seconds: float) -> dict[str, Any]:
         fewer = await fleet.send(FASTER_HZ, seconds / 2)
         note(f"{fewer.figures()}\n{ROBOTS} robots")
         await fleet.robots(ROBOTS)
-        flow = await fleet.send(HZ, seconds)
+        flow = await fleet.send(HZ, seconds, watched=True)
         found = flow.figures() | {
             "rss_mb": round(fleet.monitor.rss_bytes() / 2**20),
             "cpu_share_1000x5": round(fewer.cpu_share, 3),

@@ -16,7 +16,7 @@ class Flow:
 
     latencies_ms: from putting a list on the bus until an answer of the inventory shows it. cpu_share: of one core.
     pages_ms: how long whole answers of the page and of the API took, by path; inf where it was an error.
-    late_ms: how late the latest list was handed to the bus.
+    late_ms: how late the latest list was handed to the bus. Nobody looked if there are no latencies and pages.
     """
 
     lost: int
@@ -28,16 +28,21 @@ class Flow:
 
     def figures(self) -> dict[str, Any]:
         """Return what is printed."""
-        return {
+        sent = {
             "lost": self.lost,
             "msgs_per_s": round(self.sent_per_s),
+            "cpu_share": round(self.cpu_share, 3),
+            "publishers_late_ms": self.late_ms,
+        }
+        return sent | (self._seen() if self.latencies_ms and self.pages_ms else {})
+
+    def _seen(self) -> dict[str, Any]:
+        return {
             "p50_ms": percentile(self.latencies_ms, 50),
             "p99_ms": percentile(self.latencies_ms, 99),
             "probes": len(self.latencies_ms),
             "page_p95_ms": max(percentile(times, 95) for times in self.pages_ms.values()),
             "p95_ms_by_path": {path: percentile(times, 95) for path, times in self.pages_ms.items()},
-            "cpu_share": round(self.cpu_share, 3),
-            "publishers_late_ms": self.late_ms,
         }
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from secrets import token_hex
-from typing import Final
+from typing import Any, Final
 
 import httpx
 
@@ -35,8 +35,11 @@ SESSIONS: Final = 10
 SETTLED_S: Final = 2.0
 """By then a list has arrived, or is lost."""
 
-PATIENCE_S: Final = 120.0
+PATIENCE_S: Final = 30.0
 """For what takes a moment on a machine that does nothing else."""
+
+ARRIVING: Final = 500
+"""How many robots come at once."""
 
 ASK_S: Final = 3.0
 PROBE_S: Final = 0.05
@@ -91,25 +94,32 @@ class Scenario:
         self._probe = probe
 
     async def robots(self, number: int) -> None:
-        """Have so many robots; return when the monitor knows all of them."""
-        share = number // len(self._publishers)
-        for publisher in self._publishers:
-            publisher.tell(f"robots {share}")
-        await asyncio.gather(*(asyncio.to_thread(publisher.answer) for publisher in self._publishers))
-        await self.send(1.0, 2.0)
-        await self._until_all_are_known(share * len(self._publishers))
+        """Have so many robots, in steps; return when the monitor takes all that all of them send."""
+        for known in [*range(ARRIVING, number, ARRIVING), number]:
+            for publisher in self._publishers:
+                publisher.tell(f"robots {known // len(self._publishers)}")
+            await self._answers(PATIENCE_S)
+            await asyncio.sleep(SETTLED_S)
+            until_s = time.monotonic() + 2 * PATIENCE_S
+            while (flow := await self.send(1.0, 2.0)).lost:
+                if time.monotonic() > until_s:
+                    raise PeerError(f"of {known} robots' lists {flow.lost} are lost: {self.monitor.last_words()}")
 
-    async def send(self, hz: float, seconds: float) -> Flow:
-        """Have every robot send at a rate for so long; return what became of it."""
+    async def send(self, hz: float, seconds: float, *, watched: bool = False) -> Flow:
+        """Have every robot send at a rate for so long; return what became of it.
+
+        watched: people look at pages and programs ask meanwhile; else there are no times of theirs.
+        """
         before, cpu_s = await self.taken() - self._probe.seq, self.monitor.cpu_s()
         for publisher in self._publishers:
             publisher.tell(f"send {hz} {seconds}")
         latencies, pages, ended = list[float](), dict[str, list[float]](), asyncio.Event()
         began_s = time.monotonic()
         async with asyncio.TaskGroup() as group:
-            group.create_task(self._look(latencies, ended))
-            group.create_task(self._visit(pages, ended))
-            answers = await asyncio.gather(*(asyncio.to_thread(each.answer) for each in self._publishers))
+            if watched:
+                group.create_task(self._look(latencies, ended))
+                group.create_task(self._visit(pages, ended))
+            answers = await self._answers(seconds + PATIENCE_S)
             took_s = time.monotonic() - began_s
             cpu_share = (self.monitor.cpu_s() - cpu_s) / took_s
             ended.set()
@@ -123,6 +133,10 @@ class Scenario:
             cpu_share=cpu_share,
             late_ms=max(answer["late_ms"] for answer in answers),
         )
+
+    async def _answers(self, within_s: float) -> list[dict[str, Any]]:
+        """Return what the publishers say when they are done."""
+        return await asyncio.gather(*(asyncio.to_thread(each.answer, within_s) for each in self._publishers))
 
     async def taken(self) -> int:
         """Return how many class lists the monitor took in."""
@@ -146,9 +160,12 @@ class Scenario:
             if ended.is_set():
                 return
             began_s = time.monotonic()
-            answer = await self._web.get(path)
+            try:
+                answers = (await self._web.get(path)).is_success
+            except httpx.HTTPError:
+                answers = False
             took_ms = (time.monotonic() - began_s) * 1e3
-            pages.setdefault(path, []).append(took_ms if answer.is_success else inf)
+            pages.setdefault(path, []).append(took_ms if answers else inf)
             await asyncio.sleep(VISIT_S)
 
     async def _shows(self, score: float) -> bool:
@@ -163,20 +180,11 @@ class Scenario:
             try:
                 reply = await self._bus.request(keys.INVENTORY, request, encoding=encoding, timeout_s=ASK_S)
             except RequestError as error:
-                if time.monotonic() > until_s:
-                    raise PeerError(self.monitor.last_words()) from error
+                if time.monotonic() > until_s or not self.monitor.runs():
+                    raise PeerError(f"the monitor does not answer ({error}); {self.monitor.last_words()}") from error
                 await asyncio.sleep(PROBE_S)
             else:
                 return codec.decode(InventoryAnswer, reply.payload, reply.encoding)
-
-    async def _until_all_are_known(self, robots: int) -> None:
-        for number in itertools.count():
-            answer = await self._inventory("")
-            if len({sighting.robot for sighting in answer.sightings}) >= robots:
-                return
-            if number > PATIENCE_S:
-                raise PeerError(f"not all robots are known: {self.monitor.last_words()}")
-            await self.send(1.0, 1.0)
 
 
 @asynccontextmanager

@@ -1,7 +1,7 @@
 """Robots as a monitor hears them. Arguments: router, number of the first robot, how many sessions they share.
 
 Every robot has one camera; both are present, as a gateway says it, and its class lists are published as a detector
-publishes them. What is in view changes every ten seconds or so.
+publishes them: those of a session's robots one after the other. What is in view changes every ten seconds or so.
 
 Obeys `robots N`: from then on there are so many. `send HZ SECONDS`: class lists, spread evenly, from all of them. Says
 how many there were and how late the latest was handed to Zenoh.
@@ -24,6 +24,9 @@ from schemas.keys import CameraKey, Stream
 
 TURN_S: Final = 0.005
 CHANGE_S: Final = 10
+SHARE: Final = 25
+"""Robots in a row on one session: a detector that works off a batch publishes so many lists at a time."""
+
 BOOT_ID: Final = uuid.uuid4().hex
 
 
@@ -91,7 +94,7 @@ class Fleet:
     async def _grow(self, number: int) -> None:
         while len(self._robots) < number:
             index = len(self._robots)
-            bus, key = self._buses[index % len(self._buses)], CameraKey(f"r{self._first + index}", "front")
+            bus, key = self._buses[index // SHARE % len(self._buses)], CameraKey(f"r{self._first + index}", "front")
             await self._stack.enter_async_context(bus.announce(keys.robot_alive(key.robot)))
             await self._stack.enter_async_context(bus.announce(key.alive(Stream.COLOR)))
             publisher = await self._stack.enter_async_context(

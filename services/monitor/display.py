@@ -1,14 +1,21 @@
-"""The live picture: a table on a terminal, changed lines anywhere else."""
+"""The live picture: a table on a terminal, changed lines anywhere else.
+
+Whoever reads it may stop reading: it is written aside, and what changed meanwhile is in the next picture.
+"""
 
 import asyncio
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import islice
 from typing import IO, Final
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from services.monitor.aside import aside
 from services.monitor.fleet import Fleet
 from services.monitor.table import classes, line, notes_of, render
 from services.monitor.troubles import troubles
@@ -17,9 +24,11 @@ from services.monitor.turns import in_turns
 FRAME_LINES: Final = 8
 """Lines of the picture beside the rows: title, head, rules and notes."""
 
-
 MAX_LINES: Final = 50
 """Lines of changed cameras written at a time: thousands a second would help nobody."""
+
+FAREWELL_S: Final = 0.5
+"""How long a terminal may take to be left as it was."""
 
 Problems = Callable[[], Sequence[str]]
 """Says what keeps the monitor itself from doing all that it should."""
@@ -31,36 +40,59 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
     def every_trouble() -> list[str]:
         return [*problems(), *troubles(fleet.online())]
 
-    if not console.is_terminal:
-        console.print(note, markup=False, highlight=False, soft_wrap=True)
+    if console.is_terminal:
+        await _draw(fleet, console, refresh_s, note, every_trouble)
+    else:
+        await aside(lambda: console.print(note, markup=False, highlight=False, soft_wrap=True))
         await _print_changes(fleet, refresh_s, every_trouble, console.file)
-        return
-    with Live(console=console, auto_refresh=False) as live:
+
+
+async def _draw(
+    fleet: Fleet, console: Console, refresh_s: float, note: str, every_trouble: Callable[[], list[str]]
+) -> None:
+    live = Live(console=console, auto_refresh=False)
+    try:
+        await aside(live.start)
         while True:
             wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in every_trouble()]
             room = max(1, console.height - FRAME_LINES - len(wrong))
-            picture = render(fleet.rows(time.monotonic()), [*notes_of(fleet.left_out), note], room)
-            live.update(Group(picture, *wrong), refresh=True)
+            rows = list(islice(fleet.rows(time.monotonic()), room))
+            picture = Group(render(rows, [*notes_of(fleet.left_out), note], fleet.cameras - len(rows)), *wrong)
+            await aside(partial(live.update, picture, refresh=True))
             await asyncio.sleep(refresh_s)
+    finally:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(FAREWELL_S):
+                await aside(live.stop)
 
 
 async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], to: IO[str]) -> None:
     """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
     shown: dict[object, tuple[bool, str]] = {}
     wrong: set[str] = set()
+    fleet.take_changed(time.monotonic())
+    rows = fleet.rows(time.monotonic())
     while True:
+        lines: list[str] = []
         changed = 0
-        async for row in in_turns(fleet.rows(time.monotonic())):
+        async for row in in_turns(rows):
             state = (row.online, classes(row))
             if shown.get(row.key) != state:
                 shown[row.key] = state
                 changed += 1
                 if changed <= MAX_LINES:
-                    to.write(f"{line(row)}\n")
+                    lines.append(line(row))
         if changed > MAX_LINES:
-            to.write(f"and {changed - MAX_LINES} more cameras changed\n")
+            lines.append(f"and {changed - MAX_LINES} more cameras changed")
         now_wrong = every_trouble()
-        to.writelines(f"{each}\n" for each in now_wrong if each not in wrong)
-        to.flush()
+        lines += [each for each in now_wrong if each not in wrong]
         wrong = set(now_wrong)
+        if lines:
+            await aside(partial(_write, to, "".join(f"{each}\n" for each in lines)))
         await asyncio.sleep(refresh_s)
+        rows = fleet.take_changed(time.monotonic())
+
+
+def _write(to: IO[str], text: str) -> None:
+    to.write(text)
+    to.flush()

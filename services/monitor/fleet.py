@@ -1,7 +1,7 @@
 """How the fleet is doing and what it sees: pure state that messages, presence and time move on."""
 
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -83,15 +83,18 @@ class Fleet:
         self.first_list_s: float | None = None
         self.class_lists = 0
         self.left_out: Counter[str] = Counter()
+        self._changed: set[CameraKey] = set()
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
         self.inventory.robot_presence(robot, alive=alive)
+        self._changed.update(self.inventory.in_order(robot))
 
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went stays on the list."""
         self.inventory.camera_presence(key, alive=alive)
         self._camera(key)
+        self._changed.add(key)
 
     def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
         """Keep a gateway's newest account of itself, which arrived at `received_ns` (epoch)."""
@@ -122,6 +125,8 @@ class Fleet:
         camera = self._camera(key)
         if self.first_list_s is None:
             self.first_list_s = now_s
+        if camera.latest is None or not _same(camera.latest.classes, seen.classes):
+            self._changed.add(key)
         camera.latest, camera.arrived_s = seen, now_s
         camera.lists += 1
         camera.arrivals.append(now_s)
@@ -151,18 +156,29 @@ class Fleet:
         """Yield the robots online whose clock is not this machine's."""
         yield from (status.robot for status in self.online() if status.clock_id != self._clock_id)
 
+    @property
+    def cameras(self) -> int:
+        """How many cameras there are or were."""
+        return len(self.inventory.cameras())
+
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name; also those that were heard before a restart alone."""
-        unheard = _Camera()
-        for key in self.inventory.in_order():
-            camera = self._cameras.get(key, unheard)
-            yield Row(
-                key=key,
-                online=self.inventory.online(key),
-                classes=tuple(camera.latest.classes) if camera.latest else None,
-                age=_age(camera, now_s),
-                rate_hz=camera.rate_hz(now_s),
-            )
+        return (self._row(key, now_s) for key in self.inventory.in_order())
+
+    def take_changed(self, now_s: float) -> Iterator[Row]:
+        """Yield the cameras, by robot and name, that came, went or counted something else since this was asked last."""
+        changed, self._changed = self._changed, set()
+        return (self._row(key, now_s) for key in sorted(changed))
+
+    def _row(self, key: CameraKey, now_s: float) -> Row:
+        camera = self._cameras.get(key) or _Camera()
+        return Row(
+            key=key,
+            online=self.inventory.online(key),
+            classes=tuple(camera.latest.classes) if camera.latest else None,
+            age=_age(camera, now_s),
+            rate_hz=camera.rate_hz(now_s),
+        )
 
     def lists_per_robot(self) -> Counter[str]:
         """Count the class lists that arrived from each known robot."""
@@ -191,3 +207,13 @@ def _age(camera: _Camera, now_s: float) -> Age | None:
     if camera.latest is None:
         return None
     return Age(now_s - camera.arrived_s + (camera.lag_s or 0.0), exact=camera.lag_s is not None)
+
+
+def _same(some: Sequence[ClassCount], others: Sequence[ClassCount]) -> bool:
+    """Whether lists count the same, whatever their scores."""
+    if len(some) != len(others):
+        return False
+    for one, other in zip(some, others, strict=True):
+        if one.count != other.count or one.name != other.name:
+            return False
+    return True

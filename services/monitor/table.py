@@ -9,10 +9,9 @@ from schemas.printing import printable
 from services.monitor.fleet import Age, Row
 
 
-def render(rows: Iterable[Row], notes: Sequence[str], room: int) -> Table:
-    """Draw as many rows as there is room for, and how many are left; stale ones grey out, a lost robot stays."""
-    every = list(rows)
-    rest = [f"and {len(every) - room} more cameras"] if len(every) > room else []
+def render(rows: Iterable[Row], notes: Sequence[str], more: int) -> Table:
+    """Draw rows, and how many are left; stale ones grey out, a lost robot stays."""
+    rest = [f"and {more} more cameras"] if more else []
     table = Table(title="fleet", title_justify="left", caption="\n".join([*rest, *notes]), caption_justify="left")
     for heading, justify in (
         ("robot", "left"),
@@ -23,7 +22,7 @@ def render(rows: Iterable[Row], notes: Sequence[str], room: int) -> Table:
         ("rate", "right"),
     ):
         table.add_column(heading, justify=justify)  # type: ignore[arg-type]
-    for row in every[:room]:
+    for row in rows:
         state = Text("online", "green") if row.online else Text("offline", "bold red")
         table.add_row(
             Text(row.key.robot),

@@ -1,9 +1,13 @@
 """Logging of a process: one line an event on stderr, and nobody can flood it."""
 
 import logging
+import queue
 import sys
+import threading
 from collections import OrderedDict
+from contextlib import suppress
 from dataclasses import dataclass
+from logging.handlers import QueueHandler
 from types import TracebackType
 from typing import Final, TextIO
 
@@ -15,6 +19,7 @@ FORMAT: Final = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
 PERIOD_S: Final = 10.0
 MAX_SOURCES: Final = 1_024
 MAX_EVENTS: Final = 100
+MAX_WAITING: Final = 1_000
 
 
 @dataclass(slots=True)
@@ -118,9 +123,42 @@ class StderrHandler(logging.StreamHandler[TextIO]):
         """Ignore it: the base class remembers the stream of the beginning."""
 
 
+class Beside(QueueHandler):
+    """Has records written by a thread of its own: whoever reads stderr may stop reading, and nobody waits for it.
+
+    What is logged while MAX_WAITING wait is left out.
+    """
+
+    def __init__(self, writer: logging.Handler) -> None:
+        self._waiting: queue.Queue[logging.LogRecord] = queue.Queue(MAX_WAITING)
+        super().__init__(self._waiting)
+        self._writer = writer
+        threading.Thread(target=self._write, name="log", daemon=True).start()
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        """Return the record as it was logged, with its text made: what is in it may change."""
+        record.msg, record.args = record.getMessage(), ()
+        return record
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        """Hand a record over."""
+        with suppress(queue.Full):
+            self._waiting.put_nowait(record)
+
+    def flush(self) -> None:
+        """Wait until what was logged is written."""
+        self._waiting.join()
+
+    def _write(self) -> None:
+        while True:
+            self._writer.handle(self._waiting.get())
+            self._waiting.task_done()
+
+
 def configure(level: str) -> None:
     """Write records of `level` and above to stderr."""
-    handler = StderrHandler()
-    handler.setFormatter(OneLine(FORMAT))
+    writer = StderrHandler()
+    writer.setFormatter(OneLine(FORMAT))
+    handler = Beside(writer)
     handler.addFilter(RateLimitFilter(RateLimit()))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)

@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 from collections.abc import Awaitable, Callable
 from typing import Final, NoReturn
 
@@ -14,6 +15,7 @@ log = logging.getLogger(__name__)
 EXIT_FAILED: Final = 1
 EXIT_USAGE: Final = 2
 DEADLINE_S: Final = 2.5
+FLUSH_S: Final = 1.0
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -52,12 +54,21 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process with an exit code. What is ours is closed by now; torch would take a second to end itself."""
+    """End the process with an exit code. What is ours is closed by now; torch would take a second to end itself.
+
+    Last words that nobody reads are given up.
+    """
+    flushing = threading.Thread(target=_flush, daemon=True)
+    flushing.start()
+    flushing.join(FLUSH_S)
+    os._exit(code)
+
+
+def _flush() -> None:
     logging.shutdown()
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
-    os._exit(code)
 
 
 def _give_up(why: str) -> NoReturn:

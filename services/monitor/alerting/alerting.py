@@ -2,7 +2,9 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
+from itertools import islice
 from typing import Final
 from uuid import uuid4
 
@@ -15,6 +17,7 @@ from services.monitor.alerting.webhooks import Webhooks
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
 from services.monitor.inventory.sighting import Change
+from services.monitor.inventory.speaking import Speaking
 from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import Effect, RuleEngine, UnknownAlertError
 from services.monitor.rules.model import RobotAction
@@ -22,7 +25,7 @@ from services.monitor.turns import in_turns
 
 TICK_S: Final = 0.1
 SWEEP_S: Final = 1.0
-"""How often every camera is looked at."""
+"""How often cameras are looked at."""
 
 SETTLE_S: Final = 3.0
 """How long after the start it is not known yet who is there."""
@@ -37,7 +40,8 @@ class Alerting:
         self._settled_s = time.monotonic() + settle_s
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
-        self._spoke: set[CameraKey] = set()
+        self._news = inventory.follow()
+        self._speaking = Speaking(inventory, inventory.speaks, speaks=False)
         self._look_at_all = True
         self._unsteady: set[CameraKey] = set()
         self._alerts = alerts_to_robots()
@@ -114,24 +118,26 @@ class Alerting:
 
     async def _sweep(self, engine: RuleEngine) -> None:
         """Look at every camera that changed, began to speak or fell silent; at all of them after the rules changed."""
-        if len(self._robots) < MAX_MEMBERS:
-            self._robots |= self._inventory.robots()
         everything, self._look_at_all = self._look_at_all, False
-        spoke, speaking = self._spoke, set[CameraKey]()
-        async for camera in in_turns(list(self._inventory.cameras())):
-            key, now_ns = camera.key, time.time_ns()
-            if len(self._robots) < MAX_MEMBERS:
-                self._robots.add(key.robot)
-            speaks = self._inventory.speaks(camera, now_ns)
-            if speaks:
-                speaking.add(key)
-            if len(camera.views) > 1:
-                self._unsteady.add(key)
-            if everything or speaks != (key in spoke) or key in self._unsteady:
-                self._look(engine, camera, now_ns)
-        self._spoke = speaking
-        async for robot in in_turns(list(self._robots)):
+        robots, cameras = self._take_news()
+        turned = self._speaking.advance(time.time_ns(), self._views(cameras))
+        if everything:
+            robots, turned = self._robots, list(self._inventory.cameras())
+        unsteady = self._unsteady | self._inventory.disputed()
+        async for camera in in_turns({*turned, *self._views(unsteady)}):
+            self._look(engine, camera, time.time_ns())
+        async for robot in in_turns(list(robots)):
             engine.robot(robot, alive=self._inventory.is_alive(robot), now_ns=time.time_ns())
+
+    def _take_news(self) -> tuple[AbstractSet[str], AbstractSet[CameraKey]]:
+        """Return the robots and the cameras that are new, came or went."""
+        robots, cameras = self._news.robots, self._news.cameras
+        self._news.robots, self._news.cameras = set(), set()
+        self._robots.update(islice(robots - self._robots, MAX_MEMBERS - len(self._robots)))
+        return robots & self._robots, cameras
+
+    def _views(self, keys: Iterable[CameraKey]) -> Iterator[CameraView]:
+        return (camera for key in keys if (camera := self._inventory.camera(key)) is not None)
 
     def _look(self, engine: RuleEngine, camera: CameraView, now_ns: int) -> None:
         if engine.concerns(camera.key):

@@ -9,16 +9,17 @@ from dataclasses import dataclass
 from typing import Final
 
 from schemas.alerts import Alert
-from schemas.keys import CameraKey
 from services.monitor.history.acts import Act, Acts
 from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval, Ledger
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.store import Kept, Store
+from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
+from services.monitor.inventory.speaking import Speaking
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +76,7 @@ class HistoryKeeper:
         self._alerts: dict[str, Alert] = {}
         self.acts = Acts()
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
-        self._quiet: set[CameraKey] = set()
+        self._speaking = Speaking(inventory, self._speaks, speaks=True)
         self._store: Store | None = None
         self._problem = "" if settings.history == NONE else "not connected yet"
         self._writes = False
@@ -187,20 +188,19 @@ class HistoryKeeper:
             if self._alerts.get(name) is alert:
                 del self._alerts[name]
 
+    def _speaks(self, camera: CameraView, now_ns: int) -> bool:
+        return camera.last_ns >= now_ns - self._inventory.limits.stale_ns
+
     def _note_silence(self, now_ns: int) -> None:
         """End in the database what cameras had in view that went silent, and resume it when they speak again."""
-        since_ns = now_ns - self._inventory.limits.stale_ns
-        for camera in self._inventory.cameras():
-            quiet = camera.last_ns < since_ns
-            if quiet == (camera.key in self._quiet) or camera.lost:
+        for camera in self._speaking.advance(now_ns):
+            if camera.lost:
                 continue
             in_view = [sighting for sighting in camera.sightings() if sighting.count]
-            if quiet:
-                self._quiet.add(camera.key)
-                self._ledger.pause(in_view)
-            else:
-                self._quiet.discard(camera.key)
+            if self._speaks(camera, now_ns):
                 self._ledger.resume(in_view)
+            else:
+                self._ledger.pause(in_view)
 
     async def _fail(self, error: HistoryError) -> None:
         log.warning("history is not kept: %s", error)

@@ -1,9 +1,10 @@
 """The inventory: what every camera of the fleet has in view, and since when. Pure."""
 
-from bisect import insort
+from bisect import bisect_left, insort
 from collections.abc import Collection, Iterable, Iterator
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
+from itertools import islice, takewhile
 from typing import Final
 
 from schemas.detections import ClassList
@@ -42,6 +43,14 @@ class Entry:
     available: bool
 
 
+@dataclass(slots=True)
+class News:
+    """The cameras and robots that are new, came or went. Whoever follows them empties it."""
+
+    cameras: set[CameraKey] = field(default_factory=set)
+    robots: set[str] = field(default_factory=set)
+
+
 class Inventory:
     """What every camera of the fleet has in view. Times are nanoseconds since the epoch on this machine's clock.
 
@@ -54,17 +63,29 @@ class Inventory:
         self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
         self._present: set[CameraKey] = set()
+        self._disputed: set[CameraKey] = set()
+        self._followers: list[News] = []
+
+    def follow(self) -> News:
+        """Return what is told from now on of each camera and robot that is new, comes or goes, for good."""
+        self._followers.append(News(set(self._cameras), {*self._alive, *(key.robot for key in self._cameras)}))
+        return self._followers[-1]
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
         if alive:
             make_room(self._alive, robot)
         (self._alive.add if alive else self._alive.discard)(robot)
+        for news in self._followers:
+            news.robots.add(robot)
+            news.cameras.update(self.in_order(robot))
 
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went is remembered."""
         self._camera(key)
         (self._present.add if alive else self._present.discard)(key)
+        for news in self._followers:
+            news.cameras.add(key)
 
     def see(self, seen: ClassList, at_ns: int) -> list[Change] | None:
         """Take a class list about what was in view at `at_ns`; return what changed, or None if it is a double or late.
@@ -72,7 +93,10 @@ class Inventory:
         Lists of one camera are to come in order, but a clock that was set back is lived with.
         """
         camera = self._camera(camera_key(seen.header.robot, seen.header.camera))
-        return camera.see(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
+        changes = camera.see(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
+        if len(camera.views) > 1:
+            self._disputed.add(camera.key)
+        return changes
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
@@ -102,13 +126,20 @@ class Inventory:
         """Return every camera ever heard of; to be looked at only."""
         return self._cameras.values()
 
-    def in_order(self) -> tuple[CameraKey, ...]:
-        """Return every camera ever heard of, by robot and name."""
-        return tuple(self._in_order)
+    def in_order(self, robot: str = "") -> tuple[CameraKey, ...]:
+        """Return every camera ever heard of, or those of one robot, by robot and name."""
+        if not robot:
+            return tuple(self._in_order)
+        first = bisect_left(self._in_order, robot, key=_robot_of)
+        return tuple(takewhile(lambda key: key.robot == robot, islice(self._in_order, first, None)))
 
     def camera(self, key: CameraKey) -> CameraView | None:
         """Return one camera, to be looked at only."""
         return self._cameras.get(key)
+
+    def disputed(self) -> AbstractSet[CameraKey]:
+        """Return the cameras at which several models ever looked."""
+        return self._disputed
 
     def online(self, key: CameraKey) -> bool:
         """Whether a camera and its robot's gateway are there."""
@@ -127,7 +158,7 @@ class Inventory:
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
         """Yield what is or was in view, by robot, camera and class; of one of them if it is named."""
         since_ns = now_ns - self.limits.stale_ns
-        for key in [key for key in self._in_order if robot in ("", key.robot) and camera in ("", key.camera)]:
+        for key in [key for key in self.in_order(robot) if camera in ("", key.camera)]:
             view = self._cameras[key]
             available = self.speaks(view, now_ns)
             of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
@@ -139,7 +170,14 @@ class Inventory:
             make_room(self._cameras, key)
             found = self._cameras[key] = CameraView(key)
             insort(self._in_order, key)
+            for news in self._followers:
+                news.cameras.add(key)
+                news.robots.add(key.robot)
         return found
+
+
+def _robot_of(key: CameraKey) -> str:
+    return key.robot
 
 
 def make_room(members: Collection[object], name: object) -> None:

@@ -61,6 +61,7 @@ class RuleEngine:
         self._subjects: dict[str, dict[Place, _Subject]] = {rule.name: {} for rule in book.rules}
         self._waiting: dict[tuple[str, Place], _Subject] = {}
         self._alerts: dict[str, tuple[Alert, Place]] = {}
+        self._next_ns = 0
         self._effects: list[Effect] = []
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
         self._robots: dict[str, list[SilentRule]] = {}
@@ -86,6 +87,7 @@ class RuleEngine:
         self._book = book
         self._subjects = {rule.name: kept.get(rule.name, {}) for rule in book.rules}
         self._waiting = {key: subject for key, subject in self._waiting.items() if key[0] in same}
+        self._next_ns = 0
         self._cameras.clear()
         self._robots.clear()
         self._full = False
@@ -143,20 +145,28 @@ class RuleEngine:
 
     def due(self, now_ns: int) -> list[Effect]:
         """Let time pass; return what became of alerts since this was asked last."""
+        if self._waiting and now_ns >= self._next_ns:
+            self._raise_due(now_ns)
+        self._escalate_due(now_ns)
+        self._full = False
+        effects, self._effects = self._effects, []
+        return effects
+
+    def _raise_due(self, now_ns: int) -> None:
         rules = {rule.name: rule for rule in self._book.rules}
         local = _local(now_ns, self._book.timezone)
         for (name, place), subject in list(self._waiting.items()):
             rule = rules[name]
             if now_ns >= self._due_ns(rule, subject) and rule.applies_at(local):
                 self._raise(rule, place, subject, now_ns)
-        for alert, _ in list(self._alerts.values()):
-            after_s = rules[alert.rule].escalate_after_s if alert.rule in rules else None
-            waits = alert.state is AlertState.RAISED and after_s is not None
-            if waits and now_ns - alert.raised_ns >= (after_s or 0) * NS:
+        self._next_ns = self.next_ns() or now_ns
+
+    def _escalate_due(self, now_ns: int) -> None:
+        after_s = {rule.name: rule.escalate_after_s for rule in self._book.rules if rule.escalate_after_s is not None}
+        for alert, _ in list(self._alerts.values()) if after_s else ():
+            waits = alert.state is AlertState.RAISED and alert.rule in after_s
+            if waits and now_ns - alert.raised_ns >= after_s[alert.rule] * NS:
                 self._change(alert, AlertState.ESCALATED, now_ns)
-        self._full = False
-        effects, self._effects = self._effects, []
-        return effects
 
     def acknowledge(self, alert_id: str, now_ns: int) -> Alert:
         """Note that somebody looks after an alert.
@@ -208,6 +218,7 @@ class RuleEngine:
         if found.holds and not subject.holds:
             subject.holds, subject.since_ns = True, now_ns
             self._waiting[rule.name, place] = subject
+            self._next_ns = min(self._next_ns, self._due_ns(rule, subject))
         elif not found.holds and subject.holds:
             subject.holds = False
             self._waiting.pop((rule.name, place), None)

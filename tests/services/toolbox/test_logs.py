@@ -1,10 +1,20 @@
 import io
 import logging
 import sys
+import threading
 
 import pytest
 
-from services.toolbox.logs import FORMAT, Admitted, OneLine, RateLimit, RateLimitFilter, StderrHandler
+from services.toolbox.logs import (
+    FORMAT,
+    MAX_WAITING,
+    Admitted,
+    Beside,
+    OneLine,
+    RateLimit,
+    RateLimitFilter,
+    StderrHandler,
+)
 
 
 def test_one_event_a_period_and_the_count_of_the_rest() -> None:
@@ -86,3 +96,29 @@ def test_a_traceback_writes_no_colour_of_its_own() -> None:
     error = ValueError("\x1b[31m")
     made = logging.LogRecord("name", logging.ERROR, "file", 1, "it failed", (), (ValueError, error, None))
     assert OneLine(FORMAT).format(made).splitlines()[-1] == r"ValueError: \x1b[31m"
+
+
+class Stuck(logging.Handler):
+    """Writes nothing before it may. lines: what it wrote."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+        self.may = threading.Event()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.may.wait()
+        self.lines.append(record.getMessage())
+
+
+def test_nobody_waits_for_a_log_that_is_not_read_and_what_is_too_much_is_left_out() -> None:
+    stuck = Stuck()
+    beside = Beside(stuck)
+    counted = [0]
+    for number in range(2 * MAX_WAITING):
+        counted[0] = number
+        beside.handle(logging.LogRecord("name", logging.INFO, "file", 1, "no. %s", (counted,), None))
+    stuck.may.set()
+    beside.flush()
+    assert stuck.lines[:2] == ["no. [0]", "no. [1]"]
+    assert MAX_WAITING <= len(stuck.lines) <= MAX_WAITING + 1

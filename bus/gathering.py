@@ -1,0 +1,73 @@
+"""Samples of many publishers, fetched together: one by one each would wait until the event loop's thread lets it in."""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import zenoh
+
+ROOM: Final = 16_384
+"""Samples that wait to be fetched; then the link waits."""
+
+AT_ONCE: Final = 1_000
+PAUSE_S: Final = 0.005
+"""How long what comes after a batch waits at least: so many are fetched together where many come."""
+
+MAX_DECLARED: Final = 20_000
+"""How many keys are declared at most."""
+
+
+class Gathering:
+    """Fetches what a channel receives, until the channel is closed, on a thread of its own.
+
+    deliver: is given the samples of a batch, in order. declared_on: where the keys are declared that come.
+    """
+
+    def __init__(
+        self,
+        channel: Any,
+        deliver: Callable[[Sequence[zenoh.Sample]], None],
+        *,
+        declared_on: zenoh.Session | None = None,
+    ) -> None:
+        self._channel = channel
+        self._deliver = deliver
+        self._session = declared_on
+        self._declared: set[str] = set()
+        self._thread = threading.Thread(target=self._run, name="bus-gathering", daemon=True)
+        self._thread.start()
+
+    def join(self, grace_s: float) -> None:
+        """Wait for the end, which comes by itself once the channel is closed; not for long."""
+        self._thread.join(grace_s)
+
+    def _run(self) -> None:
+        while batch := self._next():
+            self._deliver(batch)
+            if self._session is not None:
+                for sample in batch:
+                    self._declare(self._session, str(sample.key_expr))
+            time.sleep(PAUSE_S)
+
+    def _next(self) -> list[zenoh.Sample]:
+        """Wait for samples; none come any more if there are none."""
+        batch: list[zenoh.Sample] = []
+        try:
+            sample = self._channel.recv()
+            while sample is not None:
+                batch.append(sample)
+                sample = self._channel.try_recv() if len(batch) < AT_ONCE else None
+        except zenoh.ZError:  # it is closed
+            pass
+        return batch
+
+    def _declare(self, session: zenoh.Session, key: str) -> None:
+        """Have Zenoh (1.10) remember who takes a key; else it looks through all keys it ever heard of each time."""
+        if key in self._declared or len(self._declared) >= MAX_DECLARED:
+            return
+        self._declared.add(key)
+        try:
+            session.declare_keyexpr(key)
+        except zenoh.ZError:  # it is closed
+            self._declared.clear()

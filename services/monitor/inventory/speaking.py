@@ -1,0 +1,65 @@
+"""Which cameras speak, found without a look at each of those that simply go on. Pure."""
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import count, islice
+from typing import Final
+
+from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.inventory import Inventory
+
+MAX_NS: Final = 2**63 - 1
+
+Speaks = Callable[[CameraView, int], bool]
+"""Whether a camera speaks at a time; one that does goes on until `stale_ns` after its newest list, unless told of."""
+
+
+class Speaking:
+    """Follows which cameras of an inventory speak. One that does is looked at again when it could have fallen silent.
+
+    speaks: whether a new one counts as speaking before it was looked at.
+    """
+
+    def __init__(self, inventory: Inventory, rule: Speaks, *, speaks: bool) -> None:
+        self._inventory = inventory
+        self._rule = rule
+        self._new_speak = speaks
+        self._known = 0
+        self._silent: set[CameraView] = set()
+        self._deadlines: list[tuple[int, int, CameraView]] = []
+        self._waiting: set[CameraView] = set()
+        self._numbers = count()
+        self._now_ns = 0
+
+    def advance(self, now_ns: int, told: Iterable[CameraView] = ()) -> list[CameraView]:
+        """Return the cameras that began to speak, or ceased to, by `now_ns`. told: those to be looked at anyhow."""
+        self._meet(list(islice(self._inventory.cameras(), self._known, None)), now_ns)
+        looked_at = {*told, *self._due(now_ns)} - self._silent
+        began = [view for view in self._silent if self._rule(view, now_ns)]
+        ceased = [view for view in looked_at if not self._rule(view, now_ns)]
+        self._silent.difference_update(began)
+        self._silent.update(ceased)
+        for view in (*began, *looked_at.difference(ceased)):
+            self._wait(view, max(now_ns, view.last_ns + self._inventory.limits.stale_ns) + 1)
+        return [*began, *ceased]
+
+    def _meet(self, new: Sequence[CameraView], now_ns: int) -> None:
+        self._known += len(new)
+        if not self._new_speak:
+            self._silent.update(new)
+            return
+        for view in new:
+            self._wait(view, now_ns)
+
+    def _due(self, now_ns: int) -> Iterator[CameraView]:
+        """Take out whose time has come; everybody's has if the clock was set back."""
+        until_ns, self._now_ns = now_ns if now_ns >= self._now_ns else MAX_NS, now_ns
+        while self._deadlines and self._deadlines[0][0] <= until_ns:
+            view = heapq.heappop(self._deadlines)[2]
+            self._waiting.discard(view)
+            yield view
+
+    def _wait(self, view: CameraView, until_ns: int) -> None:
+        if view not in self._waiting:
+            self._waiting.add(view)
+            heapq.heappush(self._deadlines, (until_ns, next(self._numbers), view))
