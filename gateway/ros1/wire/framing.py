@@ -31,7 +31,7 @@ class FrameReceiver:
 
     def __init__(self, max_frame_bytes: int, budget: FrameBudget | None = None) -> None:
         self.max_frame_bytes = max_frame_bytes
-        self._small = _uninitialised(SCRATCH_BYTES)
+        self._small = np.empty(SCRATCH_BYTES, np.uint8).data
         self._scratch = self._small
         self._start = 0
         self._end = 0
@@ -50,7 +50,8 @@ class FrameReceiver:
             return self._body[self._filled :]
         if self._start == self._end:
             self._start = self._end = 0
-            self._expect()
+            if self._is_steady:
+                self._expect()
         return self._scratch[self._end :]
 
     def buffer_updated(self, count: int) -> None:
@@ -77,7 +78,7 @@ class FrameReceiver:
             TcprosError: the frame's length is over the cap, or the budget is used up.
 
         """
-        if self._body is None:
+        if self._body is None and self._start < self._end:
             self._begin_body()
         body = self._body
         if body is None or self._filled < len(body):
@@ -95,7 +96,7 @@ class FrameReceiver:
     def _expect(self) -> None:
         """Receive the next frame, its length too, where it will stay if it is like the last two."""
         size = LENGTH.size + self._last_length
-        if self._is_steady and (self._budget is None or self._budget.has(size)):
+        if self._budget is None or self._budget.has(size - self._taken):
             self._scratch = self._buffer(size)
 
     def _begin_body(self) -> None:
@@ -121,15 +122,11 @@ class FrameReceiver:
             self._scratch = self._small
 
     def _buffer(self, size: int) -> memoryview:
+        """Return memory that nobody cleared: all of it is written before anybody reads it."""
         self._take_from_budget(size if size > FIRST_STEP_BYTES else 0)
-        return _uninitialised(size)
+        return np.empty(size, np.uint8).data
 
     def _take_from_budget(self, count: int) -> None:
         if self._budget is not None and count != self._taken:
             self._budget.take(count - self._taken)
             self._taken = count
-
-
-def _uninitialised(size: int) -> memoryview:
-    """Return memory whose pages nobody has to clear first."""
-    return np.empty(size, np.uint8).data

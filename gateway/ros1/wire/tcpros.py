@@ -22,8 +22,7 @@ ANY = "*"
 DEFAULT_MAX_MESSAGE_BYTES = 64 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class TopicType:
+class TopicType(NamedTuple):
     """A message type as two peers compare it; `*` stands for any."""
 
     name: str
