@@ -6,8 +6,8 @@ quality of service.
 
     fleetsight    the gateway as it is started on a robot
     rospy_naive   what one would write first: a rospy subscriber that puts each image on Zenoh
-    bare_gateway  the least that a gateway can do: a plain socket receives the ROS topic into one buffer, and each message
-                  is put on Zenoh as it is; nothing is read, checked, numbered, counted or bounded
+    bare_gateway  the least that a gateway can do: a plain socket receives the ROS topic into one buffer, each message
+                  is put on Zenoh as it is, and nothing is read, checked, numbered, counted or bounded
     zenoh_only    a sender that puts images on Zenoh, with no ROS in between: nothing is received, so it flatters Zenoh
     tcpros_only   a plain socket that receives the ROS topic into one buffer: no gateway can have more frames than that,
                   and a target whose `ceiling` is below `at_least` is out of every gateway's reach on this machine

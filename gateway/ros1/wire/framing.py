@@ -1,9 +1,9 @@
 """Length-prefixed frames, received with one copy at most.
 
 Small frames are cut out of a scratch buffer that takes many of them in one read. A frame larger than what the scratch
-buffer holds gets a buffer of its own, into which the rest of it is received directly; where the two before were of one
-size, as a camera's are, that buffer is there before its length is. Announcing a length costs no memory: the buffer grows
-with what arrives, and is whole from the start where the previous frame was as large.
+buffer holds gets a buffer of its own, into which the rest of it is received directly. Announcing a length costs no
+memory: that buffer grows with what arrives, and is whole from the start where the previous frame was as large. Where
+the last two were of one size, as a camera's are, it is there before the length is, which saves a read.
 """
 
 from __future__ import annotations
