@@ -11,7 +11,7 @@ from bus.mailbox import PerKey
 QUICK_S: Final = 0.005
 """A write that takes longer has waited for a link."""
 
-QUICK_WRITES: Final = 30
+QUICK_WRITES: Final = 10
 """Successive quick writes after which a publisher's next ones are made at once."""
 
 _log: Final = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from bus import BusSettings
 from bus.config import session_config
 from services.toolbox.demo.ports import free_ports
 
-Variant = Literal["fleetsight", "rospy_naive", "zenoh_only", "tcpros_only"]
+Variant = Literal["fleetsight", "rospy_naive", "bare_gateway", "zenoh_only", "tcpros_only"]
 """tcpros_only: a subscriber on ROS's side that throws everything away, in the place of gateway and subscriber."""
 
 TOPIC: Final = "/camera/color/image_raw"
@@ -82,7 +82,7 @@ def _figure(sender: Process, camera: Process, subscriber: Process, seconds: floa
 
 
 def _command(
-    variant: Literal["fleetsight", "rospy_naive", "zenoh_only"],
+    variant: Literal["fleetsight", "rospy_naive", "bare_gateway", "zenoh_only"],
     endpoint: str,
     config: str,
     hz: float,
@@ -95,6 +95,8 @@ def _command(
             return gateway([endpoint], master, shared_memory=shared_memory)
         case "rospy_naive":
             return [ROS_PYTHON, str(NAIVE), config, KEY]
+        case "bare_gateway":
+            return module("bare_gateway", config, KEY, TOPIC)
         case "zenoh_only":
             return module("zenoh_publisher", config, KEY, str(hz))
 

@@ -63,6 +63,7 @@ def targets(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
             for name, target in {
                 **at_least(found, f"frames_per_s{ending}", 3, f"rospy_naive_frames_per_s{ending}"),
                 **at_least(found, f"frames_per_s{ending}", 0.8, f"zenoh_only_frames_per_s{ending}", CEILING),
+                **at_least(found, f"frames_per_s{ending}", 0.8, f"bare_gateway_frames_per_s{ending}"),
                 **at_most(found, f"cpu_ms_per_frame{ending}", 0.3, f"rospy_naive_cpu_ms_per_frame{ending}"),
                 **at_most(found, f"cpu_ms_per_frame_30hz{ending}", 0.4, f"rospy_naive_cpu_ms_per_frame_30hz{ending}"),
                 **at_most(found, f"added_latency_p50_ms{ending}", 1.5),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from gateway.ros1.errors import MessageError
 
@@ -15,8 +15,7 @@ _LENGTH = struct.Struct("<I")
 MAX_TEXT_BYTES = 1024
 
 
-@dataclass(frozen=True, slots=True)
-class Image:
+class Image(NamedTuple):
     """One image; `data` holds `height` rows of `step` bytes, if the sender was honest: check before use."""
 
     seq: int

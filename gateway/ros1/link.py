@@ -102,7 +102,8 @@ class _Link(asyncio.BufferedProtocol):
             self._connection.buffer_updated(nbytes)
             while (event := self._connection.next_event()) is not None:
                 self._on_event(event)
-                self.first_event.set()
+                if not self.first_event.is_set():
+                    self.first_event.set()
         except Ros1Error as error:
             self.error = error
             if self._transport is not None:

@@ -7,7 +7,7 @@ import logging
 from collections import Counter
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.backoff import Backoff
@@ -55,8 +55,7 @@ class LinkFailure(StrEnum):
     CLOSED = "closed by the publisher"
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(NamedTuple):
     """One serialised message in a buffer of its own, and who sent it."""
 
     data: bytes | bytearray | memoryview

@@ -1,8 +1,11 @@
 """Which instants of a camera are sent when there are more than wanted: the same ones on all of its streams. Pure."""
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
+
+from gateway.shaping.uplink import Moment
 
 SECOND_NS: Final = 1_000_000_000
 SAME_NS: Final = 5_000_000
@@ -30,6 +33,7 @@ class _Instant:
     """streams: who had a frame of it. picked: by rate, whether it is sent."""
 
     stamp_ns: int
+    moment: Moment
     streams: set[str] = field(default_factory=set)
     picked: dict[float, bool] = field(default_factory=dict)
 
@@ -37,7 +41,8 @@ class _Instant:
 class _Run:
     """Instants of stamps that only went forward, and by owner and rate when the next one may be picked."""
 
-    def __init__(self) -> None:
+    def __init__(self, begin: Callable[[], Moment]) -> None:
+        self._begin = begin
         self.latest_ns = 0
         self._instants: OrderedDict[int, list[_Instant]] = OrderedDict()
         self._due: OrderedDict[tuple[str, float], int] = OrderedDict()
@@ -61,7 +66,7 @@ class _Run:
         ]
         if near:
             return min(near, key=lambda found: abs(found.stamp_ns - stamp_ns))
-        made = _Instant(stamp_ns)
+        made = _Instant(stamp_ns, self._begin())
         found = self._instants.setdefault(bucket, [])
         found.append(made)
         del found[:-CROWDED]
@@ -94,7 +99,7 @@ def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
 @dataclass(slots=True)
 class _Stream:
     run: _Run
-    rate: float
+    rate: float = 0
     last_ns: int = 0
     alone: int = 0
 
@@ -108,7 +113,8 @@ class Instants:
     """
 
     def __init__(self) -> None:
-        self._newest = _Run()
+        self._moments = 0
+        self._newest = _Run(self._moment)
         self._streams: dict[str, _Stream] = {}
 
     def pick(self, stream: str, stamp_ns: int, received_ns: int, max_hz: float) -> bool:
@@ -116,8 +122,26 @@ class Instants:
 
         stamp_ns: the sensor's stamp; where it is 0, or one that the stream has used before, received_ns stands for it.
         """
-        state = self._streams.setdefault(stream, _Stream(self._newest, max_hz))
+        state, instant = self._meet(stream, stamp_ns, received_ns)
         state.rate = max_hz
+        if max_hz not in instant.picked:
+            self._decide(stream, state, instant)
+        return instant.picked[max_hz]
+
+    def moment(self, stream: str, stamp_ns: int, received_ns: int) -> Moment | None:
+        """Return what a stream's frame shares with those of other streams; None for one that is picked from by itself.
+
+        stamp_ns, received_ns: see `pick`.
+        """
+        state, instant = self._meet(stream, stamp_ns, received_ns)
+        return None if state.alone > ALONE else instant.moment
+
+    def _moment(self) -> Moment:
+        self._moments += 1
+        return Moment(self, self._moments)
+
+    def _meet(self, stream: str, stamp_ns: int, received_ns: int) -> tuple[_Stream, _Instant]:
+        state = self._streams.setdefault(stream, _Stream(self._newest))
         says_nothing = stamp_ns in {0, state.last_ns}
         if not says_nothing:
             self._follow_clock(state, stamp_ns)
@@ -125,15 +149,13 @@ class Instants:
             stamp_ns = received_ns
         instant = state.run.instant(stream, stamp_ns)
         self._note_company(stream, state, instant)
-        if max_hz not in instant.picked:
-            self._decide(stream, state, instant)
-        return instant.picked[max_hz]
+        return state, instant
 
     def _follow_clock(self, state: _Stream, stamp_ns: int) -> None:
         """Begin a new run when a stream's clock goes back; streams whose clock has not yet stay in the old one."""
         if stamp_ns < state.last_ns - JUMP_NS:
             if state.run is self._newest:
-                self._newest = _Run()
+                self._newest = _Run(self._moment)
             state.run = self._newest
         elif stamp_ns <= self._newest.latest_ns + JUMP_NS:
             state.run = self._newest

@@ -11,10 +11,12 @@ from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.pacer import Pacer
 from gateway.shaping.scaling import scale_info
+from gateway.shaping.uplink import Moment
 from gateway.shaping.workshop import Job, Shaped, Workshop
 from gateway.sparing_log import SparingLog
 from schemas import codec
 from schemas.camera_info import CameraInfo
+from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import SensorKey, Stream
 from schemas.points import PointCloud
@@ -27,13 +29,15 @@ log = logging.getLogger(__name__)
 class Plan:
     """What is to be done to a stream.
 
-    all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget.
+    all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget. moment_of:
+        what a frame with such a header shares with those of other streams, or None.
     """
 
     factor: int = 1
     method: Method = NONE
     all_here: Callable[[], bool] = lambda: True
     droppable: bool = False
+    moment_of: Callable[[Header], Moment | None] = lambda _: None
 
     def method_now(self) -> Method:
         """Return how the next frame is compressed."""
@@ -80,24 +84,25 @@ class Outlet:
     def _put_frame(self, frame: Frame) -> None:
         factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
         method = self._plan.method_now()
+        moment = None if self._pacer is None else self._plan.moment_of(frame.header)
         busy = self._workshop is not None and self._workshop.is_busy_for(self)
         if self._workshop is None or (method == NONE and factor == 1 and not busy):
             self._compression = frame.format
-            self._pass_on(codec.encode(frame))
+            self._pass_on(codec.encode(frame), moment)
             return
-        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, Job(frame, factor, method))
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, Job(frame, factor, method, moment))
 
     def shaped(self, made: Shaped) -> None:
         """See `Customer`."""
         self._compression = str(made.method)
-        self._pass_on(made.payload)
+        self._pass_on(made.payload, made.moment)
 
     def spoilt(self, error: Exception) -> None:
         """See `Customer`."""
         self._dropped[UNSHAPED] += 1
         self._log.warning("%s: frame left out: %s", self._key, error)
 
-    def _pass_on(self, payload: bytes) -> None:
+    def _pass_on(self, payload: bytes, moment: Moment | None = None) -> None:
         if self._pacer is None:
             self._send(payload)
         elif not self._plan.droppable:
@@ -107,7 +112,10 @@ class Outlet:
             self._dropped[OVER_BUDGET] += self._pacer.discard(self)
             self._send(payload)
         else:
-            self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send)
+            self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send, moment=moment, lose=self._lose)
+
+    def _lose(self) -> None:
+        self._dropped[OVER_BUDGET] += 1
 
     def _send(self, payload: bytes) -> None:
         self._bytes += len(payload)

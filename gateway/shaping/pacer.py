@@ -3,29 +3,50 @@
 import asyncio
 import time
 from collections.abc import Callable, Hashable
+from dataclasses import dataclass
 from typing import Final
 
-from gateway.shaping.uplink import Uplink
+from gateway.shaping.uplink import Moment, Uplink
 
 MBIT: Final = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Offered:
+    """A payload, what sends it, and what is told when that will never be."""
+
+    payload: bytes
+    send: Callable[[bytes], None]
+    lose: Callable[[], None]
 
 
 class Pacer:
     """A budget of `mbit` megabits a second. To be used on the event loop's thread."""
 
     def __init__(self, mbit: float) -> None:
-        self._uplink: Uplink[Hashable, tuple[bytes, Callable[[bytes], None]]] = Uplink(mbit * MBIT / 8)
+        self._uplink: Uplink[Hashable, _Offered] = Uplink(mbit * MBIT / 8)
         self._waits = asyncio.Event()
 
     def charge(self, size: int) -> None:
         """Count bytes that go without waiting."""
         self._uplink.charge(size, time.monotonic())
 
-    def offer(self, stream: Hashable, payload: bytes, send: Callable[[bytes], None]) -> int:
-        """Send a payload as soon as the budget allows; return how many older ones of its stream it replaced."""
-        replaced = self._uplink.offer(stream, (payload, send), len(payload))
+    def offer(
+        self,
+        stream: Hashable,
+        payload: bytes,
+        send: Callable[[bytes], None],
+        *,
+        moment: Moment | None = None,
+        lose: Callable[[], None] = lambda: None,
+    ) -> int:
+        """Send a payload as soon as the budget allows; return how many of its stream are lost by that.
+
+        lose: called when a payload that waits will not be sent, since other streams have begun a later moment.
+        """
+        lost = self._uplink.offer(stream, _Offered(payload, send, lose), len(payload), moment)
         self._release()
-        return replaced
+        return lost
 
     def discard(self, stream: Hashable) -> int:
         """Forget what waits of a stream; return how many payloads that was."""
@@ -43,7 +64,9 @@ class Pacer:
                 self._release()
 
     def _release(self) -> None:
-        for _, (payload, send) in self._uplink.release(time.monotonic()):
-            send(payload)
+        for _, offered in self._uplink.release(time.monotonic()):
+            offered.send(offered.payload)
+        for offered in self._uplink.lost():
+            offered.lose()
         if self._uplink.next_release_s() is not None:
             self._waits.set()

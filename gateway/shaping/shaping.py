@@ -12,8 +12,10 @@ from gateway.shaping.instants import Instants, Thinning
 from gateway.shaping.outlet import Outlet, Plan
 from gateway.shaping.pacer import Pacer
 from gateway.shaping.settings import FRAMES, ShapingSettings
+from gateway.shaping.uplink import Moment
 from gateway.shaping.workshop import Workshop
 from gateway.translators import kind_of
+from schemas.header import Header
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 
 _SCALED_LIKE = {Stream.INFO: Stream.COLOR, Stream.DEPTH_INFO: Stream.DEPTH}
@@ -26,6 +28,7 @@ class Shaping:
         self._settings = settings
         self._consumers = consumers
         self._instants: defaultdict[CameraKey | str, Instants] = defaultdict(Instants)
+        self._paced: defaultdict[CameraKey, Instants] = defaultdict(Instants)
         self._workshop = Workshop()
         self._pacer = None if settings.uplink_mbit is None else Pacer(settings.uplink_mbit)
 
@@ -60,7 +63,12 @@ class Shaping:
             method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
             all_here=self._all_here(key),
             droppable=kind_of(key).qos is QoS.IMAGE,
+            moment_of=self._moment_of(key),
         )
+
+    def _moment_of(self, key: StreamKey) -> Callable[[Header], Moment | None]:
+        instants = self._paced[key.camera]
+        return lambda header: instants.moment(key.stream, header.stamp_ns, header.received_ns)
 
     def _all_here(self, key: StreamKey) -> Callable[[], bool]:
         return lambda: self._consumers.all_here(key)

@@ -10,25 +10,28 @@ from typing import Protocol
 from bus.mailbox import PerKey
 from gateway.shaping.compression import Frame, Method, compress
 from gateway.shaping.scaling import scale_image
+from gateway.shaping.uplink import Moment
 from schemas import codec
 from schemas.image import ImageFrame
 
 
 @dataclass(frozen=True, slots=True)
 class Shaped:
-    """A payload, and how it is compressed."""
+    """A payload, how it is compressed, and the moment of the job that it is of."""
 
     payload: bytes
     method: Method
+    moment: Moment | None
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A frame and what is to be done to it."""
+    """A frame, what is to be done to it, and what it shares with frames of other streams."""
 
     frame: Frame
     factor: int
     method: Method
+    moment: Moment | None = None
 
     def do(self) -> Shaped:
         """Do it; may take a while.
@@ -40,7 +43,7 @@ class Job:
         if self.factor > 1 and isinstance(frame, ImageFrame):
             frame = scale_image(frame, self.factor)
         made, method = compress(frame, self.method)
-        return Shaped(codec.encode(made), method)
+        return Shaped(codec.encode(made), method, self.moment)
 
 
 class Customer(Hashable, Protocol):

@@ -12,6 +12,10 @@ class FrameBudget:
         self._max_bytes = max_bytes
         self.held_bytes = 0
 
+    def has(self, count: int) -> bool:
+        """Return whether so much more may be held."""
+        return self.held_bytes + count <= self._max_bytes
+
     def take(self, count: int) -> None:
         """Hold more, or less.
 
@@ -19,6 +23,6 @@ class FrameBudget:
             TcprosError: others hold too much for that.
 
         """
-        if count > 0 and self.held_bytes + count > self._max_bytes:
+        if count > 0 and not self.has(count):
             raise TcprosError(f"unfinished messages hold {self.held_bytes} bytes, {count} more are over the limit")
         self.held_bytes += count

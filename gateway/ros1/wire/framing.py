@@ -2,12 +2,15 @@
 
 Small frames are cut out of a scratch buffer that takes many of them in one read. A frame larger than what the scratch
 buffer holds gets a buffer of its own, into which the rest of it is received directly. Announcing a length costs no
-memory: that buffer grows with what arrives, and is whole from the start where the previous frame was as large.
+memory: that buffer grows with what arrives, and is whole from the start where the previous frame was as large. Where
+the last two were of one size, as a camera's are, it is there before the length is, which saves a read.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from gateway.ros1.errors import TcprosError
 from gateway.ros1.wire.header import LENGTH
@@ -28,13 +31,15 @@ class FrameReceiver:
 
     def __init__(self, max_frame_bytes: int, budget: FrameBudget | None = None) -> None:
         self.max_frame_bytes = max_frame_bytes
-        self._scratch = bytearray(SCRATCH_BYTES)
+        self._small = np.empty(SCRATCH_BYTES, np.uint8).data
+        self._scratch = self._small
         self._start = 0
         self._end = 0
-        self._body: bytearray | None = None
+        self._body: memoryview | None = None
         self._length = 0
         self._filled = 0
         self._last_length = 0
+        self._is_steady = False
         self._whole_frames = 0
         self._budget = budget
         self._taken = 0
@@ -42,8 +47,12 @@ class FrameReceiver:
     def get_buffer(self) -> memoryview:
         """Return where the next received bytes belong; never empty once `next_frame` has returned None."""
         if self._body is not None:
-            return memoryview(self._body)[self._filled :]
-        return memoryview(self._scratch)[self._end :]
+            return self._body[self._filled :]
+        if self._start == self._end:
+            self._start = self._end = 0
+            if self._is_steady:
+                self._expect()
+        return self._scratch[self._end :]
 
     def buffer_updated(self, count: int) -> None:
         """Take `count` bytes written to the start of the last `get_buffer`."""
@@ -59,17 +68,17 @@ class FrameReceiver:
 
     def close(self) -> None:
         """Let go of the frame under way; nothing can be received after that."""
-        self._body = None
+        self._body, self._scratch, self._is_steady = None, self._small, False
         self._take_from_budget(0)
 
-    def next_frame(self) -> bytearray | None:
-        """Return the next whole frame, or None: then more bytes are needed.
+    def next_frame(self) -> memoryview | None:
+        """Return the next whole frame, in memory of its own, or None: then more bytes are needed.
 
         Raises:
             TcprosError: the frame's length is over the cap, or the budget is used up.
 
         """
-        if self._body is None:
+        if self._body is None and self._start < self._end:
             self._begin_body()
         body = self._body
         if body is None or self._filled < len(body):
@@ -78,34 +87,46 @@ class FrameReceiver:
             self._body = self._buffer(min(self._length, 2 * self._filled))
             self._body[: self._filled] = body
             return None
+        self._is_steady = self._last_length == self._length > SCRATCH_BYTES
         self._body, self._filled, self._last_length = None, 0, self._length
         self._whole_frames += 1
         self._take_from_budget(0)
         return body
 
-    def _buffer(self, size: int) -> bytearray:
-        self._take_from_budget(size if size > FIRST_STEP_BYTES else 0)
-        return bytearray(size)
-
-    def _take_from_budget(self, count: int) -> None:
-        if self._budget is not None and count != self._taken:
-            self._budget.take(count - self._taken)
-            self._taken = count
+    def _expect(self) -> None:
+        """Receive the next frame, its length too, where it will stay if it is like the last two."""
+        size = LENGTH.size + self._last_length
+        if self._budget is None or self._budget.has(size - self._taken):
+            self._scratch = self._buffer(size)
 
     def _begin_body(self) -> None:
         """Start the next frame with what the scratch buffer holds of it."""
         held = self._end - self._start
         if held < LENGTH.size:
-            self._scratch[:held] = self._scratch[self._start : self._end]
-            self._start, self._end = 0, held
+            self._small[:held] = self._scratch[self._start : self._end]
+            self._scratch, self._start, self._end = self._small, 0, held
+            self._take_from_budget(0)
             return
-        (length,) = LENGTH.unpack_from(self._scratch, self._start)
-        if length > self.max_frame_bytes:
-            raise TcprosError(f"frame of {length} bytes, over the limit of {self.max_frame_bytes}")
+        (self._length,) = LENGTH.unpack_from(self._scratch, self._start)
+        if self._length > self.max_frame_bytes:
+            raise TcprosError(f"frame of {self._length} bytes, over the limit of {self.max_frame_bytes}")
         self._start += LENGTH.size
-        self._length = length
-        self._body = self._buffer(min(length, max(FIRST_STEP_BYTES, 2 * self._last_length)))
-        taken = min(length, self._end - self._start)
-        self._body[:taken] = self._scratch[self._start : self._start + taken]
-        self._filled = taken
-        self._start += taken
+        if self._scratch is not self._small and len(self._scratch) - self._start == self._length:
+            self._body, self._filled = self._scratch[self._start :], self._end - self._start
+        else:
+            self._body = self._buffer(min(self._length, max(FIRST_STEP_BYTES, 2 * self._last_length)))
+            self._filled = min(self._length, self._end - self._start)
+            self._body[: self._filled] = self._scratch[self._start : self._start + self._filled]
+        self._start += self._filled
+        if self._start == self._end:
+            self._scratch = self._small
+
+    def _buffer(self, size: int) -> memoryview:
+        """Return memory that nobody cleared: all of it is written before anybody reads it."""
+        self._take_from_budget(size if size > FIRST_STEP_BYTES else 0)
+        return np.empty(size, np.uint8).data
+
+    def _take_from_budget(self, count: int) -> None:
+        if self._budget is not None and count != self._taken:
+            self._budget.take(count - self._taken)
+            self._taken = count

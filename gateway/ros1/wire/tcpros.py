@@ -6,7 +6,7 @@ A connection object belongs to one socket and is never used for a second one.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from gateway.ros1.errors import LinkRefusedError, TcprosError, TypeMismatchError
 from gateway.ros1.wire.framing import FrameReceiver
@@ -22,8 +22,7 @@ ANY = "*"
 DEFAULT_MAX_MESSAGE_BYTES = 64 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class TopicType:
+class TopicType(NamedTuple):
     """A message type as two peers compare it; `*` stands for any."""
 
     name: str
@@ -50,11 +49,10 @@ class PublisherAccepted:
     latching: bool
 
 
-@dataclass(frozen=True, slots=True)
-class MessageReceived:
-    """One whole serialised message, in a buffer of its own."""
+class MessageReceived(NamedTuple):
+    """One whole serialised message, in memory of its own."""
 
-    data: bytearray
+    data: memoryview
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.shaping.instants import Instants, Thinning
+from gateway.shaping.instants import ALONE, SAME_NS, SECOND_NS, Instants, Thinning
 
 MS = 1_000_000
 BEGIN = 1_700_000_000_000 * MS
@@ -189,3 +189,16 @@ def test_what_is_remembered_is_bounded() -> None:
     run = instants._newest
     assert max(len(run._instants), len(run._due)) <= 256
     assert max(map(len, run._instants.values())) <= 16
+
+
+def test_streams_share_a_moment_and_one_that_is_alone_has_none() -> None:
+    instants = Instants()
+    first = instants.moment("color", SECOND_NS, 0)
+    assert first is not None
+    assert instants.moment("depth", SECOND_NS + SAME_NS, 0) is first
+    second = instants.moment("color", 2 * SECOND_NS, 0)
+    assert second is not None
+    assert (second.of, second.number > first.number, second.begun) == (first.of, True, False)
+    lidar = [instants.moment("points", n * SECOND_NS + SECOND_NS // 2, 0) for n in range(ALONE + 1)]
+    assert None not in lidar[:ALONE]
+    assert lidar[ALONE] is None

@@ -122,6 +122,28 @@ async def test_frames_wait_for_the_uplink_and_the_newest_wins_but_calibrations_g
     assert color.counts.dropped == {OVER_BUDGET: 2}
 
 
+async def test_on_a_thin_uplink_a_cameras_streams_send_the_same_instants(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
+    color, frames = await rig.outlet(COLOR, shaping)
+    depth, depths = await rig.outlet(DEPTH, shaping)
+    for seq in range(4):
+        for outlet in (color, depth) if seq % 2 else (depth, color):
+            outlet.put(stamped(seq))
+    color.put(stamped(4))
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 4]
+    depth.put(stamped(4))
+    assert [(await receive(depths, ImageFrame)).header.seq for _ in range(2)] == [0, 4]
+    assert color.counts.dropped == depth.counts.dropped == {OVER_BUDGET: 3}
+
+
+def stamped(seq: int) -> ImageFrame:
+    """Return a frame of the seq-th instant, a fifth of what may be ahead of the link of a test."""
+    frame = numbered(0, size=8)
+    return msgspec.structs.replace(
+        frame, header=msgspec.structs.replace(frame.header, seq=seq, stamp_ns=(seq + 1) * 100_000_000)
+    )
+
+
 async def test_what_stays_on_this_machine_needs_no_uplink(rig: Rig) -> None:
     color, frames = await rig.outlet(COLOR, await rig.shaping(uplink_mbit=0.08, compression="raw"))
     for seq in range(3):

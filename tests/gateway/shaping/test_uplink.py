@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.shaping.uplink import BACKLOG_S, Uplink
+from gateway.shaping.uplink import BACKLOG_S, Moment, Uplink
 
 RATE = 1_000_000.0
 FULL = int(RATE * BACKLOG_S)
@@ -145,3 +145,72 @@ def test_a_clock_that_stands_still_or_goes_back_gives_nothing() -> None:
     assert uplink.release(10) == []
     assert uplink.release(9) == []
     assert uplink.release(10 + BACKLOG_S) == [("color", 1)]
+
+
+def moment_items(sizes: dict[str, int], late_ms: dict[str, int], seconds: int) -> dict[str, list[int]]:
+    """Return by stream the moments that were sent, of 30 a second, each stream's item so much later than its moment."""
+    uplink: Uplink[str, int] = Uplink(RATE)
+    moments = [Moment("front", number) for number in range(30 * seconds)]
+    sent: dict[str, list[int]] = {stream: [] for stream in sizes}
+    for now_ms in range(seconds * 1000):
+        for stream, size in sizes.items():
+            number, phase = divmod(now_ms - late_ms[stream], 33)
+            if phase == 0 and 0 <= number < len(moments):
+                uplink.offer(stream, number, size, moments[number])
+        for stream, number in uplink.release(now_ms / 1000):
+            sent[stream].append(number)
+        assert uplink.backlog <= max(FULL, *sizes.values()) + 1
+        list(uplink.lost())
+    return sent
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        {"color": FULL // 3, "depth": FULL, "points": 2 * FULL},
+        {"color": 3 * FULL, "depth": FULL // 2, "points": FULL // 4},
+        {"color": FULL // 2, "depth": FULL // 2, "points": FULL // 2},
+    ],
+)
+def test_what_is_of_one_moment_is_sent_together(sizes: dict[str, int]) -> None:
+    sent = moment_items(sizes, {"color": 0, "depth": 5, "points": 15}, 20)
+    first, *others = (set(numbers) for numbers in sent.values())
+    for other in others:
+        assert len(first & other) >= 0.95 * max(len(first), len(other)) - 1
+    assert sum(len(sent[stream]) * size for stream, size in sizes.items()) >= 0.8 * RATE * 20
+    assert all(numbers == sorted(numbers) for numbers in sent.values())
+
+
+def test_nothing_is_left_out_while_there_is_room_for_all_however_late_a_stream_is() -> None:
+    sent = moment_items({"color": FULL // 100, "points": FULL // 10}, {"color": 0, "points": 100}, 4)
+    assert sent["color"] == list(range(len(sent["color"])))
+    assert sent["points"] == list(range(len(sent["points"])))
+    assert len(sent["points"]) >= 4 * 30 - 5
+
+
+def test_a_moment_that_has_begun_is_not_replaced_and_what_came_too_late_for_it_is_lost() -> None:
+    uplink: Uplink[str, str] = Uplink(RATE)
+    first, second, third = (Moment("front", number) for number in range(3))
+    uplink.offer("depth", "depth 0", FULL, first)
+    assert uplink.release(0) == [("depth", "depth 0")]
+    assert uplink.offer("color", "color 1", FULL, second) == 0
+    assert uplink.offer("color", "color 0", FULL, first) == 0
+    assert uplink.offer("color", "color 2", FULL, third) == 1
+    assert uplink.offer("points", "points 1", FULL, second) == 0
+    assert uplink.release(BACKLOG_S) == [("color", "color 0")]
+    assert uplink.release(2 * BACKLOG_S) == [("color", "color 2")]
+    assert list(uplink.lost()) == ["points 1"]
+    assert list(uplink.lost()) == []
+    assert uplink.offer("points", "points 1 again", FULL, second) == 1
+    assert uplink.next_release_s() is None
+
+
+def test_a_stream_that_is_gone_leaves_both_of_its_items() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    first, second = Moment("front", 0), Moment("front", 1)
+    uplink.offer("color", 1, FULL, first)
+    assert uplink.release(0) == [("color", 1)]
+    uplink.offer("depth", 2, FULL, first)
+    uplink.offer("depth", 3, FULL, second)
+    assert uplink.discard("depth") == 2
+    assert uplink.next_release_s() is None

@@ -11,7 +11,7 @@ from gateway.ros1.wire.budget import FrameBudget
 from gateway.ros1.wire.framing import FIRST_STEP_BYTES, SCRATCH_BYTES, FrameReceiver
 
 
-def feed(receiver: FrameReceiver, data: bytes) -> list[bytearray]:
+def feed(receiver: FrameReceiver, data: bytes) -> list[memoryview]:
     """Feed as a socket does: at most as much as the buffer takes."""
     frames = []
     while data:
@@ -34,6 +34,9 @@ def framed(*bodies: bytes) -> bytes:
     st.integers(1, 2 * SCRATCH_BYTES) | st.integers(1, 5 * FIRST_STEP_BYTES),
 )
 @example([FIRST_STEP_BYTES, FIRST_STEP_BYTES + 1, 2 * FIRST_STEP_BYTES, 2 * FIRST_STEP_BYTES + 1], FIRST_STEP_BYTES)
+@example([SCRATCH_BYTES + 1] * 4 + [SCRATCH_BYTES], 5 * SCRATCH_BYTES)
+@example([SCRATCH_BYTES + 1] * 3 + [SCRATCH_BYTES - 2, 0, 1, 2], 3)
+@example([SCRATCH_BYTES + 1] * 3 + [5, SCRATCH_BYTES + 2, 5], SCRATCH_BYTES)
 def test_frames_are_the_same_however_they_are_cut(sizes: list[int], piece: int) -> None:
     bodies = [bytes([i]) * size for i, size in enumerate(sizes)]
     stream = framed(*bodies)
@@ -56,6 +59,43 @@ def test_large_frame_is_received_into_a_buffer_of_its_size_once_there_was_one_li
     feed(receiver, framed(bytes(size // 2)))
     assert feed(receiver, struct.pack("<I", size)) == []
     assert len(receiver.get_buffer()) == size
+
+
+def test_third_frame_of_a_size_is_received_where_it_stays() -> None:
+    size = SCRATCH_BYTES + 1
+    receiver = FrameReceiver(size)
+    feed(receiver, framed(bytes(size)))
+    assert len(receiver.get_buffer()) == SCRATCH_BYTES
+    feed(receiver, framed(bytes(size)))
+    buffer = receiver.get_buffer()
+    assert len(buffer) == struct.calcsize("<I") + size
+    buffer[:] = framed(b"x" * size)
+    receiver.buffer_updated(len(buffer))
+    frame = receiver.next_frame()
+    assert frame == b"x" * size
+    buffer[-1:] = b"y"
+    assert frame[-1:] == b"y"
+
+
+def test_memory_for_a_third_frame_of_a_size_is_let_go_when_another_comes() -> None:
+    size = 2 * FIRST_STEP_BYTES
+    budget = FrameBudget(2 * size)
+    receiver = FrameReceiver(size, budget)
+    feed(receiver, framed(bytes(size), bytes(size)))
+    assert len(receiver.get_buffer()) == struct.calcsize("<I") + size
+    assert budget.held_bytes == struct.calcsize("<I") + size
+    assert feed(receiver, framed(b"short") + b"\x05\x00") == [b"short"]
+    assert receiver.frame_under_way is None
+    assert budget.held_bytes == 0
+    assert len(receiver.get_buffer()) == SCRATCH_BYTES - 2
+
+
+def test_third_frame_of_a_size_waits_for_its_length_where_there_is_no_budget() -> None:
+    size = 2 * FIRST_STEP_BYTES
+    receiver = FrameReceiver(size, FrameBudget(size))
+    feed(receiver, framed(bytes(size), bytes(size)))
+    assert len(receiver.get_buffer()) == SCRATCH_BYTES
+    assert feed(receiver, framed(bytes(size))) == [bytes(size)]
 
 
 def test_announced_length_takes_no_memory() -> None:
