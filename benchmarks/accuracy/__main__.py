@@ -16,10 +16,12 @@ that has nothing else to do, and lose much on one that has.
     idf1, idp, idr             how well objects keep their identities on drives through further held-out scenes, five
                                frames a second at a metre a second, as a detector at its default settings follows them:
                                F1, precision and recall of the best assignment of tracks to the true objects of a drive.
-                               The objects asked for, ignore regions and the IoU of masks, at least 0.5, are those of
-                               mask_map50; what has no track yet is not followed
+                               A track lies on an object with an IoU of boxes of at least 0.5, as MOTChallenge has it;
+                               the objects asked for and ignore regions are those of mask_map50; what has no track yet
+                               is not followed
     id_switches                how often an object's track is another one than its last
     following                  what limits them, in objects times frames
+    ..._masks                  the same five by the IoU of masks, at least 0.5, as MOTS has it
 
 Scenes and drives are rendered once and kept in the work directory, until what renders them changes.
 """

@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from benchmarks.accuracy.following import Followed
+from benchmarks.accuracy.following import Followed, Tally
 from benchmarks.targets import Targets, at_least
 from services.simulator.training.evaluation.class_lists import ListFigures
 from services.simulator.training.evaluation.held_out import HeldOutScore
@@ -18,11 +18,9 @@ def report(score: HeldOutScore, followed: Followed, confidence: float) -> dict[s
     found = {
         **_precision(masks.overall),
         "classes_exact": _rounded(lists.share),
-        "idf1": _rounded(followed.identities.idf1),
-        "idp": _rounded(followed.identities.idp),
-        "idr": _rounded(followed.identities.idr),
-        "id_switches": followed.identities.switches,
-        "following": _following(followed),
+        **_identities(followed.boxes),
+        **{f"{name}_masks": value for name, value in _identities(followed.masks).items()},
+        "drive_frames": followed.frames,
         "confidence": confidence,
         "per_class": {name: _precision(each) for name, each in masks.per_class.items()},
         "per_size": {name: _precision(each) for name, each in masks.per_size.items()},
@@ -35,13 +33,22 @@ def report(score: HeldOutScore, followed: Followed, confidence: float) -> dict[s
     return {"targets": targets, **found}
 
 
-def _following(followed: Followed) -> dict[str, Any]:
-    """Return what limits IDF1, in object-frames: what is not found, without a track, wrong, or of another identity."""
-    found = followed.identities
+def _identities(tally: Tally) -> dict[str, Any]:
     return {
-        "frames": followed.frames,
+        "idf1": _rounded(tally.identities.idf1),
+        "idp": _rounded(tally.identities.idp),
+        "idr": _rounded(tally.identities.idr),
+        "id_switches": tally.identities.switches,
+        "following": _following(tally),
+    }
+
+
+def _following(tally: Tally) -> dict[str, Any]:
+    """Return what limits IDF1, in object-frames: what is not found, without a track, wrong, or of another identity."""
+    found = tally.identities
+    return {
         "asked_for": found.true,
-        "detected": followed.detected,
+        "detected": tally.detected,
         "tracked": found.matched,
         "rightly_tracked": found.rightly,
         "wrong_tracks": found.tracked - found.matched,

@@ -14,8 +14,8 @@ def test_one_object_on_standard_output_and_progress_elsewhere(
     printed = capfd.readouterr()
     found = json.loads(printed.out)
     assert (found["scenes"], found["seeds"]) == (1, [1_600_000, 1_600_000])
-    assert (found["drives"], found["drive_seeds"], found["following"]["frames"]) == (1, [1_700_000, 1_700_000], 2)
-    assert {"mask_map50", "mask_map50_95", "classes_exact", "idf1", "machine", "versions"} <= found.keys()
+    assert (found["drives"], found["drive_seeds"], found["drive_frames"]) == (1, [1_700_000, 1_700_000], 2)
+    assert {"mask_map50", "mask_map50_95", "classes_exact", "idf1", "idf1_masks", "machine", "versions"} <= found.keys()
     assert len(found["weights"]["sha256"]) == 64
     assert printed.err.splitlines()[-1] == "follow 1/1"
 

@@ -1,13 +1,17 @@
 import json
 
-from benchmarks.accuracy.following import Followed
+from benchmarks.accuracy.following import Followed, Tally
 from benchmarks.accuracy.identities import Identities
 from benchmarks.accuracy.report import CONFIDENCES, report
 from services.simulator.training.evaluation.held_out import HeldOutScore
 from services.simulator.world import CLASSES
 from tests.services.simulator.training.evaluation.pictures import SIZE, found, truth
 
-FOLLOWED = Followed(Identities(true=10, tracked=9, matched=8, rightly=6, switches=2), detected=9, frames=5)
+FOLLOWED = Followed(
+    boxes=Tally(Identities(true=10, tracked=9, matched=8, rightly=6, switches=2), detected=9),
+    masks=Tally(Identities(true=10, tracked=9, matched=7, rightly=5, switches=3), detected=8),
+    frames=5,
+)
 
 
 def score() -> HeldOutScore:
@@ -35,7 +39,6 @@ def test_what_was_followed_and_what_limits_it() -> None:
     found = report(score(), FOLLOWED, 0.35)
     assert (found["idf1"], found["idp"], found["idr"], found["id_switches"]) == (0.6316, 0.6667, 0.6, 2)
     assert found["following"] == {
-        "frames": 5,
         "asked_for": 10,
         "detected": 9,
         "tracked": 8,
@@ -43,6 +46,12 @@ def test_what_was_followed_and_what_limits_it() -> None:
         "wrong_tracks": 1,
         "f1_without_identities": 0.8421,
     }
+    assert (found["idf1_masks"], found["idp_masks"], found["idr_masks"], found["id_switches_masks"]) == (
+        *(0.5263, 0.5556, 0.5),
+        3,
+    )
+    assert (found["following_masks"]["detected"], found["following_masks"]["wrong_tracks"]) == (8, 2)
+    assert found["drive_frames"] == 5
     assert found["targets"]["idf1"] == {"value": 0.6316, "at_least": 0.85, "met": False}
 
 
@@ -56,7 +65,7 @@ def test_class_lists_at_every_confidence() -> None:
 
 
 def test_without_objects_no_precision_is_reached() -> None:
-    found = report(HeldOutScore(), Followed(Identities(), 0, 0), 0.35)
+    found = report(HeldOutScore(), Followed(Tally(), Tally(), 0), 0.35)
     assert found["mask_map50"] is None
     assert found["idf1"] is None
     assert not found["targets"]["mask_map50"]["met"]

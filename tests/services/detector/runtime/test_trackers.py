@@ -1,12 +1,15 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection
 from services.detector.runtime.offline import keep_offline
+from services.detector.tracking import Tracker
 from tests.services.detector.requests import frame_of
 
 
@@ -36,6 +39,29 @@ def textured(height: int, width: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
+def tracker_in(model_folder: Path) -> Tracker:
+    keep_offline(model_folder / "ultralytics", download=False)
+    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
+
+    return UltralyticsTracker("botsort")
+
+
+def follower(model_folder: Path, hz: int = 5) -> Callable[..., int | None]:
+    """Return what shows a tracker a thing, or None, in a picture that stays as it is, and returns its number."""
+    tracker, picture = tracker_in(model_folder), textured(240, 320)
+
+    def seen(step: int, left: float | None, score: float, label: int = 0) -> int | None:
+        frame = frame_of(picture, seq=step)
+        header = msgspec.structs.replace(frame.header, received_ns=1_000_000_000 * step // hz)
+        things = []
+        if left is not None:
+            box = Box(left, 20, left + 40, 60)
+            things.append(Detection(name=f"class {label}", label=label, score=score, box=box))
+        return next(iter(tracker.update(things, msgspec.structs.replace(frame, header=header))), None)
+
+    return seen
+
+
 @pytest.mark.parametrize(("kind", "followed"), [("botsort", True), ("bytetrack", False)])
 def test_only_who_looks_at_the_image_follows_when_the_camera_swings(
     kind: str, *, followed: bool, model_folder: Path
@@ -56,38 +82,47 @@ def test_only_who_looks_at_the_image_follows_when_the_camera_swings(
     assert (set(numbers) == {1}) is followed
 
 
-def test_the_cameras_motion_is_in_pixels_of_its_image_and_starts_over_with_another_size(model_folder: Path) -> None:
-    keep_offline(model_folder / "ultralytics", download=False)
-    from services.detector.runtime.trackers import CameraMotion  # noqa: PLC0415 - it must be offline by then
-
-    wide, motion = textured(480, 960), CameraMotion()
-
-    def seen(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
-        return motion.apply(motion.look(frame_of(np.ascontiguousarray(picture))))
-
-    assert np.array_equal(seen(wide[:, :640]), np.eye(2, 3))
-    moved = seen(wide[:, 60:700])
-    assert moved[:, 2] == pytest.approx([-60, 0], abs=3)
-    assert moved[:, :2] == pytest.approx(np.eye(2), abs=0.02)
-    small = np.zeros((48, 64, 3), np.uint8)
-    for picture in (small, small, wide):
-        assert np.array_equal(seen(picture), np.eye(2, 3))
-
-
-@pytest.mark.parametrize(("score", "followed"), [(0.3, False), (0.4, True)])
-def test_only_what_is_sure_begins_a_track_and_goes_on_when_it_is_less_so(
-    score: float, *, followed: bool, model_folder: Path
+@pytest.mark.parametrize(("score", "number"), [(0.26, None), (0.5, 1)])
+def test_what_was_seen_well_goes_on_when_it_is_less_so_and_what_was_not_has_no_number(
+    score: float, number: int | None, model_folder: Path
 ) -> None:
-    keep_offline(model_folder / "ultralytics", download=False)
-    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
+    seen = follower(model_folder)
+    numbers = [seen(step, 10 + 12 * step, score if step == 0 else 0.36) for step in range(4)]
+    assert numbers == [number] * 4
 
-    tracker = UltralyticsTracker("botsort")
-    picture = textured(240, 320)
 
-    def seen(step: int, left: float, score: float) -> int | None:
-        box = Detection(name="box", score=score, box=Box(left, 20, left + 40, 60))
-        (number,) = tracker.update([box], frame_of(picture, seq=step))
+def test_a_detection_goes_on_with_a_track_of_its_class_alone(model_folder: Path) -> None:
+    seen = follower(model_folder)
+    labels = [0, 0, 1, 1, 0]
+    assert [seen(step, 10 + 6 * label, 0.9, label) for step, label in enumerate(labels)] == [1, 1, None, 2, 1]
+
+
+@pytest.mark.parametrize(("hz", "frames", "number"), [(5, 10, 1), (5, 12, None), (20, 40, 1), (20, 42, None)])
+def test_what_is_lost_is_looked_for_for_so_long_at_whatever_rate(
+    hz: int, frames: int, number: int | None, model_folder: Path
+) -> None:
+    """It is found again the given number of frames after it was seen last."""
+    seen = follower(model_folder, hz)
+    assert [seen(step, 10, 0.9) for step in range(2)] == [1, 1]
+    for step in range(2, 1 + frames):
+        seen(step, None, 0.9)
+    assert seen(1 + frames, 10, 0.9) == number
+
+
+def test_who_comes_into_view_over_several_frames_keeps_its_number(model_folder: Path) -> None:
+    tracker, wide = tracker_in(model_folder), textured(480, 960)
+
+    def seen(step: int, left: int) -> int | None:
+        picture = np.ascontiguousarray(wide[:, 320 - left : 960 - left])
+        box = Box(max(0, left - 200), 100, left - 10, 400)
+        (number,) = tracker.update([Detection(name="box", score=0.9, box=box)], frame_of(picture, seq=step))
         return number
 
-    numbers = [seen(0, 10, score), *(seen(step, 10 + 12 * step, 0.26) for step in range(1, 4))]
-    assert numbers == ([1] * 4 if followed else [None] * 4)
+    assert {seen(step, left) for step, left in enumerate((30, 90, 150, 210))} == {1}
+
+
+def test_an_image_of_a_few_pixels_is_no_hindrance(model_folder: Path) -> None:
+    tracker = tracker_in(model_folder)
+    box = Detection(name="box", score=0.9, box=Box(0, 0, 2, 2))
+    for step in range(3):
+        assert tracker.update([box], frame_of(np.zeros((2, 2, 3), np.uint8), seq=step)) == [1]

@@ -1,0 +1,55 @@
+"""Which tracks have earned a number. Pure.
+
+What is seen again and again gathers evidence, as tracks do in multiple hypothesis tracking (Reid, "An Algorithm for
+Tracking Multiple Targets", 1979; its score of a track is the sum of log-likelihood ratios): each sighting adds the log
+odds of its score, less those of a score that speaks neither for a thing nor against it. So what flickers with low
+scores never gets a number, and one doubtful sighting takes none from what was seen well before.
+"""
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterable
+from typing import Final
+
+NEUTRAL: Final = 0.38
+"""The score at which, on simulated drives, as many detections are right as wrong."""
+
+SUREST: Final = 0.98
+"""What a single sighting counts as at most: a model that says 1 is not infinitely sure."""
+
+MOST: Final = 3.0
+"""What a track can gather at most, so that whatever it slides onto later has its say."""
+
+MAX_TRACKS: Final = 10_000
+"""Tracks remembered; those seen longest ago are forgotten first."""
+
+
+class Evidence:
+    """Numbers, from 1 on without gaps, for those of a tracker's tracks that have earned one."""
+
+    def __init__(self) -> None:
+        self._sums: OrderedDict[int, float] = OrderedDict()
+        self._numbers: dict[int, int] = {}
+        self._count = 0
+
+    def weigh(self, sightings: Iterable[tuple[int, float]]) -> list[int | None]:
+        """Take a frame's sightings (a tracker's own number, the score, 0 to 1); return each one's number, or None."""
+        return [self._weighed(track, score) for track, score in sightings]
+
+    def _weighed(self, track: int, score: float) -> int | None:
+        gathered = min(MOST, self._sums.pop(track, 0.0) + _log_odds(score) - _log_odds(NEUTRAL))
+        self._sums[track] = gathered
+        if len(self._sums) > MAX_TRACKS:
+            forgotten, _ = self._sums.popitem(last=False)
+            self._numbers.pop(forgotten, None)
+        if gathered < 0:
+            return None
+        if track not in self._numbers:
+            self._count += 1
+            self._numbers[track] = self._count
+        return self._numbers[track]
+
+
+def _log_odds(score: float) -> float:
+    certain = min(max(score, 1 - SUREST), SUREST)
+    return math.log(certain / (1 - certain))
