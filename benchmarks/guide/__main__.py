@@ -42,7 +42,7 @@ from benchmarks.guide.hops import lines
 from benchmarks.guide.report import Run, Runs, figures, targets
 from benchmarks.guide.scene import Scene
 from benchmarks.guide.sets import ages_ms, complete
-from benchmarks.guide.sides import Side, fleetsight, guide
+from benchmarks.guide.sides import Side, fleetsight, guide, process_error
 from benchmarks.guide.way import way
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note
@@ -81,7 +81,7 @@ def main(given: Sequence[str] | None = None) -> None:
     try:
         found = asyncio.run(measure(plan))
     except (PeerError, ExceptionGroup) as error:
-        if (cause := _of_a_process(error)) is None:
+        if (cause := process_error(error)) is None:
             raise
         parser.exit(1, f"{parser.prog}: {cause}\n")
     if arguments.json:
@@ -89,13 +89,6 @@ def main(given: Sequence[str] | None = None) -> None:
         return
     hops = found.pop("hops")
     print("\n".join([*(f"{name}: {value}" for name, value in found.items()), *lines(hops)]))
-
-
-def _of_a_process(error: Exception) -> PeerError | None:
-    """Return what is wrong with a process, if that is all that is wrong."""
-    while isinstance(error, ExceptionGroup) and len(error.exceptions) == 1:
-        error = error.exceptions[0]
-    return error if isinstance(error, PeerError) else None
 
 
 async def measure(plan: Plan) -> dict[str, Any]:

@@ -92,6 +92,13 @@ def _last_words(process: Process | Child) -> str:
     return process.last_words() if isinstance(process, Process) else process.last_words or "it said nothing"
 
 
+def process_error(error: Exception) -> PeerError | None:
+    """Return what is wrong with a process, if that is all that is wrong."""
+    while isinstance(error, ExceptionGroup) and len(error.exceptions) == 1:
+        error = error.exceptions[0]
+    return error if isinstance(error, PeerError) else None
+
+
 @asynccontextmanager
 async def guide(scene: Scene) -> AsyncIterator[Side]:
     """Run the guide's nodes, each in a process of its own as the guide has them; all outputs have come once."""

@@ -65,7 +65,7 @@ DRIVES: Final = 8
 ROUNDS: Final = 30
 CROWDED: Final = 5
 REPORT_EVERY: Final = 10
-SECONDS: Final = 420.0
+SECONDS: Final = 360.0
 FOR_VIEWS: Final = 0.7
 """The share of it that views may take."""
 PACKAGES: Final = ("numpy", "opencv-python-headless", "msgspec", "ultralytics-opencv-headless", "torch")

@@ -8,7 +8,7 @@ from benchmarks.gateway.processes import PeerError, Process, running
 from benchmarks.guide.robot import Robot
 from benchmarks.guide.scene import Scene
 from benchmarks.guide.sets import Arrival
-from benchmarks.guide.sides import Side
+from benchmarks.guide.sides import Side, process_error
 from gateway.outgoing.texts import STRING
 from services.toolbox.demo.children import Child, child
 
@@ -55,3 +55,11 @@ async def test_one_that_ended_is_no_side_even_if_all_outputs_come() -> None:
                 await asyncio.sleep(0.01)
             with pytest.raises(PeerError, match=r"^distance ended: "):
                 await side({"classes": runs, "distance": ended}, silent=False).ready()
+
+
+def test_what_is_wrong_with_a_process_alone_is_found_among_tasks() -> None:
+    ended = PeerError("detector ended")
+    assert process_error(ended) is ended
+    assert process_error(ExceptionGroup("", [ExceptionGroup("", [ended])])) is ended
+    assert process_error(ExceptionGroup("", [ended, ValueError()])) is None
+    assert process_error(ExceptionGroup("", [ValueError()])) is None
