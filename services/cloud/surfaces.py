@@ -32,6 +32,9 @@ COHERENT: Final = 12.0
 LIKELY: Final = 2.0
 """How much worse than the best another explanation may fit, in squared standard deviations."""
 
+PRE=1
+POST=1
+KAP=0
 POLISH: Final = 0.14
 """Radians by which faces are turned at most when those that were found are fitted to what is theirs."""
 
@@ -100,8 +103,13 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
     readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
     explanations = _explained(readings, _starts(z, w, readings.weights))
+    if PRE:
+        h = len(explanations)
+        many = readings.repeated(h)
+        for _ in range(PRE):
+            explanations = _polished(explanations.reshape(-1, 3, 3), many).reshape(explanations.shape)
     forms, noise = _chosen(explanations, readings)
-    forms = _polished(forms, readings)
+    for _ in range(POST): forms = _polished(forms, readings)
     along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
     x, y, z = _turned(forms.transpose(2, 0, 1), -ahead)
     return Faces(np.stack([x, y, z], axis=2), np.where(np.isfinite(along), along, 0) + ahead, noise)
@@ -123,7 +131,7 @@ def _explained(readings: _Readings, levels: Numbers) -> Numbers:
         sums = _summed(upright, shares)
         pair = _pair(sums)
         pair[scarce] = np.nan
-        walls, plane = _values(pair, x, y), _seen(z * kappa[:, None])
+        walls, plane = _values(pair, x, y), _met(z * kappa[:, None])
         flat = plane < walls
         kappa = _refitted(kappa, z, w, np.where(flat, trust, 0), trust)
         trust = all_of.trusted(np.abs(w - np.minimum(np.minimum(walls, plane), _NEAREST)), trust)
@@ -221,12 +229,17 @@ def _single(moments: Numbers) -> Numbers:
 def _values(pair: Numbers, x: Numbers, y: Numbers) -> Numbers:
     angle, right, left = pair.T[:, :, None]
     c, s = np.cos(angle), np.sin(angle)
-    return np.minimum(_seen(left * (c * x + s * y)), _seen(right * (c * y - s * x)))
+    return np.minimum(_met(left * (c * x + s * y)), _met(right * (c * y - s * x)))
 
 
 def _seen(values: Numbers) -> Numbers:
     with np.errstate(invalid="ignore"):
         return np.where(values > _SEEN, values, np.inf)
+
+
+def _met(values: Numbers) -> Numbers:
+    with np.errstate(invalid="ignore"):
+        return np.where(np.isnan(values), np.inf, np.maximum(values, 0))
 
 
 def _inverse(forms: Numbers, directions: Numbers) -> Numbers:
@@ -252,7 +265,7 @@ def _forms(pair: Numbers, kappa: Numbers) -> Numbers:
 def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Numbers]:
     """Return of each object the smallest of its likely explanations (h, n, 3, 3), and the noise that it leaves."""
     directions = np.stack([readings.x, readings.y, readings.z])
-    model = np.minimum(_least(_inverse(explanations, directions.transpose(1, 0, 2))), _NEAREST)
+    model = np.minimum(_met(_inverse(explanations, directions.transpose(1, 0, 2))).min(axis=-2), _NEAREST)
     off = np.abs(readings.w - model)
     noise = _deviation(off, readings.weights).min(axis=0)
     cost = (readings.weights * np.minimum((off / noise[:, None]) ** 2, REACH**2)).sum(axis=2) / COHERENT
@@ -282,7 +295,9 @@ def _polished(forms: Numbers, readings: _Readings) -> Numbers:
     best = np.where(np.isfinite(gain), gain, -1).argmax(axis=0)
     rows = np.arange(len(forms))
     left_k, right_k = left_k[best, rows], right_k[best, rows]
-    made = _forms(np.stack([angles[best, rows], right_k, left_k], axis=1), forms[:, 2, 2])
+    kappa = forms[:, 2, 2]
+    if KAP: kappa = _refitted(kappa, readings.z, w, np.where(nearest == 2, trust, 0), trust)
+    made = _forms(np.stack([angles[best, rows], right_k, left_k], axis=1), kappa)
     sound = (left_k > 0) & ((right_k > 0) | ~paired)
     made[~paired, 1] = np.nan
     return np.where(sound[:, None, None], made, forms)

@@ -11,10 +11,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from services.cloud.outlines import Masked
 from services.cloud.points import Floats, Indices
 from services.cloud.sampling import some
 from services.cloud.shape import Box, Level, box_between, fit_box
-from services.cloud.surfaces import Faces, fit_faces
+from services.cloud.surfaces import Faces, fit_faces, _least
 from services.geometry.masks import Window
 
 Numbers = NDArray[Any]
@@ -34,6 +35,8 @@ EXACT_M: Final = 0.01
 BEYOND: Final = 0.5
 """What has no reading is at most so much of an object's width behind what has one."""
 
+NEAR_PX = 4
+TOL = 2.0
 SHARES: Final = (0.02, 0.5, 0.98)
 """Of its readings: which ones are the farthest, in the middle and the nearest."""
 
@@ -43,15 +46,21 @@ ASIDE: Final = 0.95
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """An object in the picture. mask: it; inner: what is trusted of it, in the same window.
+    """An object and its readings. at: flat places of these in the object's window, ascending. xyz: (3, n) these."""
 
-    at: flat places in the window of its readings, ascending. xyz: (3, n) these.
-    """
-
-    mask: Window
-    inner: Window
+    masked: Masked
     at: Indices
     xyz: Floats
+
+    @property
+    def mask(self) -> Window:
+        """The object in the picture."""
+        return self.masked.mask
+
+    @property
+    def inner(self) -> Window:
+        """What is trusted of it, in the same window."""
+        return self.masked.inner
 
 
 def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
@@ -61,8 +70,8 @@ def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
     cells = _cells(objects, np.array([level.x, level.y, level.up]))
     faces = fit_faces(cells.directions, cells.inverse, cells.weights)
     unread = [_unread(seen) for seen in objects]
-    placed = _placed(np.stack([_picked(*each) for each in zip(objects, unread, strict=True)]), faces, cells)
-    low, high = _extents(placed, faces.along)
+    snug, placed = _placed(np.stack([_picked(*each) for each in zip(objects, unread, strict=True)]), faces, cells)
+    low, high = _extents(snug[:, :, PIXELS:] if NEAR_PX else snug, faces.along)
     exact = _is_exact(cells, faces)
     made = []
     for number, (seen, without) in enumerate(zip(objects, unread, strict=True)):
@@ -150,14 +159,26 @@ def _picked(seen: Seen, unread: Indices) -> NDArray[np.intp]:
 
     The last one is repeated.
     """
-    edge = np.flatnonzero(seen.mask.pixels > seen.inner.pixels)
+    edge = np.flatnonzero(_outline(seen))
     if not len(edge):
         edge = np.flatnonzero(seen.mask.pixels)
-    chosen = np.concatenate([unread[some(len(unread), PIXELS)], edge[some(len(edge), PIXELS)]])
-    flat = np.full(2 * PIXELS, chosen[-1])
-    flat[: len(chosen)] = chosen
+    flat = np.full(2 * PIXELS, edge[-1])
+    without, outline = unread[some(len(unread), PIXELS)], edge[some(len(edge), PIXELS)]
+    flat[: len(without)] = without
+    flat[PIXELS : PIXELS + len(outline)] = outline
     rows = flat // seen.mask.pixels.shape[1]
     return np.stack([np.ones_like(flat), flat - rows * seen.mask.pixels.shape[1], rows])
+
+
+def _outline(seen: Seen) -> NDArray[np.bool_]:
+    import cv2
+    edge = seen.mask.pixels > seen.inner.pixels
+    if NEAR_PX <= 0: return edge
+    read = np.zeros(edge.size, np.uint8)
+    read[seen.at] = 1
+    n = 2*NEAR_PX+1
+    near = cv2.dilate(read.reshape(edge.shape), np.ones((n,n),np.uint8))
+    return edge & (near > 0)
 
 
 def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells) -> Numbers:
@@ -166,7 +187,15 @@ def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells) -> Numbers:
     wide = np.ptp(aimed, axis=2).max(axis=1)
     far, _, near = cells.depths[:, :, np.newaxis]
     far = far * (1 + BEYOND * wide[:, np.newaxis])
-    return np.asarray(aimed / np.clip(faces.inverse_depth(aimed), 1 / far, 1 / (ASIDE * near))[:, np.newaxis])
+    values = np.asarray(faces.forms @ aimed)
+    slope = np.abs(faces.forms @ cells.places[:, :, 1:]).sum(axis=2)
+    out = []
+    for t in (TOL, 0):
+        w = _least(values + t * slope[:, :, None])
+        out.append(aimed / np.clip(w, 1 / far, 1 / (ASIDE * near))[:, np.newaxis])
+    snug, exact = out
+    snug[:, 2] = exact[:, 2]
+    return snug, exact
 
 
 def _extents(placed: Numbers, along: Numbers) -> tuple[Numbers, Numbers]:
