@@ -1,7 +1,7 @@
 """Which points of masks are the objects': the foreground, less what stands alone; many objects at once. Pure."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,11 @@ SUBSTANTIAL: Final = 0.25
 HOLLOW: Final = 0.3
 """Gaps of up to this share of the object's width are within it: a mast before its cabin."""
 
-FOREIGN: Final = 2.0
-"""A surface with a share of what is around the mask that is so many times that of the mask's own is foreign."""
+OWN: Final = 2.0
+"""A surface that is so many times as much of the mask as of what is around it is the object's wherever it is."""
+
+FOREIGN: Final = 3.0
+"""One that is so many times as much of what is around it is something before the object."""
 
 CELLS: Final = 16
 """Cells along the longest side of the grid in which points have neighbours."""
@@ -47,8 +50,8 @@ def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> l
     """Return which points of each object are its own, None for all of them.
 
     Those on its nearest substantial surface are, and on what is close behind it; what shows through gaps, or beside
-    edges that the mask missed, is on surfaces of its own behind it. But a surface that is more of the mask than of what
-    is around it is the object's wherever it is: something before it splits it.
+    edges that the mask missed, is on surfaces of its own behind it. But what is mostly around the mask is something
+    before the object, and a substantial surface that hardly is around it is the object's too: something splits it.
 
     depths: of each object's points along the view, at least one and all above 0. widths: (n,) how wide it is, in
     metres at 1 m. around: depths just outside of it, some of which may be no readings.
@@ -83,20 +86,31 @@ def _kept(within: Floats, surfaces: tuple[Indices, Indices, Indices], widths: Fl
     whose, first, last = surfaces
     near, far = within[whose, first], within[whose, last]
     inside = (last - first + 1) / SAMPLE
-    most = np.zeros(len(within))
-    np.maximum.at(most, whose, inside)
+    substantial = inside >= SUBSTANTIAL * _most(inside, whose, len(within))[whose]
+    outside = _shares(around[whose], near, far)
+    likely = substantial & (outside <= FOREIGN * inside)
+    likely |= substantial & (_most(likely, whose, len(within)) == 0)[whose]
     front = np.full(len(within), len(whose))
-    substantial = np.flatnonzero(inside >= SUBSTANTIAL * most[whose])
-    np.minimum.at(front, whose[substantial], substantial)
-    front = front[whose]
+    np.minimum.at(front, whose[likely], np.flatnonzero(likely))
     apart = np.ones(len(whose), np.bool_)
     apart[1:] = (whose[1:] != whose[:-1]) | (near[1:] - far[:-1] > (HOLLOW * widths * within[:, 0])[whose[1:]])
     together = np.cumsum(apart)
-    read = (around > 0).sum(axis=1)[whose]
-    beside = around[whose]
-    met = (beside >= near[:, np.newaxis] * (1 - GAP)) & (beside <= far[:, np.newaxis] * (1 + GAP))
-    theirs = (read > 0) & (inside * read >= FOREIGN * met.sum(axis=1))
-    return np.asarray((together == together[front]) & (np.arange(len(whose)) >= front) | theirs)
+    front = front[whose]
+    behind = (together == together[front]) & (np.arange(len(whose)) >= front)
+    return np.asarray(behind | substantial & (inside >= OWN * outside) & (around > 0).any(axis=1)[whose])
+
+
+def _most(values: NDArray[Any], whose: Indices, count: int) -> NDArray[Any]:
+    """Return the greatest of each object's values, which are not below 0; 0 of none."""
+    most = np.zeros(count)
+    np.maximum.at(most, whose, values)
+    return most
+
+
+def _shares(around: Floats, near: Floats, far: Floats) -> NDArray[Any]:
+    """Return which share of each row's readings, NaN for none, are from near to far; 0 of no readings."""
+    met = (around >= near[:, np.newaxis] * (1 - GAP)) & (around <= far[:, np.newaxis] * (1 + GAP))
+    return np.asarray(met.sum(axis=1) / np.maximum((around > 0).sum(axis=1), 1))
 
 
 def _rows(around: Sequence[Floats]) -> Floats:

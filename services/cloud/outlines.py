@@ -67,8 +67,8 @@ class Masked:
 class Candidates:
     """Points that a mask covers, as numbers in their cloud; some of them are the object's.
 
-    xyz: (3, n) in the points' own frame. depth: n metres along the camera's view, above 0. width: of the mask in the
-    picture, in metres at 1 m. around: such depths of points just outside of the mask; what is not above 0 is no reading.
+    xyz: (3, n) in the points' own frame. depth: n metres along the camera's view, above 0. width: of them in the
+    picture, in metres at 1 m. around: such depths of points just outside of the mask; only what is above 0 is a reading.
     """
 
     at: Indices

@@ -2,7 +2,8 @@
 
 A plane's inverse depth is linear in the direction that a pixel looks in, and there a stereo camera's noise is as large
 far away as near. Of a box one sees at most two upright faces that meet in a corner, and its top or its underside; what
-is seen of it is at each pixel the farthest of these planes, the one of the least inverse depth.
+is seen of it is at each pixel the farthest of these planes, the one of the least inverse depth. A ray that leads away
+from one of them misses the box.
 
 Directions are (3, ...) along level axes, the third one up, of points at a depth of 1; a form is what a plane's inverse
 depth is of a direction: their scalar product.
@@ -32,13 +33,10 @@ COHERENT: Final = 12.0
 LIKELY: Final = 2.0
 """How much worse than the best another explanation may fit, in squared standard deviations."""
 
-PRE=1
-POST=1
-KAP=0
 POLISH: Final = 0.14
 """Radians by which faces are turned at most when those that were found are fitted to what is theirs."""
 
-POLISHED: Final = 17
+POLISHED: Final = 9
 REACH: Final = 3.0
 """Standard deviations that noise explains."""
 
@@ -63,9 +61,12 @@ class Faces:
     along: Numbers
     noise: Numbers
 
-    def inverse_depth(self, directions: Numbers) -> Numbers:
-        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where no face is."""
-        return _least(_inverse(self.forms, directions))
+    def inverse_depth(self, directions: Numbers, nearer: Numbers | float = 0.0) -> Numbers:
+        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where no face is.
+
+        nearer: (n, 3, 1) by how much each face's is taken to be larger.
+        """
+        return _least(_inverse(self.forms, directions) + nearer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,13 +104,8 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
     readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
     explanations = _explained(readings, _starts(z, w, readings.weights))
-    if PRE:
-        h = len(explanations)
-        many = readings.repeated(h)
-        for _ in range(PRE):
-            explanations = _polished(explanations.reshape(-1, 3, 3), many).reshape(explanations.shape)
-    forms, noise = _chosen(explanations, readings)
-    for _ in range(POST): forms = _polished(forms, readings)
+    polished = _polished(explanations.reshape(-1, 3, 3), readings.repeated(len(explanations)))
+    forms, noise = _chosen(polished.reshape(explanations.shape), readings)
     along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
     x, y, z = _turned(forms.transpose(2, 0, 1), -ahead)
     return Faces(np.stack([x, y, z], axis=2), np.where(np.isfinite(along), along, 0) + ahead, noise)
@@ -238,6 +234,7 @@ def _seen(values: Numbers) -> Numbers:
 
 
 def _met(values: Numbers) -> Numbers:
+    """Return inverse depths as rays meet planes: 0 of one that is led away from, infinite where there is none."""
     with np.errstate(invalid="ignore"):
         return np.where(np.isnan(values), np.inf, np.maximum(values, 0))
 
@@ -295,9 +292,7 @@ def _polished(forms: Numbers, readings: _Readings) -> Numbers:
     best = np.where(np.isfinite(gain), gain, -1).argmax(axis=0)
     rows = np.arange(len(forms))
     left_k, right_k = left_k[best, rows], right_k[best, rows]
-    kappa = forms[:, 2, 2]
-    if KAP: kappa = _refitted(kappa, readings.z, w, np.where(nearest == 2, trust, 0), trust)
-    made = _forms(np.stack([angles[best, rows], right_k, left_k], axis=1), kappa)
+    made = _forms(np.stack([angles[best, rows], right_k, left_k], axis=1), forms[:, 2, 2])
     sound = (left_k > 0) & ((right_k > 0) | ~paired)
     made[~paired, 1] = np.nan
     return np.where(sound[:, None, None], made, forms)
