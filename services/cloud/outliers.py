@@ -123,9 +123,11 @@ def _rows(around: Sequence[Floats]) -> Floats:
 
 
 def _near(depth: Floats, ascending: Floats, chosen: Selection) -> Selection:
-    """Return which depths are next to one of the ascending ones that are chosen."""
+    """Return of which depths the nearest of the ascending ones is chosen."""
     after = np.searchsorted(ascending, depth)
-    return chosen[np.minimum(after, SAMPLE - 1)] | chosen[np.maximum(after - 1, 0)]
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, SAMPLE - 1)
+    return chosen[np.where(ascending[after] - depth <= depth - ascending[before], after, before)]
 
 
 def crowded(xyz: Floats, counts: Sequence[int]) -> Selection:

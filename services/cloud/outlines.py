@@ -68,7 +68,7 @@ class Candidates:
     """Points that a mask covers, as numbers in their cloud; some of them are the object's.
 
     xyz: (3, n) in the points' own frame. depth: n metres along the camera's view, above 0. width: of them in the
-    picture, in metres at 1 m. around: such depths of points just outside of the mask; only what is above 0 is a reading.
+    picture, in metres at 1 m. around: such depths just outside of the mask; NaN and 0 are none.
     """
 
     at: Indices

@@ -39,13 +39,13 @@ STRAY: Final = 0.02
 STRAY_PIXELS: Final = 2.0
 """How far off a mask's edge may be, in pixels: the smallest box that explains it so is the object's."""
 
-EXACT_M: Final = 0.01
+EXACT_M: Final = 0.005
 """Readings of less noise say themselves how large an object is."""
 
 MOST_NOISE: Final = 0.002
 """Noise of inverse depth, per metre; more than that is a shape that is no box's."""
 
-BEYOND: Final = 0.5
+BEYOND: Final = 0.25
 """What has no reading is at most so much of an object's width behind what has one."""
 
 SHARES: Final = (0.02, 0.5, 0.98)
