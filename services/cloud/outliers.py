@@ -88,7 +88,7 @@ def _kept(within: Floats, surfaces: tuple[Indices, Indices, Indices], widths: Fl
     inside = (last - first + 1) / SAMPLE
     substantial = inside >= SUBSTANTIAL * _most(inside, whose, len(within))[whose]
     outside = _shares(around[whose], near, far)
-    likely = substantial & (outside <= FOREIGN * inside)
+    likely: Selection = substantial & (outside <= FOREIGN * inside)
     likely |= substantial & (_most(likely, whose, len(within)) == 0)[whose]
     front = np.full(len(within), len(whose))
     np.minimum.at(front, whose[likely], np.flatnonzero(likely))
@@ -138,7 +138,7 @@ def crowded(xyz: Floats, counts: Sequence[int]) -> Selection:
     if not len(counts):
         return np.zeros(0, np.bool_)
     whose = np.repeat(np.arange(len(counts)), counts)
-    starts = np.cumsum(counts) - counts
+    starts = np.cumsum(counts, dtype=np.intp) - np.asarray(counts, np.intp)
     low = np.minimum.reduceat(xyz, starts, axis=1)
     reach = (np.maximum.reduceat(xyz, starts, axis=1) - low).max(axis=0)
     scale = np.float32(1) / np.maximum(reach / np.float32(CELLS), np.float32(MIN_SIDE_M))

@@ -45,7 +45,7 @@ class _Seen:
         rows, columns = self.rows - window.top, self.columns - window.left
         height, width = window.pixels.shape
         inside = np.flatnonzero((rows >= 0) & (rows < height) & (columns >= 0) & (columns < width))
-        return self.xyz[2].take(inside[window.pixels[rows[inside], columns[inside]]])
+        return np.asarray(self.xyz[2].take(inside[window.pixels[rows[inside], columns[inside]]]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

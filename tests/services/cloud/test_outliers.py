@@ -107,8 +107,10 @@ def test_an_objects_foreground_is_the_same_whatever_else_is_in_the_picture(
     together = own(depths, widths, around)
     for number, mine in enumerate(together):
         (alone,) = own([depths[number]], widths[number : number + 1], [around[number]])
-        assert (alone is None) == (mine is None)
-        assert alone is None or np.array_equal(alone, mine)
+        if alone is None or mine is None:
+            assert alone is mine
+        else:
+            assert np.array_equal(alone, mine)
 
 
 def test_of_no_objects_there_is_nothing() -> None:

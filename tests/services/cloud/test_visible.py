@@ -105,8 +105,8 @@ def test_a_thin_strip_without_readings_makes_a_box_no_larger() -> None:
 
 def test_an_objects_shape_is_the_same_whatever_else_is_in_the_picture() -> None:
     made = []
-    for box, noise in ((FAR, NOISE), (Cuboid((3.5, 0.2), (0.5, 0.4, 0.6), yaw=0.5), 0.0)):
-        picture, mask = view(box, noise=noise)
+    for true, noise in ((FAR, NOISE), (Cuboid((3.5, 0.2), (0.5, 0.4, 0.6), yaw=0.5), 0.0)):
+        picture, mask = view(true, noise=noise)
         made.append(seen_of(picture, mask, mask))
     for together, one in zip(shapes(made, LEVEL), made, strict=True):
         ((centroid, box),) = shapes([one], LEVEL)
