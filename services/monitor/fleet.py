@@ -61,6 +61,9 @@ class _Camera:
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
 
 
+UNHEARD: Final = _Camera()
+
+
 class Fleet:
     """Every robot and camera ever seen, what is in view of it and how it is doing.
 
@@ -153,16 +156,18 @@ class Fleet:
 
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name; also those that were heard before a restart alone."""
-        unheard = _Camera()
-        for key in self.inventory.in_order():
-            camera = self._cameras.get(key, unheard)
-            yield Row(
-                key=key,
-                online=self.inventory.online(key),
-                classes=tuple(camera.latest.classes) if camera.latest else None,
-                age=_age(camera, now_s),
-                rate_hz=camera.rate_hz(now_s),
-            )
+        yield from (self.row(key, now_s) for key in self.inventory.in_order())
+
+    def row(self, key: CameraKey, now_s: float) -> Row:
+        """Return one camera."""
+        camera = self._cameras.get(key, UNHEARD)
+        return Row(
+            key=key,
+            online=self.inventory.online(key),
+            classes=tuple(camera.latest.classes) if camera.latest else None,
+            age=_age(camera, now_s),
+            rate_hz=camera.rate_hz(now_s),
+        )
 
     def lists_per_robot(self) -> Counter[str]:
         """Count the class lists that arrived from each known robot."""

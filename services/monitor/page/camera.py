@@ -44,7 +44,7 @@ def add_camera(monitor: Monitor, views: Views) -> None:
         while await gaze.begins():
             live.show()
             while not await gaze.ends(REFRESH_S):
-                await live.refresh()
+                live.refresh()
             live.hide()
 
 
@@ -101,7 +101,7 @@ class _Live:
     def _broke_off(self) -> None:
         self._again_s = time.monotonic() + AGAIN_S
 
-    async def refresh(self) -> None:
+    def refresh(self) -> None:
         """Bring everything up to date."""
         if self._again_s and time.monotonic() >= self._again_s:
             self.show()
@@ -109,7 +109,7 @@ class _Live:
         age = self._age_of(newest, now_ns)
         fresh = age is not None and age.seconds <= STALE_S
         self._image.classes(**{"remove" if fresh else "add": "fs-old"})
-        await self._explain(newest, age, fresh=fresh)
+        self._explain(newest, age, fresh=fresh)
         self._tell(newest, age)
         self._list(now_ns)
 
@@ -118,9 +118,8 @@ class _Live:
             return None
         return self._monitor.fleet.age_of(newest.message.header, newest.received_ns, now_ns)
 
-    async def _explain(self, newest: Newest[ImageFrame] | None, age: Age | None, *, fresh: bool) -> None:
-        picture = await self._monitor.picture()
-        workers = [line.status for line in picture.workers if line.online and line.status.service == SERVICE]
+    def _explain(self, newest: Newest[ImageFrame] | None, age: Age | None, *, fresh: bool) -> None:
+        workers = self._monitor.workers().of(SERVICE)
         facts = facts_of(self._monitor.fleet, self._key, workers, came=age is not None)
         served = ", ".join(f"{worker.worker} ({worker.model})" for worker in facts.serving)
         self._served.set_text(f"Found by {served}" if served else "No detector looks at it")

@@ -1,16 +1,25 @@
-"""How robots are, and which of thousands a page shows. Pure: all of it is made of a picture."""
+"""How robots are, and which of thousands a page shows: all are surveyed, those that are shown are painted."""
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
+from schemas.keys import CameraKey
+from services.monitor.fleet import Row
+from services.monitor.glance import Glance, problems_of
 from services.monitor.page.words import NS, lasting, natural
-from services.monitor.picture import CameraLine, Picture, RobotLine
+from services.monitor.picture import CameraLine, RobotLine
+from services.monitor.turns import in_turns
 
 QUIET_NS: Final = 5 * NS
 """A gateway says every second how it is; one that said nothing for so long is not relied on, though it is there."""
+
+
+DETECTOR: Final = "detector/"
+"""What the names of workers begin with that say what cameras see."""
 
 
 class RobotState(StrEnum):
@@ -48,72 +57,139 @@ class Wanted:
     descending: bool = False
 
 
+class Standing(NamedTuple):
+    """What a robot is counted and sorted by. last_ns, age_s, rate_hz: as RobotLine has them. live: cameras that are."""
+
+    name: str
+    state: RobotState
+    last_ns: int
+    age_s: float
+    rate_hz: float
+    live: int
+
+
 class Survey:
-    """All robots of a picture: counted, searched and sorted. What was asked for once is kept, as many ask the same."""
+    """All robots at one moment: counted, searched and sorted. What was asked for once is kept, as many ask the same."""
 
-    def __init__(self, picture: Picture) -> None:
-        of_robot = defaultdict[str, list[CameraLine]](list)
-        for camera in picture.cameras:
-            of_robot[camera.key.robot].append(camera)
-        lines = sorted(picture.robots, key=lambda line: natural(line.name))
-        self._robots = [_robot(line, of_robot.get(line.name, ()), picture.now_ns) for line in lines]
-        self._kept: dict[Wanted, Sequence[Robot]] = {}
-        self.picture = picture
-        self.counts: Mapping[RobotState, int] = Counter(robot.state for robot in self._robots)
-        self.live_cameras = sum(not camera.row.stale for camera in picture.cameras)
-        self.rate_hz = sum(line.rate_hz for line in picture.robots)
+    def __init__(self, glance: Glance, standings: Sequence[Standing]) -> None:
+        self._glance = glance
+        self._standings = standings
+        self._kept: dict[Wanted, Sequence[str]] = {}
+        self._unserved: Sequence[CameraKey] | None = None
+        self.counts: Mapping[RobotState, int] = Counter(each.state for each in standings)
+        self.cameras = len(glance.cameras)
+        self.live_cameras = sum(each.live for each in standings)
+        self.rate_hz = sum(each.rate_hz for each in standings)
 
-    def robots(self, wanted: Wanted) -> Sequence[Robot]:
-        """Return the robots that are wanted in the order that is."""
+    @property
+    def size(self) -> int:
+        """How many robots there are."""
+        return len(self._standings)
+
+    async def robots(self, wanted: Wanted) -> Sequence[str]:
+        """Return the names of the robots that are wanted in the order that is."""
         if wanted not in self._kept:
             text = wanted.text.strip().casefold()
-            found = [
-                robot
-                for robot in self._robots
-                if wanted.state in (None, robot.state) and (not text or _has(robot, text))
-            ]
-            self._kept[wanted] = sorted(found, key=SORTS.get(wanted.sort, SORTS["state"]), reverse=wanted.descending)
+            found = [each for each in self._standings if wanted.state in (None, each.state)]
+            if text:
+                found = [each async for each in in_turns(found) if _has(self._glance, each.name, text)]
+            if wanted.sort == "dropped":
+                drops = {each.name: self._drops(each.name) async for each in in_turns(found)}
+                found.sort(key=lambda each: drops[each.name], reverse=wanted.descending)
+            else:
+                found.sort(key=SORTS.get(wanted.sort, SORTS["state"]), reverse=wanted.descending)
+            self._kept[wanted] = [each.name for each in found]
         return self._kept[wanted]
 
+    async def unserved(self) -> Sequence[CameraKey]:
+        """Return the cameras that are there and that no detector looks after."""
+        if self._unserved is None:
+            self._unserved = [key async for key in in_turns(self._glance.cameras) if _is_unserved(self._glance, key)]
+        return self._unserved
 
-SORTS: Final[Mapping[str, Callable[[Robot], Any]]] = {
-    "state": lambda robot: WORST_FIRST[robot.state],
-    "robot": lambda robot: natural(robot.line.name),
-    "seen": lambda robot: robot.line.last_ns,
-    "rate": lambda robot: robot.line.rate_hz,
-    "age": lambda robot: float("inf") if robot.line.age_s is None else robot.line.age_s,
-    "dropped": lambda robot: sum(robot.line.dropped.values()),
+    def _drops(self, name: str) -> int:
+        return self._glance.drops(name, self._glance.cameras_of(name))
+
+
+SORTS: Final[Mapping[str, Callable[[Standing], Any]]] = {
+    "state": lambda each: WORST_FIRST[each.state],
+    "robot": lambda each: natural(each.name),
+    "seen": lambda each: each.last_ns,
+    "rate": lambda each: each.rate_hz,
+    "age": lambda each: each.age_s,
 }
+
+
+def standings_of(glance: Glance) -> Iterator[Standing]:
+    """Yield how each robot is, by name as people sort names."""
+    for name in in_natural_order(glance.robots):
+        keys = glance.cameras_of(name)
+        rows = [glance.row(key) for key in keys]
+        last_ns = glance.last_ns(name, keys)
+        gateway = glance.fleet.gateways.get(name)
+        wrong = gateway is not None and any(problems_of(gateway))
+        online = glance.fleet.inventory.is_alive(name)
+        state = state_of(rows, glance.now_ns - last_ns, online=online, wrong=wrong)
+        age_s = min((row.age.seconds for row in rows if row.age is not None), default=float("inf"))
+        live = sum(not row.stale for row in rows)
+        yield Standing(name, state, last_ns, age_s, sum(row.rate_hz for row in rows), live)
+
+
+@lru_cache(maxsize=2)
+def in_natural_order(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names as people sort them; that of a fleet is the same for hours."""
+    return tuple(sorted(names, key=natural))
+
+
+def state_of(rows: Sequence[Row], silent_ns: int, *, online: bool, wrong: bool) -> RobotState:
+    """Return how a robot is. rows: its cameras. silent_ns: since it was heard last. wrong: something is."""
+    if not online:
+        return RobotState.OFFLINE
+    if silent_ns > QUIET_NS:
+        return RobotState.SILENT
+    there = [row for row in rows if row.online]
+    if there and all(row.stale for row in there):
+        return RobotState.SILENT
+    return RobotState.TROUBLE if wrong else RobotState.ONLINE
+
+
+def robot_of(glance: Glance, name: str) -> Robot:
+    """Paint a robot."""
+    cameras = tuple(glance.camera(key) for key in glance.cameras_of(name))
+    line = glance.robot_of(name, cameras)
+    return Robot(line, cameras, *standing(line, cameras, glance.now_ns))
 
 
 def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tuple[RobotState, str]:
     """Return how a robot is, and why it is not online, in words."""
-    if not line.online:
-        return RobotState.OFFLINE, "its gateway is gone"
-    if not line.last_ns:
-        return RobotState.SILENT, "nothing heard yet"
     silent_ns = now_ns - line.last_ns
-    if silent_ns > QUIET_NS:
-        return RobotState.SILENT, f"nothing heard for {lasting(silent_ns / NS)}"
-    there = [camera for camera in cameras if camera.row.online]
-    if there and all(camera.row.stale for camera in there):
-        return RobotState.SILENT, line.problems[0] if line.problems else _unseen(there)
-    return (RobotState.TROUBLE, line.problems[0]) if line.problems else (RobotState.ONLINE, "")
+    state = state_of([each.row for each in cameras], silent_ns, online=line.online, wrong=bool(line.problems))
+    match state:
+        case RobotState.OFFLINE:
+            return state, "its gateway is gone"
+        case RobotState.SILENT if not line.last_ns:
+            return state, "nothing heard yet"
+        case RobotState.SILENT if silent_ns > QUIET_NS:
+            return state, f"nothing heard for {lasting(silent_ns / NS)}"
+        case RobotState.SILENT if not line.problems:
+            return state, _unseen([camera for camera in cameras if camera.row.online])
+    return state, line.problems[0] if line.problems else ""
 
 
 def _unseen(cameras: Sequence[CameraLine]) -> str:
     """Say why nothing is known of cameras that are there."""
-    workers = sorted({name for camera in cameras for name in camera.served_by if name.startswith("detector/")})
+    workers = sorted({name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)})
     return f"no class lists from {', '.join(workers)}" if workers else "no detector looks after its cameras"
 
 
-def _robot(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> Robot:
-    state, why = standing(line, cameras, now_ns)
-    return Robot(line, tuple(cameras), state, why)
+def _has(glance: Glance, name: str, text: str) -> bool:
+    return text in name.casefold() or any(
+        text in key.camera.casefold() or any(text in each.name.casefold() for each in glance.row(key).classes or ())
+        for key in glance.cameras_of(name)
+    )
 
 
-def _has(robot: Robot, text: str) -> bool:
-    return text in robot.line.name.casefold() or any(
-        text in camera.key.camera.casefold() or any(text in each.name.casefold() for each in camera.row.classes or ())
-        for camera in robot.cameras
+def _is_unserved(glance: Glance, key: CameraKey) -> bool:
+    return glance.fleet.inventory.online(key) and not any(
+        name.startswith(DETECTOR) for name in glance.workers.serving(key)
     )
