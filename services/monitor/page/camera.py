@@ -15,8 +15,9 @@ from services.monitor.looking.newest import Newest
 from services.monitor.looking.reasons import Reason, facts_of, why_nothing
 from services.monitor.looking.views import Views
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, PATIENCE_S, page_frame
+from services.monitor.page.frame import page_at, page_frame
 from services.monitor.page.gaze import Gaze
+from services.monitor.page.links import FLEET
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
 from services.monitor.page.words import age_text, ago, rate_text
 
@@ -32,7 +33,7 @@ KINDS: Final = {Stream.OVERLAY_DETECTION.value: "Boxes", Stream.OVERLAY_SEGMENTA
 def add_camera(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(PATH, response_timeout=PATIENCE_S)
+    @page_at(PATH)
     async def camera_page(robot: str, camera: str) -> None:
         with page_frame(monitor, f"{robot}/{camera}", FLEET):
             ui.add_css(VIEW_STYLE)

@@ -9,10 +9,11 @@ from nicegui import events, ui
 
 from schemas.keys import CameraKey
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import HEALTH, PATIENCE_S, REFRESH_S, banner, nothing_yet, page_frame
+from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
 from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
 from services.monitor.page.itself import Itself
+from services.monitor.page.links import HEALTH
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.robots import Wanted, robot_of
 from services.monitor.page.shared import Shared
@@ -45,7 +46,7 @@ GATEWAY_COLUMNS: Final = (
 def add_health(shared: Shared, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(HEALTH.path, response_timeout=PATIENCE_S)
+    @page_at(HEALTH.path)
     async def health() -> None:
         with page_frame(monitor, "Health", HEALTH):
             await _Health(shared, monitor).refresh()
@@ -64,14 +65,12 @@ class _Health:
             self._workers = LiveTable(
                 WORKER_COLUMNS, self._load_workers, row_key="id", sort="state", body=WORKER_BODY, card=WORKER_CARD
             )
-            self._no_worker = ui.element("div")
-            with self._no_worker:
-                nothing_yet(
-                    "memory",
-                    "No worker has said anything yet",
-                    "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
-                    command="fleetsight detector --connect tcp/MONITOR:7447",
-                )
+            self._no_worker = nothing_yet(
+                "memory",
+                "No worker has said anything yet",
+                "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
+                command="fleetsight detector --connect tcp/MONITOR:7447",
+            )
         with _panel("Gateways"):
             with ui.element("div").classes("fs-panel-head"):
                 search = ui.input(placeholder="Robot, camera or class", on_change=self._look_for)
@@ -84,11 +83,9 @@ class _Health:
                 body=GATEWAY_BODY,
                 card=GATEWAY_CARD,
             )
-            self._no_gateway = ui.element("div")
-            with self._no_gateway:
-                nothing_yet(
-                    "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
-                )
+            self._no_gateway = nothing_yet(
+                "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
+            )
         with _panel("This monitor"):
             self._itself = Itself(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)

@@ -15,8 +15,9 @@ from services.monitor.mapping.last_poses import LastPoses
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import MAP, PATIENCE_S, nothing_yet, page_frame
+from services.monitor.page.frame import nothing_yet, page_at, page_frame
 from services.monitor.page.gaze import Gaze
+from services.monitor.page.links import MAP
 from services.monitor.page.stage import VIEW_STYLE
 from services.monitor.page.words import ago, plural
 
@@ -30,7 +31,7 @@ ROBOT_ICON: Final = "navigation"
 def add_map(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(MAP.path, response_timeout=PATIENCE_S)
+    @page_at(MAP.path)
     async def map_page() -> None:
         with page_frame(monitor, "Map", MAP):
             ui.add_css(VIEW_STYLE)
@@ -60,15 +61,13 @@ class _Map:
                         "dense outlined options-dense"
                     )
                 self._picture = ui.html(sanitize=False).classes("fs-map")
-                self._empty = ui.element("div")
-                with self._empty:
-                    nothing_yet(
-                        ROBOT_ICON,
-                        "No position is known yet",
-                        "Robots appear once their gateways send transforms from map to base_link.",
-                        "Objects appear once somebody measures how far away they are:",
-                        command="fleetsight distance --connect ...",
-                    )
+                self._empty = nothing_yet(
+                    ROBOT_ICON,
+                    "No position is known yet",
+                    "Robots appear once their gateways send transforms from map to base_link.",
+                    "Objects appear once somebody measures how far away they are:",
+                    command="fleetsight distance --connect ...",
+                )
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
                     ui.label("Last seen").classes("fs-title")

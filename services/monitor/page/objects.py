@@ -19,8 +19,9 @@ from services.monitor.looking.solid import Solid, frame_of, rounded, solids_of
 from services.monitor.looking.views import Views
 from services.monitor.mapping.drawing import colour_of
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, PATIENCE_S, page_frame
+from services.monitor.page.frame import page_at, page_frame
 from services.monitor.page.gaze import Gaze
+from services.monitor.page.links import FLEET
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
 from services.monitor.page.words import age_text, plural
 
@@ -50,7 +51,7 @@ MOST_REASONS: Final = 5
 def add_objects(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(PATH, response_timeout=PATIENCE_S)
+    @page_at(PATH)
     async def objects_page(robot: str, camera: str) -> None:
         with page_frame(monitor, f"{robot}/{camera} in 3D", FLEET):
             ui.add_css(VIEW_STYLE)

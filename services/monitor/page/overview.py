@@ -7,7 +7,8 @@ from typing import Final
 from nicegui import events, ui
 
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, PATIENCE_S, REFRESH_S, nothing_yet, page_frame
+from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
+from services.monitor.page.links import FLEET
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.overview_rows import robot_row
 from services.monitor.page.robots import RobotState, Survey, Wanted, robot_of
@@ -30,7 +31,7 @@ COLUMNS: Final = (
 def add_overview(shared: Shared, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(FLEET.path, response_timeout=PATIENCE_S)
+    @page_at(FLEET.path)
     async def overview() -> None:
         with page_frame(monitor, "Fleet", FLEET):
             await _Overview(monitor, shared).refresh()
@@ -57,17 +58,15 @@ class _Overview:
             self._table = LiveTable(
                 COLUMNS, self._load, row_key="robot", sort="state", body=ROBOT_BODY, card=ROBOT_CARD
             )
-            self._nobody = ui.element("div")
-            with self._nobody:
-                nothing_yet(
-                    "smart_toy",
-                    "No robot has joined yet",
-                    "Start a gateway beside a robot's ROS master; it shows up here within a second:",
-                    command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
-                )
-            self._none = ui.element("div")
-            with self._none:
-                nothing_yet("search_off", "No robot is like that", "Clear the search, or choose another state above.")
+            self._nobody = nothing_yet(
+                "smart_toy",
+                "No robot has joined yet",
+                "Start a gateway beside a robot's ROS master; it shows up here within a second:",
+                command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
+            )
+            self._none = nothing_yet(
+                "search_off", "No robot is like that", "Clear the search, or choose another state above."
+            )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
 
     async def refresh(self) -> None:

@@ -69,6 +69,15 @@ def link_needed() -> str:
     )
 
 
+def too_many_pages(most: int) -> str:
+    """Return what is said to somebody who has as many pages open as may be."""
+    return _page(
+        "Too many pages are open",
+        "",
+        f"<p>You have {most} pages of this monitor open. Close some of them, then load this one again.</p>",
+    )
+
+
 def _page(title: str, wrong: str, content: str) -> str:
     said = f'<p class="wrong" role="alert">{escape(wrong)}</p>' if wrong else ""
     return f"""<!doctype html>
