@@ -73,7 +73,9 @@ class _Inventory:
                 command="fleetsight detector --connect tcp/MONITOR:7447",
             )
             self._none = nothing_yet(
-                "search_off", "Nothing is like that", "Clear the search, or show what was in view before."
+                "search_off",
+                "Nothing is like that",
+                "Clear the search, or switch off In view now to see what was there before.",
             )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
         ui.timer(MAX_AGE_S, self.draw)  # a slow database keeps nobody from the page
@@ -135,7 +137,8 @@ class _Inventory:
                 self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
         for name, tile in self._tiles.items():
             tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
-        self._found.set_text(plural(len(found), "sighting"))
+        unknown = f", {stock.unknown:,} more not known now" if self._filters.in_view and stock.unknown else ""
+        self._found.set_text(plural(len(found), "sighting") + unknown)
         self._nothing.set_visibility(not stock.entries)
         self._none.set_visibility(bool(stock.entries) and not found)
 

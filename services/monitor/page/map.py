@@ -64,7 +64,7 @@ class _Map:
                 self._empty = nothing_yet(
                     ROBOT_ICON,
                     "No position is known yet",
-                    "Robots appear once their gateways send transforms from map to base_link.",
+                    "Robots appear once their gateways send transforms from map to base_link, or they see two objects.",
                     "Objects appear once somebody measures how far away they are:",
                     command="fleetsight distance --connect ...",
                 )
@@ -96,8 +96,10 @@ class _Map:
         poses = {name: where.pose() for name, where in whereabouts.items()}
         online = self._monitor.fleet.inventory.robots()
         known = {name: pose for name, pose in poses.items() if isinstance(pose, Pose) and name in online}
+        self._last_poses.take_seen(self._monitor.fleet.places.poses)
         self._last_poses.take(known, now_ns)
         robots = self._last_poses.robots(now_ns, online, robot=self._robot.value)
+        robots, more = robots[:MOST_SHOWN], len(robots) - MOST_SHOWN
         marks = self._monitor.fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN]
         points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
         self._bounds = Bounds.around(points, self._bounds)
@@ -107,7 +109,8 @@ class _Map:
             self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns))
         self._explain(marks, now_ns)
         without = [f"{name}: {pose}" for name, pose in poses.items() if not isinstance(pose, Pose)]
-        self._missing.set_text("; ".join([*without[:5], *[crowded] * bool(crowded)]))
+        left_out = f"and {plural(more, 'robot')} more: choose one above" if more > 0 else ""
+        self._missing.set_text("; ".join(filter(None, [*without[:5], crowded, left_out])))
 
     def _explain(self, marks: list[Mark], now_ns: int) -> None:
         counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
