@@ -75,21 +75,14 @@ def page_frame(monitor: Monitor, title: str, here: Place | None = None) -> Itera
     links = [_bar(visitor, here)]
     with ui.footer(elevated=False).classes("fs-footer"):
         links.append(Links(here))
-    banners = ui.element("div").classes("fs-banners")
-    shown: list[str] = []
+    banners = _Banners(monitor)
 
     async def refresh() -> None:
         if not visitor.may_look:
             ui.navigate.to("/")
             client.content.clear()
             return
-        problems = list(monitor.problems())
-        if problems != shown:
-            shown[:] = problems
-            banners.clear()
-            with banners:
-                for problem in problems:
-                    banner(problem)
+        banners.refresh()
         with suppress(HistoryError):  # which is among the problems
             alerts = await monitor.current_alerts()
             for each in links:
@@ -98,6 +91,31 @@ def page_frame(monitor: Monitor, title: str, here: Place | None = None) -> Itera
     ui.timer(REFRESH_S, refresh)
     yield visitor
     visit.made = True
+
+
+class _Banners:
+    """What is wrong with the monitor itself."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        self._shown: list[str] = []
+        self._deaf = ui.element("div")
+        with self._deaf:
+            self._why_deaf = banner("", bad=True)
+        self._others = ui.element("div").classes("fs-banners")
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Say it as it is now."""
+        deaf, problems = self._monitor.health.problem, self._monitor.problems()
+        self._deaf.set_visibility(bool(deaf))
+        self._why_deaf.set_text(f"The fleet cannot be heard, what is shown is what was heard last: {deaf}")
+        if problems != self._shown:
+            self._shown = problems
+            self._others.clear()
+            with self._others:
+                for problem in problems:
+                    banner(problem)
 
 
 def banner(text: str, *, bad: bool = False) -> ui.label:

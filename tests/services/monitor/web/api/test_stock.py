@@ -1,6 +1,7 @@
+from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.web.api.stock import AT_ONCE, Asked, Place, some_entries
-from tests.services.monitor.inventory.seeing import CameraKey, S, seen
+from tests.services.monitor.inventory.seeing import S, seen
 
 
 def stocked(robots: int = 3) -> Inventory:
