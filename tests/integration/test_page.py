@@ -95,6 +95,7 @@ async def test_robots_are_searched_and_chosen_by_their_state(site: Site, tmp_pat
         await expect(page.locator("[data-sighting='r1/front/box']")).to_contain_text("2.12 m")
         wide = await page.evaluate("document.documentElement.scrollWidth")
         assert wide == 375
+        assert await page.locator("img").count() == 0
         await looker.picture("inventory-phone-dark")
 
 

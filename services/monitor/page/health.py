@@ -15,8 +15,9 @@ from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, W
 from services.monitor.page.itself import Itself
 from services.monitor.page.links import HEALTH
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
-from services.monitor.page.robots import Wanted, robot_of
+from services.monitor.page.robots import robot_of
 from services.monitor.page.shared import Shared
+from services.monitor.page.survey import Wanted
 
 MAX_NAMED: Final = 6
 

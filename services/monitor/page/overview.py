@@ -11,8 +11,9 @@ from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_fr
 from services.monitor.page.links import FLEET
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.overview_rows import robot_row
-from services.monitor.page.robots import RobotState, Survey, Wanted, robot_of
+from services.monitor.page.robots import RobotState, robot_of
 from services.monitor.page.shared import Shared
+from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.tiles import Tile
 

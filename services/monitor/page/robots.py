@@ -1,18 +1,15 @@
-"""How robots are, and which of thousands a page shows: all are surveyed, those that are shown are painted."""
+"""How robots are, at a glance for all of them, and painted for those that are shown. Pure."""
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from schemas.keys import CameraKey
 from services.monitor.fleet import Row
 from services.monitor.glance import Glance, problems_of
 from services.monitor.page.words import NS, lasting, natural
 from services.monitor.picture import CameraLine, RobotLine
-from services.monitor.turns import in_turns
 
 QUIET_NS: Final = 5 * NS
 """A gateway says every second how it is; one that said nothing for so long is not relied on, though it is there."""
@@ -34,9 +31,6 @@ class RobotState(StrEnum):
     ONLINE = "online"
 
 
-WORST_FIRST: Final = {state: place for place, state in enumerate(RobotState)}
-
-
 @dataclass(frozen=True, slots=True)
 class Robot:
     """One robot. why: what keeps it from being online, in words."""
@@ -45,16 +39,6 @@ class Robot:
     cameras: tuple[CameraLine, ...]
     state: RobotState
     why: str
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """Which robots are to be shown: `text` is in their names or a camera's or class's; all states unless given."""
-
-    text: str = ""
-    state: RobotState | None = None
-    sort: str = "state"
-    descending: bool = False
 
 
 class Standing(NamedTuple):
@@ -66,58 +50,6 @@ class Standing(NamedTuple):
     age_s: float
     rate_hz: float
     live: int
-
-
-class Survey:
-    """All robots at one moment: counted, searched and sorted. What was asked for once is kept, as many ask the same."""
-
-    def __init__(self, glance: Glance, standings: Sequence[Standing]) -> None:
-        self._glance = glance
-        self._standings = standings
-        self._kept: dict[Wanted, Sequence[str]] = {}
-        self._unserved: Sequence[CameraKey] | None = None
-        self.counts: Mapping[RobotState, int] = Counter(each.state for each in standings)
-        self.cameras = len(glance.cameras)
-        self.live_cameras = sum(each.live for each in standings)
-        self.rate_hz = sum(each.rate_hz for each in standings)
-
-    @property
-    def size(self) -> int:
-        """How many robots there are."""
-        return len(self._standings)
-
-    async def robots(self, wanted: Wanted) -> Sequence[str]:
-        """Return the names of the robots that are wanted in the order that is."""
-        if wanted not in self._kept:
-            text = wanted.text.strip().casefold()
-            found = [each for each in self._standings if wanted.state in (None, each.state)]
-            if text:
-                found = [each async for each in in_turns(found) if _has(self._glance, each.name, text)]
-            if wanted.sort == "dropped":
-                drops = {each.name: self._drops(each.name) async for each in in_turns(found)}
-                found.sort(key=lambda each: drops[each.name], reverse=wanted.descending)
-            else:
-                found.sort(key=SORTS.get(wanted.sort, SORTS["state"]), reverse=wanted.descending)
-            self._kept[wanted] = [each.name for each in found]
-        return self._kept[wanted]
-
-    async def unserved(self) -> Sequence[CameraKey]:
-        """Return the cameras that are there and that no detector looks after."""
-        if self._unserved is None:
-            self._unserved = [key async for key in in_turns(self._glance.cameras) if _is_unserved(self._glance, key)]
-        return self._unserved
-
-    def _drops(self, name: str) -> int:
-        return self._glance.drops(name, self._glance.cameras_of(name))
-
-
-SORTS: Final[Mapping[str, Callable[[Standing], Any]]] = {
-    "state": lambda each: WORST_FIRST[each.state],
-    "robot": lambda each: natural(each.name),
-    "seen": lambda each: each.last_ns,
-    "rate": lambda each: each.rate_hz,
-    "age": lambda each: each.age_s,
-}
 
 
 def standings_of(glance: Glance) -> Iterator[Standing]:
@@ -180,16 +112,3 @@ def _unseen(cameras: Sequence[CameraLine]) -> str:
     """Say why nothing is known of cameras that are there."""
     workers = sorted({name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)})
     return f"no class lists from {', '.join(workers)}" if workers else "no detector looks after its cameras"
-
-
-def _has(glance: Glance, name: str, text: str) -> bool:
-    return text in name.casefold() or any(
-        text in key.camera.casefold() or any(text in each.name.casefold() for each in glance.row(key).classes or ())
-        for key in glance.cameras_of(name)
-    )
-
-
-def _is_unserved(glance: Glance, key: CameraKey) -> bool:
-    return glance.fleet.inventory.online(key) and not any(
-        name.startswith(DETECTOR) for name in glance.workers.serving(key)
-    )

@@ -5,8 +5,9 @@ from typing import Final
 
 from services.monitor.monitor import Monitor
 from services.monitor.page.health_rows import WorkerRates
-from services.monitor.page.robots import Survey, standings_of
+from services.monitor.page.robots import standings_of
 from services.monitor.page.sightings import Stock
+from services.monitor.page.survey import Survey
 from services.monitor.recent import Recent
 from services.monitor.turns import in_turns
 

@@ -2,7 +2,9 @@ import httpx
 from nicegui import Client
 
 from bus.fake import FakeNetwork
+from services.monitor.page.frame import VISITS
 from services.monitor.page.visits import MOST_LEFT, MOST_OPEN, Visits
+from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.web.serving import monitor_on, served
 
 
@@ -51,11 +53,19 @@ def test_nobody_has_more_pages_open_than_may_be_and_closing_one_makes_room() -> 
     assert visits.make_room("ann")
 
 
-async def test_pages_that_are_fetched_and_never_opened_fill_no_memory() -> None:
+async def test_pages_that_are_fetched_and_never_opened_fill_no_memory_and_too_many_are_refused() -> None:
     async with FakeNetwork().open_bus() as bus, served(monitor_on(bus)) as at:
         before = len(Client.instances)
         headers = {"Authorization": f"Bearer {at.token}"}
         async with httpx.AsyncClient(base_url=at.url, headers=headers, timeout=60) as program:
             for _ in range(MOST_LEFT + 5):
                 assert (await program.get("/alerts")).status_code == 200
-        assert len(Client.instances) <= before + MOST_LEFT
+            assert len(Client.instances) <= before + MOST_LEFT
+            tabs = [Tab(connected=True) for _ in range(MOST_OPEN)]
+            for tab in tabs:
+                VISITS.begin(Role.OPERATOR, tab)
+            refused = await program.get("/alerts")
+            assert (refused.status_code, "Close some of them" in refused.text) == (503, True)
+            for tab in tabs:
+                tab.delete()
+            assert (await program.get("/alerts")).status_code == 200

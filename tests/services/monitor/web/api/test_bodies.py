@@ -43,4 +43,8 @@ def test_a_page_is_what_the_document_says() -> None:
     page = Page[dict[str, str]].model_validate_json(sent)
     assert (page.items, page.next) == ([{"name": "x"}], "mark")
     assert json.loads(page.model_dump_json()) == json.loads(sent)
-    assert json.loads(page_response(0, [], None).body) == {"now": "1970-01-01T00:00:00Z", "items": [], "next": None}
+    assert json.loads(bytes(page_response(0, [], None).body)) == {
+        "now": "1970-01-01T00:00:00Z",
+        "items": [],
+        "next": None,
+    }
