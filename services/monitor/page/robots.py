@@ -1,11 +1,13 @@
 """How robots are, at a glance for all of them, and painted for those that are shown. Pure."""
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 from typing import Final, NamedTuple
 
+from schemas.keys import CameraKey
 from services.monitor.fleet import Row
 from services.monitor.glance import Glance, problems_of
 from services.monitor.page.words import NS, lasting, natural
@@ -54,8 +56,11 @@ class Standing(NamedTuple):
 
 def standings_of(glance: Glance) -> Iterator[Standing]:
     """Yield how each robot is, by name as people sort names."""
+    of_robot = defaultdict[str, list[CameraKey]](list)
+    for key in glance.cameras:
+        of_robot[key.robot].append(key)
     for name in in_natural_order(glance.robots):
-        keys = glance.cameras_of(name)
+        keys = of_robot.get(name, ())
         rows = [glance.row(key) for key in keys]
         last_ns = glance.last_ns(name, keys)
         gateway = glance.fleet.gateways.get(name)
