@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Final
 
 from fastapi import Depends, Request
-from fastapi.responses import HTMLResponse
 from nicegui import ui
 
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
+from services.monitor.page.instead import TooManyPagesError
 from services.monitor.page.links import Links, Place, icon_of, still
-from services.monitor.page.visits import MOST_OPEN, Visits
-from services.monitor.web.auth.forms import too_many_pages
+from services.monitor.page.visits import Visits
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
 REFRESH_S: Final = 1.0
@@ -45,10 +44,6 @@ VISITS: Final = Visits()
 """Of the whole process, as the pages themselves are."""
 
 
-class TooManyPagesError(Exception):
-    """A visitor has as many pages open as may be."""
-
-
 def page_at(path: str) -> ui.page:
     """Return what makes a function a page, for visitors who do not have too many open."""
 
@@ -57,11 +52,6 @@ def page_at(path: str) -> ui.page:
             raise TooManyPagesError
 
     return ui.page(path, response_timeout=PATIENCE_S, dependencies=[Depends(make_room)])
-
-
-def answer_too_many(_: Request, __: Exception) -> HTMLResponse:
-    """Answer a TooManyPagesError."""
-    return HTMLResponse(too_many_pages(MOST_OPEN), 503)
 
 
 @contextmanager

@@ -69,13 +69,9 @@ def link_needed() -> str:
     )
 
 
-def too_many_pages(most: int) -> str:
-    """Return what is said to somebody who has as many pages open as may be."""
-    return _page(
-        "Too many pages are open",
-        "",
-        f"<p>You have {most} pages of this monitor open. Close some of them, then load this one again.</p>",
-    )
+def notice(title: str, text: str) -> str:
+    """Return what is said instead of a page."""
+    return _page(title, "", f'<p>{escape(text)}</p><p><a href="/">To the fleet</a></p>')
 
 
 def _page(title: str, wrong: str, content: str) -> str:

@@ -24,8 +24,9 @@ async def test_what_is_no_news_stays_the_same_item() -> None:
         _, first = await feed.current(TOPICS)
         assert json.loads(first["cameras"]["r1", "front"].body)["classes"] == [{"name": ODD, "count": 2, "score": 0.5}]
         see(monitor.fleet, 2, 1)
-        for recent in (*feed._recent.values(), monitor._picture, monitor._inventory):
+        for recent in feed._recent.values():
             recent._made = None
+        monitor._picture._made = monitor._inventory._made = None
         _, then = await feed.current(TOPICS)
         assert then["cameras"]["r1", "front"] is not first["cameras"]["r1", "front"]
         assert then["cameras"]["r2", "front"] is first["cameras"]["r2", "front"]
