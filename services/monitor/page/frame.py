@@ -88,24 +88,23 @@ class _Banners:
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
-        self._shown: list[str] = []
-        self._deaf = ui.element("div")
-        with self._deaf:
-            self._why_deaf = banner("", bad=True)
-        self._others = ui.element("div").classes("fs-banners")
+        self._shown: tuple[bool, list[str]] = (False, [])
+        self._banners = ui.element("div").classes("fs-banners")
+        self._deaf: ui.label | None = None
         self.refresh()
 
     def refresh(self) -> None:
         """Say it as it is now."""
         deaf, problems = self._monitor.health.problem, self._monitor.problems()
-        self._deaf.set_visibility(bool(deaf))
-        self._why_deaf.set_text(f"The fleet cannot be heard, what is shown is what was heard last: {deaf}")
-        if problems != self._shown:
-            self._shown = problems
-            self._others.clear()
-            with self._others:
+        if (bool(deaf), problems) != self._shown:
+            self._shown = bool(deaf), problems
+            self._banners.clear()
+            with self._banners:
+                self._deaf = banner("", bad=True) if deaf else None
                 for problem in problems:
                     banner(problem)
+        if self._deaf is not None:
+            self._deaf.set_text(f"The fleet cannot be heard, what is shown is what was heard last: {deaf}")
 
 
 def banner(text: str, *, bad: bool = False) -> ui.label:
