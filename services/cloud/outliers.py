@@ -97,7 +97,8 @@ def _kept(within: Floats, surfaces: tuple[Indices, Indices, Indices], widths: Fl
     together = np.cumsum(apart)
     front = front[whose]
     behind = (together == together[front]) & (np.arange(len(whose)) >= front)
-    return np.asarray(behind | substantial & (inside >= OWN * outside) & (around > 0).any(axis=1)[whose])
+    told = np.asarray((around > 0).any(axis=1))
+    return np.asarray(behind | substantial & (inside >= OWN * outside) & told[whose])
 
 
 def _most(values: NDArray[Any], whose: Indices, count: int) -> NDArray[Any]:

@@ -33,13 +33,13 @@ PIXELS: Final = 128
 NEAR: Final = 4
 """Pixels at its edge that are so many pixels from a reading say nothing: they may be of a face that none is of."""
 
-STRAY: Final = 0.02
+STRAY: Final = 0.03
 """Share of the pixels at its edge that may lie beyond a side of its box."""
 
-STRAY_PIXELS: Final = 2.0
+STRAY_PIXELS: Final = 1.0
 """How far off a mask's edge may be, in pixels: the smallest box that explains it so is the object's."""
 
-EXACT_M: Final = 0.005
+EXACT_M: Final = 0.007
 """Readings of less noise say themselves how large an object is."""
 
 MOST_NOISE: Final = 0.002
