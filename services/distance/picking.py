@@ -134,7 +134,7 @@ class _Marked:
             starts = np.where(few, len(found) + first[:, 0], starts)
             counts = np.where(few, (last - first)[:, 0], counts)
             found = np.concatenate([found, inner])
-        return found.take(_spread(starts, counts, SAMPLE))
+        return np.asarray(found.take(_spread(starts, counts, SAMPLE)))
 
 
 def _cores(windows: Sequence[Window], offsets: Indices, there: Bools, criteria: Criteria) -> Iterator[Window]:
