@@ -138,17 +138,19 @@ def crowded(xyz: Floats, counts: Sequence[int]) -> Selection:
     """
     if not len(counts):
         return np.zeros(0, np.bool_)
-    whose = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts, dtype=np.intp) - np.asarray(counts, np.intp)
     low = np.minimum.reduceat(xyz, starts, axis=1)
     reach = (np.maximum.reduceat(xyz, starts, axis=1) - low).max(axis=0)
     scale = np.float32(1) / np.maximum(reach / np.float32(CELLS), np.float32(MIN_SIDE_M))
-    x, y, z = ((xyz - low.take(whose, axis=1)) * scale.take(whose)).astype(np.int32)
-    cells = ((whose * SIDE + x + 1) * SIDE + y + 1) * SIDE + z + 1
+    x, y, z = ((xyz - low.repeat(counts, axis=1)) * scale.repeat(counts)).astype(np.int32)
+    corners = np.arange(len(counts), dtype=np.int32) * SIDE**3 + (SIDE + 1) * SIDE + 1
+    cells = (x * SIDE + y) * SIDE + z + corners.repeat(counts)
     counted = np.bincount(cells, minlength=len(counts) * SIDE**3).astype(np.int32)
+    filled = counted > 0
     for apart in (1, SIDE, SIDE**2):  # the next cell along each axis; those at the border are empty
         around = counted.copy()
         around[apart:] += counted[:-apart]
         around[:-apart] += counted[apart:]
         counted = around
-    return np.asarray((counted >= NEIGHBOURS).take(cells))
+    enough = counted >= NEIGHBOURS
+    return np.ones(len(cells), np.bool_) if enough[filled].all() else np.asarray(enough.take(cells))
