@@ -162,7 +162,9 @@ class ZenohSubscription(SampleReader):
             subscriber = session.declare_subscriber(self._key_expr, handler)
             undeclared = [subscriber.undeclare]
         if self._gathers:
-            gathering = Gathering(subscriber.handler, partial(self._on_batch, DeclaredKeys(session, self._submit)))
+            # A sample that comes while its key is declared may get lost (1.10): only where it is asked for again.
+            keys = DeclaredKeys(session, self._submit) if self._recover > 1 else None
+            gathering = Gathering(subscriber.handler, partial(self._on_batch, keys))
             self._declared.callback(gathering.join, STOP_GRACE_S)
         for undeclare in undeclared:
             self._declared.callback(undeclare)
@@ -188,10 +190,11 @@ class ZenohSubscription(SampleReader):
     def _on_sample(self, sample: zenoh.Sample) -> None:
         self.arrive_all(_samples([sample]))
 
-    def _on_batch(self, keys: DeclaredKeys, batch: Sequence[zenoh.Sample]) -> None:
+    def _on_batch(self, keys: DeclaredKeys | None, batch: Sequence[zenoh.Sample]) -> None:
         samples = _samples(batch)
         self.arrive_all(samples)
-        keys.declare(sample.key for sample in samples)
+        if keys is not None:
+            keys.declare(sample.key for sample in samples)
 
 
 class ZenohWatch(PresenceReader):
