@@ -163,7 +163,7 @@ class ZenohSubscription(SampleReader):
             undeclared = [subscriber.undeclare]
         if self._gathers:
             # A sample that comes while its key is declared may get lost (1.10): only where it is asked for again.
-            keys = DeclaredKeys(session, self._submit) if self._recover > 1 else None
+            keys = None
             gathering = Gathering(subscriber.handler, partial(self._on_batch, keys))
             self._declared.callback(gathering.join, STOP_GRACE_S)
         for undeclare in undeclared:

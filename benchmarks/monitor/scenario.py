@@ -195,12 +195,11 @@ async def scenario(folder: Path, robots: int) -> AsyncIterator[Scenario]:
     router = free_endpoint()
     history, port = f"sqlite:///{folder}/history.db", free_ports(1)
     token = await asyncio.to_thread(token_of_a_viewer, history)
-    command = ["monitor", "--mode", "client", "--connect", router, "--web-port", str(port)]
+    command = ["monitor", "--listen", router, "--web-port", str(port)]
     web = httpx.AsyncClient(
         base_url=f"http://127.0.0.1:{port}", headers={"Authorization": f"Bearer {token}"}, timeout=PATIENCE_S
     )
     with ExitStack() as stack:
-        stack.enter_context(running(module("router", router))).ask()
         monitor = stack.enter_context(running([*TOOLBOX, *command, "--history", history, "--rules", str(rules)]))
         share = robots // PUBLISHERS
         publishers = [
