@@ -1,11 +1,14 @@
 """Samples of many publishers, fetched together: one by one each would wait until the event loop's thread lets it in."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import zenoh
+
+from bus.panics import panics_are_errors
 
 ROOM: Final = 16_384
 """Samples that wait to be fetched; then the link waits."""
@@ -16,6 +19,8 @@ PAUSE_S: Final = 0.005
 
 MAX_DECLARED: Final = 20_000
 """How many keys are declared at most."""
+
+_log: Final = logging.getLogger(__name__)
 
 
 class Gathering:
@@ -43,12 +48,23 @@ class Gathering:
         self._thread.join(grace_s)
 
     def _run(self) -> None:
-        while batch := self._next():
-            self._deliver(batch)
-            if self._session is not None:
-                for sample in batch:
-                    self._declare(self._session, str(sample.key_expr))
+        while self._fetch():
             time.sleep(PAUSE_S)
+
+    def _fetch(self) -> bool:
+        """Deliver what waits, once something does; return False if nothing comes any more."""
+        batch = self._next()  # not kept until the next one, which may be long in coming: it holds shared memory
+        if not batch:
+            return False
+        try:
+            with panics_are_errors():
+                self._deliver(batch)
+                if self._session is not None:
+                    for sample in batch:
+                        self._declare(self._session, str(sample.key_expr))
+        except Exception:  # noqa: BLE001 - whatever is wrong with one message, the link waits until others are fetched
+            _log.exception("not all of %d messages were taken in", len(batch))
+        return True
 
     def _next(self) -> list[zenoh.Sample]:
         """Wait for samples; none come any more if there are none."""
