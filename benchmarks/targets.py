@@ -20,12 +20,15 @@ def at_least(
     return {_title(name, other): target}
 
 
-def at_most(found: Mapping[str, Any], name: str, limit: float, other: str | None = None) -> Targets:
-    """Return whether a figure is at most `limit`, or `limit` times another."""
+def at_most(
+    found: Mapping[str, Any], name: str, limit: float, other: str | None = None, floor: str | None = None
+) -> Targets:
+    """Return whether a figure is at most `limit`, or `limit` times another. floor: the least that there was of it."""
     value = _value(found, name, other)
-    return {
-        _title(name, other): {**_named(value, other), "at_most": limit, "met": value is not None and value <= limit}
-    }
+    target = {**_named(value, other), "at_most": limit, "met": value is not None and value <= limit}
+    if floor is not None:
+        target["floor"] = _value(found, floor, other)
+    return {_title(name, other): target}
 
 
 def _value(found: Mapping[str, Any], name: str, other: str | None) -> float | None:

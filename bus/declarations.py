@@ -3,7 +3,7 @@
 import asyncio
 import time
 from asyncio import AbstractEventLoop
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from typing import Any, Final
@@ -14,7 +14,7 @@ from zenoh.handlers import Callback, FifoChannel
 
 from bus.api import MAX_REQUEST_BYTES, Handler, Latest, QoS, Queue, Reply, Request, Sample
 from bus.demand import Demand
-from bus.gathering import ROOM, Gathering
+from bus.gathering import ROOM, DeclaredKeys, Gathering
 from bus.lane import Lane
 from bus.panics import panics_are_errors
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
@@ -129,12 +129,22 @@ class ZenohPublisher(MessageWriter):
 
 
 class ZenohSubscription(SampleReader):
-    """A subscription. What many publish and nobody may miss is fetched in batches."""
+    """A subscription. What many publish and nobody may miss is fetched in batches.
+
+    submit: has something done on the session's thread.
+    """
 
     def __init__(
-        self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool, recover: int
+        self,
+        key_expr: str,
+        keep: Latest | Queue,
+        submit: Callable[[Callable[[], None]], object],
+        *,
+        history: bool,
+        recover: int,
     ) -> None:
-        super().__init__(keep, loop)
+        super().__init__(keep, asyncio.get_running_loop())
+        self._submit = submit
         self._key_expr = key_expr
         self._gathers = isinstance(keep, Queue) and "*" in key_expr
         self._history = history
@@ -149,7 +159,9 @@ class ZenohSubscription(SampleReader):
         else:
             subscriber = session.declare_subscriber(self._key_expr, handler)
         if self._gathers:
-            gathering = Gathering(subscriber.handler, self._on_samples, declared_on=session)
+            # A sample that comes while its key is declared may get lost (1.10): only where it is asked for again.
+            keys = DeclaredKeys(session, self._submit) if self._recover > 1 else None
+            gathering = Gathering(subscriber.handler, partial(self._on_batch, keys))
             self._declared.callback(gathering.join, STOP_GRACE_S)
         self._declared.callback(subscriber.undeclare)
         if self._history:
@@ -175,15 +187,13 @@ class ZenohSubscription(SampleReader):
         self.miss(miss.nb)
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
-        self._on_samples([sample])
+        self.arrive_all(_samples([sample]))
 
-    def _on_samples(self, samples: Sequence[zenoh.Sample]) -> None:
-        now_ns = time.time_ns()
-        self.arrive_all(
-            Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), now_ns, 0)
-            for sample in samples
-            if sample.kind == zenoh.SampleKind.PUT
-        )
+    def _on_batch(self, keys: DeclaredKeys | None, batch: Sequence[zenoh.Sample]) -> None:
+        samples = _samples(batch)
+        self.arrive_all(samples)
+        if keys is not None:
+            keys.declare(sample.key for sample in samples)
 
 
 class ZenohWatch(PresenceReader):
@@ -277,3 +287,12 @@ class ZenohServer(Server):
         request = Request(str(query.key_expr), payload, str(query.encoding or ""), time.time_ns())
         until_s = time.monotonic() + timeout_of(query.parameters.get(TIMEOUT_MS))
         self.arrive(Call(request, until_s, answer))
+
+
+def _samples(arrived: Iterable[zenoh.Sample]) -> list[Sample]:
+    now_ns = time.time_ns()
+    return [
+        Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), now_ns, 0)
+        for sample in arrived
+        if sample.kind == zenoh.SampleKind.PUT
+    ]

@@ -3,7 +3,8 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, Final
 
 import zenoh
@@ -15,7 +16,7 @@ ROOM: Final = 16_384
 
 AT_ONCE: Final = 1_000
 PAUSE_S: Final = 0.005
-"""How long what comes after a batch waits at least: so many are fetched together where many come."""
+"""How long what comes after a batch waits at most: so many are fetched together where many come."""
 
 MAX_DECLARED: Final = 20_000
 """How many keys are declared at most."""
@@ -26,20 +27,12 @@ _log: Final = logging.getLogger(__name__)
 class Gathering:
     """Fetches what a channel receives, until the channel is closed, on a thread of its own.
 
-    deliver: is given the samples of a batch, in order. declared_on: where the keys are declared that come.
+    deliver: is given the samples of a batch, in order.
     """
 
-    def __init__(
-        self,
-        channel: Any,
-        deliver: Callable[[Sequence[zenoh.Sample]], None],
-        *,
-        declared_on: zenoh.Session | None = None,
-    ) -> None:
+    def __init__(self, channel: Any, deliver: Callable[[Sequence[zenoh.Sample]], None]) -> None:
         self._channel = channel
         self._deliver = deliver
-        self._session = declared_on
-        self._declared: set[str] = set()
         self._thread = threading.Thread(target=self._run, name="bus-gathering", daemon=True)
         self._thread.start()
 
@@ -59,15 +52,12 @@ class Gathering:
         try:
             with panics_are_errors():
                 self._deliver(batch)
-                if self._session is not None:
-                    for sample in batch:
-                        self._declare(self._session, str(sample.key_expr))
         except Exception:  # noqa: BLE001 - whatever is wrong with one message, the link waits until others are fetched
             _log.exception("not all of %d messages were taken in", len(batch))
         return True
 
     def _next(self) -> list[zenoh.Sample]:
-        """Wait for samples; none come any more if there are none."""
+        """Wait for samples; there are none when none come any more."""
         batch: list[zenoh.Sample] = []
         try:
             sample = self._channel.recv()
@@ -78,12 +68,26 @@ class Gathering:
             pass
         return batch
 
-    def _declare(self, session: zenoh.Session, key: str) -> None:
-        """Have Zenoh (1.10) remember who takes a key; else it looks through all keys it ever heard of each time."""
-        if key in self._declared or len(self._declared) >= MAX_DECLARED:
-            return
-        self._declared.add(key)
-        try:
-            session.declare_keyexpr(key)
-        except zenoh.ZError:  # it is closed
-            self._declared.clear()
+
+class DeclaredKeys:
+    """Keys that a session declared, so that Zenoh (1.10) remembers who takes what comes under them.
+
+    Else it looks through every key that it ever heard of, for each sample again.
+
+    submit: has something done on the session's thread.
+    """
+
+    def __init__(self, session: zenoh.Session, submit: Callable[[Callable[[], None]], object]) -> None:
+        self._session = session
+        self._submit = submit
+        self._keys: set[str] = set()
+
+    def declare(self, keys: Iterable[str]) -> None:
+        """Declare those that are new, as long as there are not too many."""
+        for key in keys:
+            if key not in self._keys and len(self._keys) < MAX_DECLARED:
+                self._keys.add(key)
+                self._submit(partial(self._declare, key))
+
+    def _declare(self, key: str) -> None:
+        self._session.declare_keyexpr(key)

@@ -18,7 +18,8 @@ reads the time in its pixels; doubles are not counted. Frames per second are tho
 replaced on the way is lost. The processes share the machine's cores, so that a variant with one process less, as
 zenoh_only is, has more of them for itself.
 
-Processor time is user and system time of the gateway's process over the frames that arrived. added_latency_p50_ms is
+Processor time is user and system time of the gateway's process over the frames that arrived; a target's `floor` is what
+bare_gateway has of it. added_latency_p50_ms is
 from when the gateway had the whole frame to the subscriber, less zenoh_only's way from putting to the subscriber.
 
 While a subscriber stands still for ten seconds at a link that nobody gives up, frames are counted that were made

@@ -38,8 +38,8 @@ SETTLED_S: Final = 2.0
 PATIENCE_S: Final = 30.0
 """For what takes a moment on a machine that does nothing else."""
 
-ARRIVING: Final = 500
-"""How many robots come at once."""
+ARRIVING: Final = 1_000
+"""How many robots come until it is looked whether they are heard."""
 
 ASK_S: Final = 3.0
 PROBE_S: Final = 0.05
@@ -98,7 +98,7 @@ class Scenario:
         for known in [*range(ARRIVING, number, ARRIVING), number]:
             for publisher in self._publishers:
                 publisher.tell(f"robots {known // len(self._publishers)}")
-            await self._answers(PATIENCE_S)
+            await self._answers(2 * PATIENCE_S)
             await asyncio.sleep(SETTLED_S)
             until_s = time.monotonic() + 2 * PATIENCE_S
             while (flow := await self.send(1.0, 2.0)).lost:

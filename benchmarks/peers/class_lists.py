@@ -23,6 +23,9 @@ from schemas.header import Header
 from schemas.keys import CameraKey, Stream
 
 TURN_S: Final = 0.005
+COMING_S: Final = 0.04
+"""Between two robots that come: whoever switches all of them on at once finds out what declaring costs, and no more."""
+
 CHANGE_S: Final = 10
 SHARE: Final = 25
 """Robots in a row on one session: a detector that works off a batch publishes so many lists at a time."""
@@ -103,6 +106,7 @@ class Fleet:
                 )
             )
             self._robots.append(Robot(key, self._first + index, publisher))
+            await asyncio.sleep(COMING_S)
 
     async def _send(self, hz: float, seconds: float) -> float:
         """Send; return how late the latest was."""

@@ -52,7 +52,7 @@ class Ear:
         self.publisher = publisher
         self._offset = stamp_offset(publisher.definition)
 
-    def hear(self, data: bytearray, now_s: float, now_ns: int) -> None:
+    def hear(self, data: memoryview, now_s: float, now_ns: int) -> None:
         """Note a message's arrival, on a steady clock and on the system's."""
         if self.publisher is None or self.full:
             return

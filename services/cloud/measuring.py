@@ -1,6 +1,6 @@
 """Detections and points of the same instant to the clouds of the objects. Pure."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,13 +13,13 @@ from schemas.header import Header
 from schemas.objects import MAX_OBJECT_POINTS, ObjectCloud, ObjectClouds, Shape, UprightBox
 from schemas.transforms import Transform
 from services.cloud.errors import CloudError
-from services.cloud.outliers import crowded, foreground
-from services.cloud.outlines import Candidates, RegisteredView, View, in_window, trusted
+from services.cloud.outliers import crowded, own
+from services.cloud.outlines import AT_ONCE, Candidates, Masked, RegisteredView, View, in_window
 from services.cloud.points import Bytes, Floats, Indices, Points
 from services.cloud.sampling import some
 from services.cloud.shape import Box, Level, fit_box
 from services.cloud.visible import Seen, shapes
-from services.geometry.errors import GeometryError, MaskError
+from services.geometry.errors import MaskError
 from services.geometry.masks import Window, decode_all
 from services.geometry.rotation import quaternion_of
 
@@ -72,20 +72,9 @@ def measure(
     """
     here = Level.of(up_in(of.frame_id, target))
     unmeasured: dict[int, str] = {}
-    masks = dict(_masks(detections, unmeasured))
-    found: dict[int, tuple[Indices, Floats]] = {}
-    room = MAX_OBJECT_POINTS
-    inner = {index: trusted(mask) for index, mask in masks.items()}
-    for index, candidates in zip(masks, view.within(list(inner.values())), strict=True):
-        try:
-            found[index] = _isolated(candidates, limits)
-            _check_room(len(found[index][0]), room)
-        except GeometryError as error:
-            found.pop(index, None)
-            unmeasured[index] = str(error)
-            continue
-        room -= len(found[index][0])
-    made = zip(found.items(), _colours(found, points), _shapes(found, masks, inner, view, here), strict=True)
+    masks = {index: Masked.of(window) for index, window in _masks(detections, unmeasured)}
+    found = dict(_found(masks, view, limits, unmeasured))
+    made = zip(found.items(), _colours(found, points), _shapes(found, masks, view, here), strict=True)
     objects = [
         _object(detections.objects[index], index, xyz, rgb, shape, here=here, target=target)
         for (index, (_, xyz)), rgb, shape in made
@@ -112,15 +101,14 @@ def _colours(found: Mapping[int, tuple[Indices, Floats]], points: Points) -> lis
 
 def _shapes(
     found: Mapping[int, tuple[Indices, Floats]],
-    masks: Mapping[int, Window],
-    inner: Mapping[int, Window],
+    masks: Mapping[int, Masked],
     view: View,
     level: Level,
 ) -> list[tuple[Numbers, Box]]:
     """Return centroids and boxes of objects that consist of points (numbers in their cloud, coordinates)."""
     if isinstance(view, RegisteredView) and view.factor == 1:
         seen = [
-            Seen(masks[index], inner[index], in_window(at, view.points.shape[1], masks[index]), xyz)
+            Seen(masks[index], in_window(at, view.points.shape[1], masks[index].mask), xyz)
             for index, (at, xyz) in found.items()
         ]
         return shapes(seen, level)
@@ -145,28 +133,72 @@ def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple
             yield index, window
 
 
-def _isolated(found: Candidates, limits: Limits) -> tuple[Indices, Floats]:
-    """Return which of a cloud's points within a mask are the object's, and where they are, (3, n).
+def _found(
+    masks: Mapping[int, Masked], view: View, limits: Limits, unmeasured: dict[int, str]
+) -> Iterator[tuple[int, tuple[Indices, Floats]]]:
+    """Yield of each object which of a cloud's points are its own, and where they are, (3, n).
 
-    Raises:
-        CloudError: there are none to speak of.
+    Why there are none goes to `unmeasured`.
     """
-    _check_enough(len(found.at), limits, "within its mask")
-    kept, xyz = _only(foreground(found.depth, found.across), found.at, found.xyz)
-    kept, xyz = _only(crowded(xyz), kept, xyz)
-    if limits.voxel_m or len(kept) > limits.max_points:
-        chosen = limits.thinned(xyz)
-        kept, xyz = kept[chosen], xyz.take(chosen, axis=1)
-    _check_enough(len(kept), limits, "that stand out from what is behind it")
-    return kept, xyz
+    room = MAX_OBJECT_POINTS
+    for group in _groups(zip(masks, view.within(list(masks.values())), strict=True), limits, unmeasured):
+        for index, (at, xyz) in zip(group, _isolated(list(group.values())), strict=True):
+            kept = _limited(at, xyz, limits)
+            try:
+                _check_enough(len(kept[0]), limits, "that stand out from what is behind it")
+                _check_room(len(kept[0]), room)
+            except CloudError as error:
+                unmeasured[index] = str(error)
+                continue
+            room -= len(kept[0])
+            yield index, kept
 
 
-def _only(chosen: NDArray[np.bool_], at: Indices, xyz: Floats) -> tuple[Indices, Floats]:
-    """Return the points that are chosen, mostly all of them."""
-    if chosen.all():
+def _groups(
+    candidates: Iterable[tuple[int, Candidates]], limits: Limits, unmeasured: dict[int, str]
+) -> Iterator[dict[int, Candidates]]:
+    """Return those that have enough points, some at a time."""
+    group: dict[int, Candidates] = {}
+    points = 0
+    for index, each in candidates:
+        try:
+            _check_enough(len(each.at), limits, "within its mask")
+        except CloudError as error:
+            unmeasured[index] = str(error)
+            continue
+        group[index] = each
+        points += len(each.at)
+        if points > AT_ONCE:
+            yield group
+            group, points = {}, 0
+    if group:
+        yield group
+
+
+def _isolated(group: Sequence[Candidates]) -> Iterator[tuple[Indices, Floats]]:
+    """Yield which points are the foreground in each mask and stand not alone."""
+    widths = np.array([each.width for each in group], np.float32)
+    chosen = own([each.depth for each in group], widths, [each.around for each in group])
+    kept = [_only(mine, each.at, each.xyz) for each, mine in zip(group, chosen, strict=True)]
+    counts = [len(at) for at, _ in kept]
+    near = crowded(np.concatenate([xyz for _, xyz in kept], axis=1), counts)
+    for (at, xyz), mine in zip(kept, np.split(near, np.cumsum(counts)[:-1]), strict=True):
+        yield _only(None if mine.all() else mine, at, xyz)
+
+
+def _only(chosen: NDArray[np.bool_] | None, at: Indices, xyz: Floats) -> tuple[Indices, Floats]:
+    """Return the points that are chosen, None for all of them."""
+    if chosen is None:
         return at, xyz
     which = np.flatnonzero(chosen)
     return at.take(which), xyz.take(which, axis=1)
+
+
+def _limited(at: Indices, xyz: Floats, limits: Limits) -> tuple[Indices, Floats]:
+    if not limits.voxel_m and len(at) <= limits.max_points:
+        return at, xyz
+    chosen = limits.thinned(xyz)
+    return at[chosen], xyz.take(chosen, axis=1)
 
 
 def _check_enough(count: int, limits: Limits, where: str) -> None:

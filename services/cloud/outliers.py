@@ -1,22 +1,26 @@
-"""Which points of a mask are the object's: the foreground, less what stands alone. Pure."""
+"""Which points of masks are the objects': the foreground, less what stands alone; many objects at once. Pure."""
 
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.points import Floats
+from services.cloud.points import Floats, Indices
+from services.cloud.sampling import spread
 
 Selection = NDArray[np.bool_]
 
-STEP: Final = 0.02
-"""How finely depths are told apart, relative to the depth."""
+SAMPLE: Final = 512
+AROUND: Final = 256
+"""So many depths of an object, and around it, say which surfaces are its own."""
 
-GAP_BINS: Final = 2
-"""So many steps without points end a surface."""
+CLOSE: Final = 2
+"""So many readings farther on in the order of depth is the next one still close where there is a surface: edges where
+two depths are mixed join none."""
 
-NOISE: Final = 0.003
-"""A step with less than this share of the points counts as one without: edges where two depths are mixed."""
+GAP: Final = 0.05
+"""How close that is, relative to the depth."""
 
 SUBSTANTIAL: Final = 0.25
 """A surface with at least this share of the largest one's points may be the object."""
@@ -24,11 +28,17 @@ SUBSTANTIAL: Final = 0.25
 HOLLOW: Final = 0.3
 """Gaps of up to this share of the object's width are within it: a mast before its cabin."""
 
+OWN: Final = 2.0
+"""A surface that is so many times as much of the mask as of what is around it is the object's wherever it is."""
+
+FOREIGN: Final = 3.0
+"""One that is so many times as much of what is around it is something before the object."""
+
 CELLS: Final = 16
 """Cells along the longest side of the grid in which points have neighbours."""
 
-BORDERED: Final = 3
-"""So many cells more there are along each: a border on either side, and one for what lies on the far edge."""
+SIDE: Final = CELLS + 3
+"""Cells along each with a border on either side, and one for what lies on the far edge."""
 
 MIN_SIDE_M: Final = 1e-4
 
@@ -36,63 +46,111 @@ NEIGHBOURS: Final = 3
 """A point with fewer points than this around it, itself included, is an outlier."""
 
 
-def foreground(depth: Floats, across: Floats) -> Selection:
-    """Return which points lie on the nearest substantial surface: n depths along the view, all above 0.
+def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> list[Selection | None]:
+    """Return which points of each object are its own, None for all of them.
 
-    What shows through gaps, or beside edges that the mask missed, is on surfaces of its own behind it.
-    across: (2, n) metres across the view.
+    Those on its nearest substantial surface are, and on what is close behind it; what shows through gaps, or beside
+    edges that the mask missed, is on surfaces of its own behind it. But what is mostly around the mask is something
+    before the object, and a substantial surface that hardly is around it is the object's too: something splits it.
+
+    depths: of each object's points along the view, at least one and all above 0. widths: (n,) how wide it is, in
+    metres at 1 m. around: depths just outside of it, some of which may be no readings.
     """
-    nearest = float(depth.min())
-    steps = (np.log(depth / np.float32(nearest)) * np.float32(1 / np.log1p(STEP))).astype(np.int32)
-    counts = np.bincount(steps)
-    starts, ends = _runs(counts > min(NOISE * len(depth), counts.max() - 1))  # the fullest steps are never empty
-    until = np.cumsum(counts)
-    weights = until[ends - 1] - until[starts] + counts[starts]
-    first = int(np.argmax(weights >= SUBSTANTIAL * weights.max()))
-    last = first
-    if ends[first] - starts[first] == len(counts):
-        return np.ones(len(depth), np.bool_)
-    chosen = np.asarray((steps >= starts[first]) & (steps < ends[first]))
-    if first + 1 == len(starts):
-        return chosen
-    width = float(np.ptp(across.compress(chosen, axis=1), axis=1).max())
-    last = first
-    while (
-        last + 1 < len(starts) and _metres(nearest, starts[last + 1]) - _metres(nearest, ends[last]) <= HOLLOW * width
-    ):
-        last += 1
-    return chosen if last == first else np.asarray((steps >= starts[first]) & (steps < ends[last]))
+    if not depths:
+        return []
+    within = np.stack([depth.take(spread(len(depth), SAMPLE)) for depth in depths])
+    within.sort(axis=1)
+    whose, first, last = _surfaces(within)
+    kept = _kept(within, (whose, first, last), widths, _rows(around))
+    chosen = np.zeros((len(within), SAMPLE + 1), np.int32)
+    np.add.at(chosen, (whose[kept], first[kept]), 1)
+    np.add.at(chosen, (whose[kept], last[kept] + 1), -1)
+    partly = np.zeros(len(within), np.bool_)
+    partly[whose[~kept]] = True
+    return [
+        _near(depth, row, mine > 0) if some else None
+        for depth, row, mine, some in zip(depths, within, chosen.cumsum(axis=1), partly, strict=True)
+    ]
 
 
-def _metres(nearest: float, step: int) -> float:
-    return float(nearest * (1 + STEP) ** int(step))
+def _surfaces(within: Floats) -> tuple[Indices, Indices, Indices]:
+    """Return whose each surface is, and its first and last depth in the ascending rows."""
+    dense = np.zeros((len(within), SAMPLE - CLOSE + 2), np.bool_)
+    np.less_equal(within[:, CLOSE:], within[:, :-CLOSE] * np.float32(1 + GAP), out=dense[:, 1:-1])
+    rows, edges = np.nonzero(dense[:, 1:] != dense[:, :-1])
+    return rows[::2], edges[::2], edges[1::2] + (CLOSE - 1)
 
 
-def _runs(filled: Selection) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return where surfaces begin and end; shorter gaps than GAP_BINS are none."""
-    bordered = np.zeros(len(filled) + 2, np.bool_)
-    bordered[1:-1] = filled
-    changes = np.flatnonzero(bordered[1:] != bordered[:-1])
-    starts, ends = changes[::2], changes[1::2]
-    apart = np.flatnonzero(starts[1:] - ends[:-1] >= GAP_BINS)
-    return np.append(starts[:1], starts[apart + 1]), np.append(ends[apart], ends[-1:])
+def _kept(within: Floats, surfaces: tuple[Indices, Indices, Indices], widths: Floats, around: Floats) -> Selection:
+    """Return which surfaces are the objects'."""
+    whose, first, last = surfaces
+    near, far = within[whose, first], within[whose, last]
+    inside = (last - first + 1) / SAMPLE
+    substantial = inside >= SUBSTANTIAL * _most(inside, whose, len(within))[whose]
+    outside = _shares(around[whose], near, far)
+    likely: Selection = substantial & (outside <= FOREIGN * inside)
+    likely |= substantial & (_most(likely, whose, len(within)) == 0)[whose]
+    front = np.full(len(within), len(whose))
+    np.minimum.at(front, whose[likely], np.flatnonzero(likely))
+    apart = np.ones(len(whose), np.bool_)
+    apart[1:] = (whose[1:] != whose[:-1]) | (near[1:] - far[:-1] > (HOLLOW * widths * within[:, 0])[whose[1:]])
+    together = np.cumsum(apart)
+    front = front[whose]
+    behind = (together == together[front]) & (np.arange(len(whose)) >= front)
+    told = np.asarray((around > 0).any(axis=1))
+    return np.asarray(behind | substantial & (inside >= OWN * outside) & told[whose])
 
 
-def crowded(xyz: Floats) -> Selection:
-    """Return which of (3, n) points have neighbours, in their cell of a grid around all of them or the next ones."""
-    low = xyz.min(axis=1, keepdims=True)
-    reach = xyz.max(axis=1, keepdims=True) - low
-    scale = np.float32(1 / max(float(reach.max()) / CELLS, MIN_SIDE_M))
-    x, y, z = ((xyz - low) * scale).astype(np.int32)
-    _, depth, width = ((reach * scale).astype(np.int32) + BORDERED)[:, 0].tolist()
-    first = (depth + 1) * width + 1  # the cell at the corner, within the border
-    cells = (x * depth + y) * width + z + first
-    alone = np.bincount(cells, minlength=int(cells.max()) + first + 1)
-    counts = alone.astype(np.int32)
-    for apart in (1, width, width * depth):  # the next cell along each axis; those at the border are empty
-        around = counts.copy()
-        around[apart:] += counts[:-apart]
-        around[:-apart] += counts[apart:]
-        counts = around
-    enough = counts >= NEIGHBOURS
-    return np.ones(len(cells), np.bool_) if enough[alone > 0].all() else enough.take(cells)
+def _most(values: NDArray[Any], whose: Indices, count: int) -> NDArray[Any]:
+    """Return the greatest of each object's values, which are not below 0; 0 of none."""
+    most = np.zeros(count)
+    np.maximum.at(most, whose, values)
+    return most
+
+
+def _shares(around: Floats, near: Floats, far: Floats) -> NDArray[Any]:
+    """Return which share of each row's readings, NaN for none, are from near to far; 0 of no readings."""
+    met = (around >= near[:, np.newaxis] * (1 - GAP)) & (around <= far[:, np.newaxis] * (1 + GAP))
+    return np.asarray(met.sum(axis=1) / np.maximum((around > 0).sum(axis=1), 1))
+
+
+def _rows(around: Sequence[Floats]) -> Floats:
+    """Return AROUND of each object's values at most, NaN for what is no reading: (n, AROUND)."""
+    rows = np.full((len(around), AROUND), np.nan, np.float32)
+    for row, depth in zip(rows, around, strict=True):
+        if len(depth):
+            row[:] = depth.take(spread(len(depth), AROUND))
+    return np.where((rows > 0) & (rows < np.inf), rows, np.float32(np.nan))
+
+
+def _near(depth: Floats, ascending: Floats, chosen: Selection) -> Selection:
+    """Return of which depths the nearest of the ascending ones is chosen."""
+    after = np.searchsorted(ascending, depth)
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, SAMPLE - 1)
+    return chosen[np.where(ascending[after] - depth <= depth - ascending[before], after, before)]
+
+
+def crowded(xyz: Floats, counts: Sequence[int]) -> Selection:
+    """Return which of (3, n) points of objects, so many of each, have neighbours of the same object.
+
+    That is in their cell of a grid around all of its points, or in the next ones. No count is 0.
+    """
+    if not len(counts):
+        return np.zeros(0, np.bool_)
+    starts = np.cumsum(counts, dtype=np.intp) - np.asarray(counts, np.intp)
+    low = np.minimum.reduceat(xyz, starts, axis=1)
+    reach = (np.maximum.reduceat(xyz, starts, axis=1) - low).max(axis=0)
+    scale = np.float32(1) / np.maximum(reach / np.float32(CELLS), np.float32(MIN_SIDE_M))
+    x, y, z = ((xyz - low.repeat(counts, axis=1)) * scale.repeat(counts)).astype(np.int32)
+    corners = np.arange(len(counts), dtype=np.int32) * SIDE**3 + (SIDE + 1) * SIDE + 1
+    cells = (x * SIDE + y) * SIDE + z + corners.repeat(counts)
+    counted = np.bincount(cells, minlength=len(counts) * SIDE**3).astype(np.int32)
+    filled = counted > 0
+    for apart in (1, SIDE, SIDE**2):  # the next cell along each axis; those at the border are empty
+        around = counted.copy()
+        around[apart:] += counted[:-apart]
+        around[:-apart] += counted[apart:]
+        counted = around
+    enough = counted >= NEIGHBOURS
+    return np.ones(len(cells), np.bool_) if enough[filled].all() else np.asarray(enough.take(cells))

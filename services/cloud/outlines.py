@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, Protocol, Self
 
+import cv2
 import numpy as np
 
 from services.cloud.points import Floats, Indices, Points, usable
-from services.geometry.masks import Window, eroded
+from services.cloud.sampling import some
+from services.geometry.masks import Window, eroded, surroundings
 
 NEAR_M: Final = 0.05
 """Points nearer to the camera than this are of its own housing, or no readings."""
@@ -18,36 +20,69 @@ EDGE: Final = 1
 SOLID: Final = 0.6
 """A mask that would lose more than the rest of its pixels with its edge keeps it."""
 
+RING: Final = 5
+"""Pixels around a mask that say what is behind and before the object."""
+
+AROUND: Final = 512
+"""So many of them at most."""
+
+MEASURED: Final = 256
+"""So many points of an object, or up to twice as many, say how wide it is."""
 
 AT_ONCE: Final = 1 << 18
 """So many points of objects are read at once, or those of one more object."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
-    """Points that a mask covers, as numbers in their cloud; some of them are the object's.
-
-    xyz: (3, n) in the points' own frame. depth: n metres along the camera's view, above 0. across: (2, n) metres across
-    it.
-    """
-
-    at: Indices
-    xyz: Floats
-    depth: Floats
-    across: Floats
-
-
-class View(Protocol):
-    """A cloud as the camera sees it."""
-
-    def within(self, windows: Sequence[Window]) -> Iterator[Candidates]:
-        """Return the points that the camera sees within each mask."""
 
 
 def trusted(window: Window) -> Window:
     """Return a mask without its edge, unless it is mostly edge."""
     inner = eroded(window, EDGE)
     return inner if inner.area >= SOLID * window.area else window
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Masked:
+    """An object in the picture. mask: it; inner: what is trusted of it, in the same window."""
+
+    mask: Window
+    inner: Window
+
+    @classmethod
+    def of(cls, mask: Window) -> Self:
+        """Take the edge off."""
+        return cls(mask, trusted(mask))
+
+    def around(self, height: int, width: int) -> Window:
+        """Return the pixels of a picture so large that are within RING of the mask, but not of it."""
+        (top, left), (rows, columns) = (self.mask.top, self.mask.left), self.mask.pixels.shape
+        above, before = min(RING, top), min(RING, left)
+        below, behind = min(RING, height - top - rows), min(RING, width - left - columns)
+        wide = cv2.copyMakeBorder(
+            self.mask.pixels.view(np.uint8), above, below, before, behind, cv2.BORDER_CONSTANT, value=0
+        )
+        window = Window(top - above, left - before, wide.view(np.bool_))
+        return Window(window.top, window.left, surroundings(window, RING))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Points that a mask covers, as numbers in their cloud; some of them are the object's.
+
+    xyz: (3, n) in the points' own frame. depth: n metres along the camera's view, above 0. width: of them in the
+    picture, in metres at 1 m. around: such depths just outside of the mask; NaN and 0 are none.
+    """
+
+    at: Indices
+    xyz: Floats
+    depth: Floats
+    width: float
+    around: Floats
+
+
+class View(Protocol):
+    """A cloud as the camera sees it."""
+
+    def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
+        """Return the points that the camera sees within each mask, and around it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +92,15 @@ class RegisteredView:
     points: Points
     factor: int = 1
 
-    def within(self, windows: Sequence[Window]) -> Iterator[Candidates]:
+    def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
         """See `View.within`."""
-        group: list[Indices] = []
-        for window in windows:
-            group.append(self._numbers(window))
-            if sum(map(len, group)) > AT_ONCE:
+        group: list[tuple[Indices, Indices]] = []
+        for each in masks:
+            at = self._numbers(each.inner)
+            height, width = self.points.shape
+            ring = self._numbers(each.around(height * self.factor, width * self.factor))
+            group.append((at, ring.take(some(len(ring), AROUND))))
+            if sum(len(numbers) for numbers, _ in group) > AT_ONCE:
                 yield from self._candidates(group)
                 group = []
         if group:
@@ -79,16 +117,26 @@ class RegisteredView:
         at += (window.top + top) // self.factor * width + (window.left + left) // self.factor
         return at
 
-    def _candidates(self, group: Sequence[Indices]) -> Iterator[Candidates]:
-        at, ends = np.concatenate(group), np.cumsum([len(each) for each in group])
+    def _candidates(self, group: Sequence[tuple[Indices, Indices]]) -> Iterator[Candidates]:
+        at, ends = np.concatenate([each for each, _ in group]), np.cumsum([len(each) for each, _ in group])
+        rings = np.cumsum([len(ring) for _, ring in group])
+        around = self.points.take(np.concatenate([ring for _, ring in group])).xyz()[2]
         xyz = self.points.take(at).xyz()
         seen = usable(xyz) & (xyz[2] > NEAR_M)
         if not seen.all():
             which = np.flatnonzero(seen)
             at, xyz, ends = at.take(which), xyz.take(which, axis=1), np.searchsorted(which, ends)
-        for start, end in zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True):
-            own = xyz[:, start:end]
-            yield Candidates(at[start:end], own, own[2], own[:2])
+        cut = ends[:-1]
+        for own, ring, numbers in zip(
+            np.split(xyz, cut, axis=1), np.split(around, rings[:-1]), np.split(at, cut), strict=True
+        ):
+            yield Candidates(numbers, own, own[2], width_of(own), ring)
+
+
+def width_of(xyz: Floats) -> float:
+    """Return how wide (3, n) points before a camera are in its picture, in metres at 1 m."""
+    x, y, z = xyz[:, :: max(1, xyz.shape[1] // MEASURED)]
+    return float(max(np.ptp(x / z), np.ptp(y / z))) if len(z) else 0.0
 
 
 def in_window(at: Indices, width: int, window: Window) -> Indices:

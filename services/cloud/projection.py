@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.outlines import NEAR_M, Candidates
+from services.cloud.outlines import NEAR_M, RING, Candidates, Masked, width_of
 from services.cloud.points import FAR_M, Floats, Indices, Points, usable
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
@@ -40,6 +40,13 @@ class _Seen:
         """Return some of them."""
         return _Seen(self.at[kept], self.xyz.take(kept, axis=1), self.columns[kept], self.rows[kept])
 
+    def depths(self, window: Window) -> Floats:
+        """Return how far before the camera those on the pixels of a mask are."""
+        rows, columns = self.rows - window.top, self.columns - window.left
+        height, width = window.pixels.shape
+        inside = np.flatnonzero((rows >= 0) & (rows < height) & (columns >= 0) & (columns < width))
+        return np.asarray(self.xyz[2].take(inside[window.pixels[rows[inside], columns[inside]]]))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedView:
@@ -49,21 +56,22 @@ class ProjectedView:
     camera: CameraModel
     camera_from_points: Numbers
 
-    def within(self, windows: Sequence[Window]) -> Iterator[Candidates]:
+    def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
         """See `View.within`. Where masks overlap the first one has the points."""
         camera, xyz = self.camera, self.points.xyz()
         seen = _in_picture(camera, _moved(self.camera_from_points.astype(np.float32), xyz))
         side = _cell_side(camera, len(seen.at))
-        owners = _owners(windows, camera)
-        seen = seen.only(np.flatnonzero(_near(owners, side)[seen.rows // side, seen.columns // side]))
+        owners = _owners([each.inner for each in masks], camera)
+        seen = seen.only(np.flatnonzero(_near(masks, camera, side)[seen.rows // side, seen.columns // side]))
         seen = seen.only(np.flatnonzero(usable(xyz.take(seen.at, axis=1))))
         seen = seen.only(_in_front(seen, side, camera))
         owner = owners[seen.rows, seen.columns]
         order = np.argsort(owner, kind="stable")
-        bounds = np.searchsorted(owner[order], np.arange(1, len(windows) + 2))
-        for start, end in pairwise(bounds):
+        bounds = np.searchsorted(owner[order], np.arange(1, len(masks) + 2))
+        for each, (start, end) in zip(masks, pairwise(bounds), strict=True):
             mine = seen.only(order[start:end])
-            yield Candidates(mine.at, xyz.take(mine.at, axis=1), mine.xyz[2], mine.xyz[:2])
+            around = seen.depths(each.around(camera.height, camera.width))
+            yield Candidates(mine.at, xyz.take(mine.at, axis=1), mine.xyz[2], width_of(mine.xyz), around)
 
 
 def _moved(transform: Floats, xyz: Floats) -> Floats:
@@ -118,12 +126,15 @@ def _owners(windows: Sequence[Window], camera: CameraModel) -> NDArray[np.int16]
     return owners
 
 
-def _near(owners: NDArray[np.int16], side: int) -> Selection:
-    """Return which cells of the picture have pixels of somebody's."""
-    height, width = (-(-size // side) for size in owners.shape)
-    whole = np.zeros((height * side, width * side), np.bool_)
-    whole[: owners.shape[0], : owners.shape[1]] = owners > 0
-    return np.asarray(whole.reshape(height, side, width, side).any(axis=(1, 3)))
+def _near(masks: Sequence[Masked], camera: CameraModel, side: int) -> Selection:
+    """Return which cells of the picture are in or around the windows of masks."""
+    near = np.zeros((-(-camera.height // side), -(-camera.width // side)), np.bool_)
+    for rows, columns in (each.mask.place for each in masks):
+        near[
+            max(0, rows.start - RING) // side : -(-(rows.stop + RING) // side),
+            max(0, columns.start - RING) // side : -(-(columns.stop + RING) // side),
+        ] = True
+    return near
 
 
 def _cell_side(camera: CameraModel, count: int) -> int:

@@ -18,11 +18,16 @@ def some(count: int, wanted: int) -> Indices:
     """
     if count <= wanted:
         return np.arange(count)
-    taken = (_jittered(wanted) * (count / wanted)).astype(np.intp)
+    taken = spread(count, wanted)
     new = np.empty(wanted, np.bool_)
     new[0] = True
     np.not_equal(taken[1:], taken[:-1], out=new[1:])
     return taken[new]
+
+
+def spread(count: int, wanted: int) -> Indices:
+    """Return exactly `wanted` ascending numbers below `count`, as `some` spreads them; some of them twice."""
+    return np.minimum((_jittered(wanted) * (count / wanted)).astype(np.intp), count - 1)
 
 
 def _jittered(wanted: int) -> NDArray[np.float64]:

@@ -2,7 +2,8 @@
 
 A plane's inverse depth is linear in the direction that a pixel looks in, and there a stereo camera's noise is as large
 far away as near. Of a box one sees at most two upright faces that meet in a corner, and its top or its underside; what
-is seen of it is at each pixel the farthest of these planes, the one of the least inverse depth.
+is seen of it is at each pixel the farthest of these planes, the one of the least inverse depth. A ray that leads away
+from one of them misses the box.
 
 Directions are (3, ...) along level axes, the third one up, of points at a depth of 1; a form is what a plane's inverse
 depth is of a direction: their scalar product.
@@ -35,7 +36,7 @@ LIKELY: Final = 2.0
 POLISH: Final = 0.14
 """Radians by which faces are turned at most when those that were found are fitted to what is theirs."""
 
-POLISHED: Final = 17
+POLISHED: Final = 9
 REACH: Final = 3.0
 """Standard deviations that noise explains."""
 
@@ -60,9 +61,12 @@ class Faces:
     along: Numbers
     noise: Numbers
 
-    def inverse_depth(self, directions: Numbers) -> Numbers:
-        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where no face is."""
-        return _least(_inverse(self.forms, directions))
+    def inverse_depth(self, directions: Numbers, nearer: Numbers | float = 0.0) -> Numbers:
+        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where no face is.
+
+        nearer: (n, 3, 1) by how much each face's is taken to be larger.
+        """
+        return _least(_inverse(self.forms, directions) + nearer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,8 +104,8 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
     readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
     explanations = _explained(readings, _starts(z, w, readings.weights))
-    forms, noise = _chosen(explanations, readings)
-    forms = _polished(forms, readings)
+    polished = _polished(explanations.reshape(-1, 3, 3), readings.repeated(len(explanations)))
+    forms, noise = _chosen(polished.reshape(explanations.shape), readings)
     along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
     x, y, z = _turned(forms.transpose(2, 0, 1), -ahead)
     return Faces(np.stack([x, y, z], axis=2), np.where(np.isfinite(along), along, 0) + ahead, noise)
@@ -123,7 +127,7 @@ def _explained(readings: _Readings, levels: Numbers) -> Numbers:
         sums = _summed(upright, shares)
         pair = _pair(sums)
         pair[scarce] = np.nan
-        walls, plane = _values(pair, x, y), _seen(z * kappa[:, None])
+        walls, plane = _values(pair, x, y), _met(z * kappa[:, None])
         flat = plane < walls
         kappa = _refitted(kappa, z, w, np.where(flat, trust, 0), trust)
         trust = all_of.trusted(np.abs(w - np.minimum(np.minimum(walls, plane), _NEAREST)), trust)
@@ -221,12 +225,18 @@ def _single(moments: Numbers) -> Numbers:
 def _values(pair: Numbers, x: Numbers, y: Numbers) -> Numbers:
     angle, right, left = pair.T[:, :, None]
     c, s = np.cos(angle), np.sin(angle)
-    return np.minimum(_seen(left * (c * x + s * y)), _seen(right * (c * y - s * x)))
+    return np.minimum(_met(left * (c * x + s * y)), _met(right * (c * y - s * x)))
 
 
 def _seen(values: Numbers) -> Numbers:
     with np.errstate(invalid="ignore"):
         return np.where(values > _SEEN, values, np.inf)
+
+
+def _met(values: Numbers) -> Numbers:
+    """Return inverse depths as rays meet planes: 0 of one that is led away from, infinite where there is none."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.isnan(values), np.inf, np.maximum(values, 0))
 
 
 def _inverse(forms: Numbers, directions: Numbers) -> Numbers:
@@ -252,7 +262,7 @@ def _forms(pair: Numbers, kappa: Numbers) -> Numbers:
 def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Numbers]:
     """Return of each object the smallest of its likely explanations (h, n, 3, 3), and the noise that it leaves."""
     directions = np.stack([readings.x, readings.y, readings.z])
-    model = np.minimum(_least(_inverse(explanations, directions.transpose(1, 0, 2))), _NEAREST)
+    model = np.minimum(_met(_inverse(explanations, directions.transpose(1, 0, 2))).min(axis=-2), _NEAREST)
     off = np.abs(readings.w - model)
     noise = _deviation(off, readings.weights).min(axis=0)
     cost = (readings.weights * np.minimum((off / noise[:, None]) ** 2, REACH**2)).sum(axis=2) / COHERENT

@@ -8,30 +8,44 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.cloud.outlines import Masked
 from services.cloud.points import Floats, Indices
-from services.cloud.sampling import some
+from services.cloud.sampling import some, spread
 from services.cloud.shape import Box, Level, box_between, fit_box
 from services.cloud.surfaces import Faces, fit_faces
 from services.geometry.masks import Window
 
 Numbers = NDArray[Any]
 
-READINGS: Final = 1024
+READINGS: Final = 512
 """Of an object's readings so many at most say what its faces are."""
 
 CELLS: Final = 128
 """In so many cells of its picture at most, of each of which the mean counts."""
 
-PIXELS: Final = 256
+PIXELS: Final = 128
 """So many pixels at most say how far its faces go, and as many where the middle is of what has no reading."""
 
-EXACT_M: Final = 0.01
+NEAR: Final = 4
+"""Pixels at its edge that are so many pixels from a reading say nothing: they may be of a face that none is of."""
+
+STRAY: Final = 0.03
+"""Share of the pixels at its edge that may lie beyond a side of its box."""
+
+STRAY_PIXELS: Final = 1.0
+"""How far off a mask's edge may be, in pixels: the smallest box that explains it so is the object's."""
+
+EXACT_M: Final = 0.007
 """Readings of less noise say themselves how large an object is."""
 
-BEYOND: Final = 0.5
+MOST_NOISE: Final = 0.002
+"""Noise of inverse depth, per metre; more than that is a shape that is no box's."""
+
+BEYOND: Final = 0.25
 """What has no reading is at most so much of an object's width behind what has one."""
 
 SHARES: Final = (0.02, 0.5, 0.98)
@@ -40,18 +54,26 @@ SHARES: Final = (0.02, 0.5, 0.98)
 ASIDE: Final = 0.95
 """How near, of the nearest of them, its faces may come."""
 
+_AROUND: Final = np.ones((2 * NEAR + 1, 2 * NEAR + 1), np.uint8)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """An object in the picture. mask: it; inner: what is trusted of it, in the same window.
+    """An object and its readings. at: flat places of these in the object's window, ascending. xyz: (3, n) these."""
 
-    at: flat places in the window of its readings, ascending. xyz: (3, n) these.
-    """
-
-    mask: Window
-    inner: Window
+    masked: Masked
     at: Indices
     xyz: Floats
+
+    @property
+    def mask(self) -> Window:
+        """The object in the picture."""
+        return self.masked.mask
+
+    @property
+    def inner(self) -> Window:
+        """What is trusted of it, in the same window."""
+        return self.masked.inner
 
 
 def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
@@ -61,12 +83,13 @@ def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
     cells = _cells(objects, np.array([level.x, level.y, level.up]))
     faces = fit_faces(cells.directions, cells.inverse, cells.weights)
     unread = [_unread(seen) for seen in objects]
-    placed = _placed(np.stack([_picked(*each) for each in zip(objects, unread, strict=True)]), faces, cells)
-    low, high = _extents(placed, faces.along)
+    edges = [_edge(seen, partly=bool(len(without))) for seen, without in zip(objects, unread, strict=True)]
+    low, high = _extents(_pixels(objects, edges), faces, cells)
+    added = _placed(_pixels(objects, unread), faces, cells).mean(axis=2) @ np.array([level.x, level.y, level.up])
     exact = _is_exact(cells, faces)
     made = []
     for number, (seen, without) in enumerate(zip(objects, unread, strict=True)):
-        centroid = _middle(seen, placed[number], len(without), level)
+        centroid = _middle(seen, added[number], len(without))
         if exact[number]:
             made.append((centroid, fit_box(seen.xyz, level)))
         else:
@@ -145,48 +168,57 @@ def _unread(seen: Seen) -> Indices:
     return np.flatnonzero(without)
 
 
-def _picked(seen: Seen, unread: Indices) -> NDArray[np.intp]:
-    """Return ones, columns and rows (3, 2 * PIXELS): of some pixels without readings, then of some of the edge.
+def _edge(seen: Seen, *, partly: bool) -> Indices:
+    """Return the pixels at an object's edge that are near a reading; partly: not all of its pixels have one."""
+    edge = seen.mask.pixels > seen.inner.pixels
+    if partly:
+        read = np.zeros(edge.shape, np.uint8)
+        read.reshape(-1)[seen.at] = 1
+        edge &= cv2.dilate(read, _AROUND).view(np.bool_)
+    found = np.flatnonzero(edge)
+    return found if len(found) else seen.at
 
-    The last one is repeated.
+
+def _pixels(objects: Sequence[Seen], chosen: Sequence[Indices]) -> NDArray[np.intp]:
+    """Return ones, columns and rows of some of each object's chosen pixels, (n, 3, PIXELS); of none the first pixel."""
+    flat = np.stack([at.take(spread(len(at), PIXELS)) if len(at) else np.zeros(PIXELS, np.intp) for at in chosen])
+    rows, columns = np.divmod(flat, np.array([[seen.mask.pixels.shape[1]] for seen in objects]))
+    return np.stack([np.ones_like(flat), columns, rows], axis=1)
+
+
+def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells, off: float = 0.0) -> Numbers:
+    """Return where on their objects' faces pixels (n, 3, m) are: (n, 3, m), along the level axes.
+
+    off: they may be off by so many pixels, and those that then are on a nearer face are on that.
     """
-    edge = np.flatnonzero(seen.mask.pixels > seen.inner.pixels)
-    if not len(edge):
-        edge = np.flatnonzero(seen.mask.pixels)
-    chosen = np.concatenate([unread[some(len(unread), PIXELS)], edge[some(len(edge), PIXELS)]])
-    flat = np.full(2 * PIXELS, chosen[-1])
-    flat[: len(chosen)] = chosen
-    rows = flat // seen.mask.pixels.shape[1]
-    return np.stack([np.ones_like(flat), flat - rows * seen.mask.pixels.shape[1], rows])
-
-
-def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells) -> Numbers:
-    """Return where on their objects' faces pixels (n, 3, m) are: (n, 3, m), along the level axes."""
     aimed = cells.places @ pixels
     wide = np.ptp(aimed, axis=2).max(axis=1)
     far, _, near = cells.depths[:, :, np.newaxis]
     far = far * (1 + BEYOND * wide[:, np.newaxis])
-    return np.asarray(aimed / np.clip(faces.inverse_depth(aimed), 1 / far, 1 / (ASIDE * near))[:, np.newaxis])
+    nearer = off * np.abs(faces.forms @ cells.places[:, :, 1:]).sum(axis=2, keepdims=True)
+    return np.asarray(aimed / np.clip(faces.inverse_depth(aimed, nearer), 1 / far, 1 / (ASIDE * near))[:, np.newaxis])
 
 
-def _extents(placed: Numbers, along: Numbers) -> tuple[Numbers, Numbers]:
-    """Return the least and the greatest places, (n, 3), of points along the sides of the objects that they are of."""
-    cos, sin = np.cos(along)[:, np.newaxis], np.sin(along)[:, np.newaxis]
-    x, y, up = placed.transpose(1, 0, 2)
-    turned = np.stack([cos * x + sin * y, cos * y - sin * x, up], axis=1)
-    return turned.min(axis=2), turned.max(axis=2)
+def _extents(edges: NDArray[np.intp], faces: Faces, cells: _Cells) -> tuple[Numbers, Numbers]:
+    """Return how far objects go along their sides, the least and the greatest places, (n, 3).
+
+    edges: pixels (n, 3, m). What is seen nearly from aside goes as far as it must.
+    """
+    cos, sin = np.cos(faces.along)[:, np.newaxis], np.sin(faces.along)[:, np.newaxis]
+    x, y, _ = _placed(edges, faces, cells, STRAY_PIXELS).transpose(1, 0, 2)
+    up = _placed(edges, faces, cells)[:, 2]
+    ordered = np.sort(np.stack([cos * x + sin * y, cos * y - sin * x, up], axis=1), axis=2)
+    beyond = int(STRAY * ordered.shape[2])
+    return ordered[:, :, beyond], ordered[:, :, -1 - beyond]
 
 
 def _is_exact(cells: _Cells, faces: Faces) -> NDArray[np.bool_]:
     """Return which objects are so near that their readings have little noise."""
-    return np.asarray(np.median(faces.noise) * cells.depths[1] ** 2 < EXACT_M)
+    return np.asarray(np.minimum(faces.noise, MOST_NOISE) * cells.depths[1] ** 2 < EXACT_M)
 
 
-def _middle(seen: Seen, placed: Numbers, unread: int, level: Level) -> Numbers:
-    """Return the middle of readings and of pixels without one, of which the first of those placed are some."""
+def _middle(seen: Seen, added: Numbers, unread: int) -> Numbers:
+    """Return the middle of readings and of so many pixels without one, whose own middle is `added`."""
     read = len(seen.at)
     mean = seen.xyz.mean(axis=1).astype(np.float64)
-    if not unread:
-        return np.asarray(mean)
-    x, y, up = placed[:, : min(unread, PIXELS)].mean(axis=1)
-    return np.asarray((mean * read + (x * level.x + y * level.y + up * level.up) * unread) / (read + unread))
+    return np.asarray((mean * read + added * unread) / (read + unread))

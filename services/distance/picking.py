@@ -29,7 +29,7 @@ RING: Final = 5
 """Pixels around a mask that say what is behind and before the object."""
 
 _NUMBER_BITS: Final = np.uint64(32)
-_EVEN: Final = {count: np.arange(count) for count in (SAMPLE, AROUND)}
+_EVEN: Final = {count: np.arange(count, dtype=np.float64) for count in (SAMPLE, AROUND)}
 _APART: Final = {count: np.random.default_rng(0).random(count) for count in (SAMPLE, AROUND)}
 """Where in each of so many equal parts of a range: at their beginnings, all could fall on one column of a mask."""
 
@@ -129,10 +129,12 @@ class _Marked:
         near = np.minimum(to_next, to_last) <= REACH
         found = np.where(to_next <= to_last, nexts, lasts)[near]
         counts = near.sum(axis=1)
-        few = counts < FILLED
-        starts = np.where(few, len(found) + first[:, 0], np.cumsum(counts) - counts)
-        counts = np.where(few, (last - first)[:, 0], counts)
-        return np.concatenate([found, inner]).take(_spread(starts, counts, SAMPLE))
+        starts = counts.cumsum() - counts
+        if (few := counts < FILLED).any():
+            starts = np.where(few, len(found) + first[:, 0], starts)
+            counts = np.where(few, (last - first)[:, 0], counts)
+            found = np.concatenate([found, inner])
+        return np.asarray(found.take(_spread(starts, counts, SAMPLE)))
 
 
 def _cores(windows: Sequence[Window], offsets: Indices, there: Bools, criteria: Criteria) -> Iterator[Window]:
@@ -159,8 +161,9 @@ def _around(windows: Sequence[Window], rows: Indices, depth: Floats, there: Bool
 
 def _spread(starts: Indices, counts: Indices, wanted: int) -> Indices:
     """Return so many numbers of each range, (n, wanted), one of each equal part of it."""
-    begins = starts[:, np.newaxis] + _EVEN[wanted] * counts[:, np.newaxis] // wanted
-    return np.asarray(begins + (_APART[wanted] * (counts // wanted)[:, np.newaxis]).astype(np.intp))
+    parts = (counts / wanted)[:, np.newaxis]
+    places = _EVEN[wanted] * parts + _APART[wanted] * np.maximum(parts - 1, 0)
+    return starts[:, np.newaxis] + places.astype(np.intp)
 
 
 def _in_image(pixels: Indices, windows: Sequence[Window], starts: Indices, width: int) -> Indices:

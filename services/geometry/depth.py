@@ -34,8 +34,10 @@ def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = 
     values = _decoded(frame) if frame.format not in {RAW, ZSTD} else _values(frame)
     metres = _metres(values, frame)
     near, far = max(np.float32(nearest_m), _LIMITS.tiny), min(np.float32(farthest_m), _LIMITS.max)
-    read = (metres >= near) & (metres <= far)
-    return np.asarray(cv2.copyTo(metres, read.view(np.uint8), np.full(metres.shape, np.nan, np.float32)))
+    beyond = metres < near
+    beyond |= metres > far
+    np.copyto(metres, np.nan, where=beyond)
+    return metres
 
 
 def _metres(values: NDArray[Any], frame: ImageFrame) -> Floats:

@@ -61,6 +61,9 @@ class _Camera:
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 and recent[-1] > recent[0] else 0.0
 
 
+UNHEARD: Final = _Camera()
+
+
 class Fleet:
     """Every robot and camera ever seen, what is in view of it and how it is doing.
 
@@ -163,15 +166,16 @@ class Fleet:
 
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name; also those that were heard before a restart alone."""
-        return (self._row(key, now_s) for key in self.inventory.in_order())
+        return (self.row(key, now_s) for key in self.inventory.in_order())
 
     def take_changed(self, now_s: float) -> Iterator[Row]:
         """Yield the cameras, by robot and name, that came, went or counted something else since this was asked last."""
         changed, self._changed = self._changed, set()
-        return (self._row(key, now_s) for key in sorted(changed))
+        return (self.row(key, now_s) for key in sorted(changed))
 
-    def _row(self, key: CameraKey, now_s: float) -> Row:
-        camera = self._cameras.get(key) or _Camera()
+    def row(self, key: CameraKey, now_s: float) -> Row:
+        """Return one camera."""
+        camera = self._cameras.get(key, UNHEARD)
         return Row(
             key=key,
             online=self.inventory.online(key),

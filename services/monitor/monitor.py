@@ -10,12 +10,13 @@ from schemas.alerts import Alert, AlertState
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.fleet import Fleet
+from services.monitor.glance import Glance, Painting, Workers
 from services.monitor.health import Health
 from services.monitor.history.acts import Act
 from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import Entry
-from services.monitor.picture import Painting, Picture
+from services.monitor.picture import Picture
 from services.monitor.recent import Recent
 from services.monitor.settings import MonitorSettings
 from services.monitor.turns import in_turns
@@ -34,7 +35,7 @@ NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertS
 class Monitor:
     """Everything a running monitor has. started_ns: when it began, epoch nanoseconds.
 
-    What many look at (`picture`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
+    What is made of the whole fleet (`picture`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
     """
 
     settings: MonitorSettings
@@ -46,6 +47,7 @@ class Monitor:
     archive: Archive
     health: Health
     started_ns: int = field(default_factory=time.time_ns)
+    _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
     _picture: Recent[Picture] = field(init=False, repr=False)
     _inventory: Recent[tuple[Entry, ...]] = field(init=False, repr=False)
     _others: Recent[Sequence[Alert]] = field(init=False, repr=False)
@@ -55,8 +57,19 @@ class Monitor:
         self._inventory = Recent(self._list, MAX_AGE_S)
         self._others = Recent(self._read_alerts, MAX_READ_AGE_S)
 
+    def glance(self) -> Glance:
+        """Return the fleet as it is now, for who wants some of it."""
+        return Glance(self.fleet, self.workers(), time.time_ns(), time.monotonic())
+
+    def workers(self) -> Workers:
+        """Return the workers as they are now, or were at most MAX_AGE_S ago."""
+        now_s = time.monotonic()
+        if self._workers is None or now_s - self._workers[0] > MAX_AGE_S:
+            self._workers = now_s, Workers(self.fleet, time.time_ns())
+        return self._workers[1]
+
     async def picture(self) -> Picture:
-        """Return robots, cameras and workers as they are now."""
+        """Return all robots, cameras and workers: of thousands, tenths of a second's work."""
         return await self._picture.get()
 
     async def inventory(self) -> tuple[Entry, ...]:
@@ -102,7 +115,7 @@ class Monitor:
         return alert
 
     async def _paint(self) -> Picture:
-        painting = Painting(self.fleet, time.time_ns(), time.monotonic())
+        painting = Painting(self.glance())
         async for _ in in_turns(painting.steps()):
             pass
         return painting.picture()

@@ -25,6 +25,8 @@ def test_a_figure_beside_another() -> None:
 def test_the_figure_that_none_can_pass_is_shown() -> None:
     (target,) = at_least(FOUND, "slow", 0.8, "fast", "slow").values()
     assert (target["ratio"], target["ceiling"]) == (0.333, 0.333)
+    (target,) = at_most(FOUND, "fast", 4, "slow", "slow").values()
+    assert (target["ratio"], target["floor"]) == (3.0, 1.0)
 
 
 @pytest.mark.parametrize(("name", "other"), [("none", None), ("none", "fast"), ("fast", "nothing"), ("fast", "none")])

@@ -6,9 +6,9 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Final, Literal
 
-import pytest
 from playwright.async_api import Browser, Page, async_playwright
 
+from tests.missing import require_debian
 from tests.services.monitor.web.serving import Served
 
 CHROMIUM: Final = "/usr/bin/chromium"
@@ -19,17 +19,10 @@ Size = Literal["phone", "desk", "wall"]
 Scheme = Literal["dark", "light"]
 
 
-def require_chromium() -> None:
-    """Skip, or fail in CI, where Chromium is missing."""
-    if not Path(CHROMIUM).exists():
-        why = "tests/integration/install-chromium.sh installs Chromium"
-        (pytest.fail if os.environ.get("CI") else pytest.skip)(why)
-
-
 @asynccontextmanager
 async def open_browser(*more: str) -> AsyncIterator[Browser]:
     """Start Chromium, with more options; skip, or fail in CI, where it is missing."""
-    require_chromium()
+    require_debian("Chromium", [CHROMIUM], how="tests/integration/install-chromium.sh installs it")
     async with async_playwright() as playwright:
         options = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", *more]
         browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=options)

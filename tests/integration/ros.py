@@ -10,12 +10,11 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-import pytest
-
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.master import MasterClient
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from tests.gateway.ros1.waiting import until
+from tests.missing import require_debian
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -36,11 +35,7 @@ def require_ros(*packages: str) -> None:
     packages: further ones, by the name of their Python module or by the path of a program.
     """
     modules = [str(_PACKAGES / package) for package in (*_PYTHON_PACKAGES, *packages)]
-    missing = [path for path in (*_PROGRAMS, *modules) if not Path(path).exists()]
-    if missing and os.environ.get("CI"):
-        pytest.fail(f"CI needs Debian's ROS packages; missing: {', '.join(missing)}")
-    if missing:
-        pytest.skip(f"Debian's ROS packages are not installed; missing: {', '.join(missing)}")
+    require_debian("Debian's ROS", (*_PROGRAMS, *modules), how="tests/integration/install-ros.sh installs it")
 
 
 def free_port() -> int:

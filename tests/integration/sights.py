@@ -27,6 +27,9 @@ PERIOD_S = 0.1
 THINGS = (("box", 2.5, 0.8, 0.5), ("box", 4.0, -0.6, 0.4), ("pallet", 3.2, -1.4, 0.15), ("forklift", 5.5, 1.6, 1.0))
 """Class, metres ahead, to the left and above the floor of the middle of each thing."""
 
+EAST_M = 1.0
+"""Where robots are in the map as their distances say it; their transforms say that they drive in a circle."""
+
 COLOURS = {"box": (176, 124, 68), "pallet": (205, 170, 115), "forklift": (236, 180, 20)}
 SIZES = {"box": (0.6, 0.5, 0.8), "pallet": (1.2, 0.8, 0.15), "forklift": (1.6, 1.0, 2.0)}
 
@@ -96,7 +99,10 @@ class Robot:
                     mean_m=ahead,
                     nearest_m=ahead,
                     spread_m=0.0,
-                    places=[Place(frame_id="map", at=(ahead, left, up))],
+                    places=[
+                        Place(frame_id="base_link", at=(ahead - EAST_M, left, up)),
+                        Place(frame_id="map", at=(ahead, left, up)),
+                    ],
                 ),
             )
             for index, (name, ahead, left, up) in enumerate(THINGS)

@@ -1,6 +1,7 @@
 """The monitor's page as people use it: real clicks in a real browser, over a real bus."""
 
 import asyncio
+import re
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +10,11 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, expect
 
+from bus.fake import FakeNetwork
 from services.monitor.web.auth.visitor import Role
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.warehouse import Robot, Warehouse, warehouse
-from tests.services.monitor.web.serving import Served, served
+from tests.services.monitor.web.serving import Served, monitor_on, served
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 
@@ -93,6 +95,7 @@ async def test_robots_are_searched_and_chosen_by_their_state(site: Site, tmp_pat
         await expect(page.locator("[data-sighting='r1/front/box']")).to_contain_text("2.12 m")
         wide = await page.evaluate("document.documentElement.scrollWidth")
         assert wide == 375
+        assert await page.locator("img").count() == 0
         await looker.picture("inventory-phone-dark")
 
 
@@ -118,16 +121,33 @@ async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp
         await looker.picture("inventory-desk-dark")
 
 
-async def test_an_alert_is_acknowledged_and_resolved_by_somebody(site: Site, tmp_path: Path) -> None:
+async def test_what_a_lost_robot_saw_is_not_in_view_now_but_is_not_forgotten(site: Site, tmp_path: Path) -> None:
+    site.fleet.enter(Robot("r4", {"drum": 2}))
+    async with looking(site.browser, site.at, tmp_path, size="wall") as looker:
+        page = await looker.go("/inventory")
+        row = page.locator("[data-sighting='r4/front/drum']")
+        await expect(row).to_be_visible()
+        await site.fleet.leave("r4")
+        await expect(row).to_have_count(0)
+        await expect(page.get_by_text("more not known now")).to_be_visible()
+        await page.locator(".q-toggle", has_text="In view now").click()
+        await expect(row).to_have_class(re.compile("fs-stale"))
+        await looker.picture("inventory-wall-light")
+
+
+async def test_an_alert_is_acknowledged_escalated_and_resolved_by_somebody(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path) as looker:
         page = await looker.go("/alerts")
         first = page.locator("[data-alert]").first
         await expect(first).to_contain_text("nobody in the aisle")
         await expect(first).to_contain_text("r10/front")
+        await expect(page.get_by_text("1-2 of 2")).to_be_visible()
         await looker.picture("alerts-desk-light")
         await first.get_by_role("button", name="acknowledge").click()
         who = (await page.locator(".fs-who .fs-name").inner_text()).strip()
         await expect(first).to_contain_text(f"acknowledged by {who}")
+        await first.get_by_role("button", name="escalate").click()
+        await expect(first).to_contain_text(f"escalated by {who}")
         await first.get_by_role("button", name="resolve").click()
         await expect(first).to_contain_text("boxes to move")
         ended = page.locator(".fs-panel", has_text="Resolved").last.locator("[data-alert]")
@@ -144,6 +164,30 @@ async def test_health_says_who_serves_what_and_what_is_wrong_with_the_monitor(si
         await expect(page.locator(".fs-banners")).to_contain_text("rules.yaml: line 2: rules.0: `when` is one of")
         await looker.picture("health-wall-dark")
     await asyncio.to_thread(site.rules.write_text, RULES, "utf-8")
+
+
+async def test_a_history_that_is_not_kept_is_said_until_it_is_kept_again(site: Site, tmp_path: Path) -> None:
+    (tmp_path / "new").write_text("in the way")
+    async with (
+        warehouse(history=f"sqlite:///{tmp_path}/new/history.db") as fleet,
+        served(fleet.monitor) as at,
+        looking(site.browser, at, tmp_path, size="phone") as looker,
+    ):
+        page = await looker.go("/")
+        await expect(page.locator(".fs-banner", has_text="history is not being kept: ")).to_be_visible()
+        await looker.picture("not-kept-phone-light")
+        await asyncio.to_thread((tmp_path / "new").unlink)
+        await expect(page.locator(".fs-banner:visible")).to_have_count(0)
+
+
+async def test_a_monitor_that_cannot_hear_the_fleet_says_so(site: Site, tmp_path: Path) -> None:
+    async with FakeNetwork().open_bus() as bus:
+        deaf = monitor_on(bus)
+    async with served(deaf) as at, looking(site.browser, at, tmp_path, scheme="dark") as looker:
+        page = await looker.go("/")
+        await expect(page.locator(".fs-banner.fs-bad")).to_contain_text("The fleet cannot be heard")
+        await expect(page.locator(".fs-banner.fs-bad")).to_contain_text("the bus is closed")
+        await looker.picture("deaf-desk-dark")
 
 
 async def test_who_may_only_look_sees_alerts_but_no_buttons(site: Site, tmp_path: Path) -> None:

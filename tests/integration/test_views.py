@@ -13,6 +13,7 @@ from playwright.async_api import Browser, expect
 
 from bus import Bus
 from bus.fake import FakeNetwork
+from services.monitor.monitor import Monitor
 from services.monitor.process import watch_fleet
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.sights import Robot, robot_on, until
@@ -32,6 +33,7 @@ class Site:
 
     robot: Robot
     bus: Bus
+    monitor: Monitor
     at: Served
     browser: Browser
 
@@ -42,12 +44,14 @@ async def site() -> AsyncIterator[Site]:
     async with AsyncExitStack() as stack:
         central, fleet = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
         monitor = monitor_on(central)
-        watching = asyncio.create_task(watch_fleet(central, monitor.fleet))
+        work = (watch_fleet(central, monitor.fleet), monitor.health.run())
+        running = [asyncio.create_task(each) for each in work]
         robot = await stack.enter_async_context(robot_on(fleet, "r1"))
         at = await stack.enter_async_context(served(monitor))
-        yield Site(robot, fleet, at, await stack.enter_async_context(open_browser(*SOFTWARE_GL)))
-        watching.cancel()
-        await asyncio.wait([watching])
+        yield Site(robot, fleet, monitor, at, await stack.enter_async_context(open_browser(*SOFTWARE_GL)))
+        for task in running:
+            task.cancel()
+        await asyncio.wait(running)
 
 
 async def test_an_overlay_is_drawn_while_somebody_looks_at_its_camera(site: Site, tmp_path: Path) -> None:
@@ -97,6 +101,14 @@ async def test_a_robot_that_is_lost_stays_on_the_map(site: Site, tmp_path: Path)
         async with robot_on(site.bus, "r3"):
             await expect(page.locator(".fs-map .robot.live", has_text="r3")).to_be_visible()
         await expect(page.locator(".fs-map .robot.lost text")).to_have_text(re.compile(r"r3, last seen \d+ s ago"))
+
+
+async def test_robots_are_on_the_map_at_once_where_what_they_saw_says_they_are(site: Site, tmp_path: Path) -> None:
+    async with robot_on(site.bus, "r7"):
+        await until(lambda: "r7" in site.monitor.fleet.places.poses)
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/map")
+        await expect(page.locator(".fs-map .robot.lost", has_text="r7")).to_be_visible()
 
 
 async def test_what_is_not_there_says_what_to_do(site: Site, tmp_path: Path) -> None:

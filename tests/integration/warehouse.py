@@ -179,6 +179,7 @@ async def _watch(monitor: Monitor) -> None:
         alerting.take(changes)
 
     async with asyncio.TaskGroup() as group:
+        group.create_task(monitor.health.run())
         group.create_task(history.run())
         group.create_task(alerting.run(monitor.bus, keep=history.alert, leads=lambda: history.status.leads))
         group.create_task(watch_fleet(monitor.bus, monitor.fleet, told, alerting.measured))

@@ -1,7 +1,9 @@
 """A moving picture for a browser's `<img>`: multipart/x-mixed-replace, each part the newest frame there is."""
 
 import asyncio
-from contextlib import AsyncExitStack, suppress
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import AsyncExitStack, contextmanager, suppress
 from typing import Final
 
 from starlette.requests import Request
@@ -32,6 +34,9 @@ REPEAT_S: Final = 5.0
 GONE_S: Final = 10.0
 """Who takes nothing of what is sent for so long has gone."""
 
+MOST_OF_VISITOR: Final = 24
+"""Pictures that one visitor looks at, so that there are some left for others."""
+
 START: Final[Message] = {
     "type": "http.response.start",
     "status": 200,
@@ -52,6 +57,7 @@ class MotionPictures:
 
     def __init__(self, pictures: Pictures, *, repeat_s: float = REPEAT_S, gone_s: float = GONE_S) -> None:
         self._pictures = pictures
+        self._looks = Counter[str]()
         self._repeat_s = repeat_s
         self._gone_s = gone_s
 
@@ -60,6 +66,7 @@ class MotionPictures:
         visitor = visitor_of(Request(scope))
         async with AsyncExitStack() as stack:
             try:
+                stack.enter_context(self._counted(visitor.name))
                 newest = await stack.enter_async_context(self._pictures.hold(_overlay(**scope["path_params"])))
             except SchemaError as error:
                 await PlainTextResponse(str(error), 404)(scope, receive, send)
@@ -77,6 +84,18 @@ class MotionPictures:
                 await asyncio.wait((sending, listening))
             if not sending.cancelled():
                 sending.result()
+
+    @contextmanager
+    def _counted(self, name: str) -> Iterator[None]:
+        if self._looks[name] >= MOST_OF_VISITOR:
+            raise CrowdedError(f"you look at {MOST_OF_VISITOR} pictures already; close another view first")
+        self._looks[name] += 1
+        try:
+            yield
+        finally:
+            self._looks[name] -= 1
+            if not self._looks[name]:
+                del self._looks[name]
 
     async def _send_frames(self, newest: Newest[ImageFrame], visitor: Visitor, send: Send) -> None:
         """Send until a part is not taken in time, or whoever looks may not any more."""

@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from services.monitor.inventory.inventory import MAX_MEMBERS
 from services.monitor.mapping.drawing import Robot
 from services.monitor.mapping.places import FORGET_NS
 from services.monitor.mapping.pose import Pose
@@ -12,8 +13,8 @@ from services.monitor.mapping.pose import Pose
 LOST_NS: Final = 5_000_000_000
 """A pose of which nothing was heard for so long is not of now."""
 
-MOST: Final = 500
-"""Robots whose poses are kept, those known last."""
+MOST: Final = MAX_MEMBERS
+"""Robots whose poses are kept, those known last: as many as are followed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +24,7 @@ class _Known:
 
 
 class LastPoses:
-    """The newest pose of every robot that was on a map; kept until it has not been known for as long as objects are."""
+    """The newest pose of every robot; kept until it has not been known for as long as objects are."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, _Known] = OrderedDict()
@@ -35,6 +36,13 @@ class LastPoses:
             self._known.move_to_end(name)
         while len(self._known) > MOST:
             self._known.popitem(last=False)
+
+    def take_seen(self, poses: Mapping[str, Pose]) -> None:
+        """Take poses of any age: those that are newer than what is known."""
+        for name, pose in poses.items():
+            known = self._known.get(name)
+            if known is None or known.pose.at_ns < pose.at_ns:
+                self.take({name: pose}, pose.at_ns)
 
     def names(self, now_ns: int) -> set[str]:
         """Return the robots that are not forgotten."""

@@ -1,4 +1,4 @@
-"""Where objects were seen last, as distances say it. Pure: time is an argument."""
+"""Where objects were seen last, and robots with them, as distances say it. Pure: time is an argument."""
 
 import math
 from collections import OrderedDict
@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from typing import Final
 
 from schemas.distances import Distances, ObjectDistance
-
-MAP: Final = "map"
+from services.monitor.mapping.pose import MAP, Pose, pose_of
 
 MOST: Final = 2_000
 """Places that are kept, those seen last."""
 
 FORGET_NS: Final = 1_800 * 1_000_000_000
 """What nobody saw for half an hour is not shown any more."""
+
+RENEW_NS: Final = 2 * 1_000_000_000
+"""How often a robot's pose is looked for."""
 
 SAME_M: Final = 0.6
 """Objects of a class that were seen nearer to each other, at different times or by different robots, are one."""
@@ -33,14 +35,24 @@ class Mark:
 
 
 class Places:
-    """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one."""
+    """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one.
+
+    poses: where robots were when two objects were seen at once, which tell how the robot stands to the map.
+    """
 
     def __init__(self) -> None:
+        self.poses: dict[str, Pose] = {}
+        self._sought_ns: dict[str, int] = {}
         self._marks: OrderedDict[tuple[object, ...], Mark] = OrderedDict()
 
     def take(self, distances: Distances, seen_ns: int) -> None:
         """Take where one image's objects are; those whose place in the map is not known are left out."""
         of = distances.header
+        if len(distances.objects) > 1 and seen_ns - self._sought_ns.get(of.robot, 0) >= RENEW_NS:
+            self._sought_ns[of.robot] = seen_ns
+            pose = pose_of(distances, seen_ns)
+            if pose is not None:
+                self.poses[of.robot] = pose
         for each in distances.objects:
             at = _in_map(each)
             if at is not None:

@@ -1,15 +1,17 @@
-"""Where a robot is in the map, as its transforms say. Pure."""
+"""Where a robot is in the map, as its transforms say, or the places of what it sees. Pure."""
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from schemas.distances import Distances
 from schemas.transforms import Transforms
 from services.geometry.errors import TransformError
 from services.geometry.transforms import TransformTree
-from services.monitor.mapping.places import MAP
 
+MAP: Final = "map"
 BASES: Final = ("base_link", "base_footprint")
 """What a robot's own frame is called, the usual name first."""
 
@@ -26,6 +28,37 @@ class Pose:
     y: float
     yaw: float
     at_ns: int
+
+
+APART_M: Final = 0.3
+"""Two objects that are seen so far apart tell how a robot is turned; their places are one measurement in two frames."""
+
+
+def pose_of(distances: Distances, at_ns: int) -> Pose | None:
+    """Return where the robot was that saw these objects, from two whose places it knows in its own frame and the map.
+
+    Robots are taken to stand upright. None where it cannot be known.
+    """
+    known = list(_in_both(distances))
+    if not known:
+        return None
+    (x, y), (east, north) = known[0]
+    far, there = max(known, key=lambda each: math.dist(each[0], (x, y)))
+    if math.dist(far, (x, y)) < APART_M:
+        return None
+    yaw = math.atan2(there[1] - north, there[0] - east) - math.atan2(far[1] - y, far[0] - x)
+    yaw = math.remainder(yaw, math.tau)
+    along, across = math.cos(yaw), math.sin(yaw)
+    return Pose(east - along * x + across * y, north - across * x - along * y, yaw, at_ns)
+
+
+def _in_both(distances: Distances) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
+    for each in distances.objects:
+        places = each.measured.places if each.measured is not None else ()
+        at = {place.frame_id.removeprefix("/"): place.at for place in places if place.at is not None}
+        base = next((at[name] for name in BASES if name in at), None)
+        if base is not None and MAP in at:
+            yield base[:2], at[MAP][:2]
 
 
 class Whereabouts:

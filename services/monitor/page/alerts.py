@@ -21,8 +21,9 @@ from services.monitor.page.alert_rows import (
     wanted_alerts,
 )
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
-from services.monitor.page.frame import ALERTS, PATIENCE_S, REFRESH_S, banner, export_link, nothing_yet, page_frame
+from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
+from services.monitor.page.links import ALERTS
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.tiles import Tile
 from services.monitor.page.words import plural
@@ -50,7 +51,7 @@ ENDED_COLUMNS: Final = (
 def add_alerts(monitor: Monitor, kept: KeptAlerts) -> None:
     """Add the page."""
 
-    @ui.page(ALERTS.path, response_timeout=PATIENCE_S)
+    @page_at(ALERTS.path)
     def alerts() -> None:
         with page_frame(monitor, "Alerts", ALERTS) as visitor:
             _Alerts(monitor, kept, visitor)
@@ -101,12 +102,10 @@ class _Alerts:
                     "Another monitor raises them, and what it writes cannot be read:",
                 )
                 self._why_unknown = ui.label().classes("fs-empty")
-            self._calm = ui.element("div")
-            with self._calm:
-                nothing_yet("check_circle", "No open alerts", *_what_raises(self._monitor))
-            self._none = ui.element("div")
-            with self._none:
-                nothing_yet("search_off", "No alert is like that", "Clear the search, or choose another severity.")
+            self._calm = nothing_yet("check_circle", "No open alerts", *_what_raises(self._monitor))
+            self._none = nothing_yet(
+                "search_off", "No alert is like that", "Clear the search, or choose another severity."
+            )
 
     def _ended_panel(self) -> None:
         with ui.element("div").classes("fs-panel"):

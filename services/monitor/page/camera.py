@@ -2,6 +2,8 @@
 
 import time
 from collections import deque
+from collections.abc import Sequence
+from html import escape
 from typing import Final
 
 from nicegui import ui
@@ -15,8 +17,9 @@ from services.monitor.looking.newest import Newest
 from services.monitor.looking.reasons import Reason, facts_of, why_nothing
 from services.monitor.looking.views import Views
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, PATIENCE_S, page_frame
+from services.monitor.page.frame import page_at, page_frame
 from services.monitor.page.gaze import Gaze
+from services.monitor.page.links import FLEET, still
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
 from services.monitor.page.words import age_text, ago, rate_text
 
@@ -32,7 +35,7 @@ KINDS: Final = {Stream.OVERLAY_DETECTION.value: "Boxes", Stream.OVERLAY_SEGMENTA
 def add_camera(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(PATH, response_timeout=PATIENCE_S)
+    @page_at(PATH)
     async def camera_page(robot: str, camera: str) -> None:
         with page_frame(monitor, f"{robot}/{camera}", FLEET):
             ui.add_css(VIEW_STYLE)
@@ -44,7 +47,7 @@ def add_camera(monitor: Monitor, views: Views) -> None:
         while await gaze.begins():
             live.show()
             while not await gaze.ends(REFRESH_S):
-                await live.refresh()
+                live.refresh()
             live.hide()
 
 
@@ -57,7 +60,6 @@ class _Live:
         self._asked = 0
         self._again_s = 0.0
         self._arrivals: deque[tuple[float, int]] = deque(maxlen=8)
-        self._listed: tuple[tuple[Sighting, ...], bool] | None = None
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 self._build_head()
@@ -69,8 +71,8 @@ class _Live:
                     self._age, self._rate, self._size = ui.label(), ui.label(), ui.label()
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
-                    ui.label("In view").classes("fs-title")
-                self._classes = ui.element("div").classes("fs-classes")
+                    self._when = ui.label().classes("fs-title")
+                self._classes = still("").classes("fs-classes")
                 self._served = ui.label().classes("fs-line fs-muted")
 
     def _build_head(self) -> None:
@@ -101,7 +103,7 @@ class _Live:
     def _broke_off(self) -> None:
         self._again_s = time.monotonic() + AGAIN_S
 
-    async def refresh(self) -> None:
+    def refresh(self) -> None:
         """Bring everything up to date."""
         if self._again_s and time.monotonic() >= self._again_s:
             self.show()
@@ -109,7 +111,7 @@ class _Live:
         age = self._age_of(newest, now_ns)
         fresh = age is not None and age.seconds <= STALE_S
         self._image.classes(**{"remove" if fresh else "add": "fs-old"})
-        await self._explain(newest, age, fresh=fresh)
+        self._explain(newest, age, fresh=fresh)
         self._tell(newest, age)
         self._list(now_ns)
 
@@ -118,9 +120,8 @@ class _Live:
             return None
         return self._monitor.fleet.age_of(newest.message.header, newest.received_ns, now_ns)
 
-    async def _explain(self, newest: Newest[ImageFrame] | None, age: Age | None, *, fresh: bool) -> None:
-        picture = await self._monitor.picture()
-        workers = [line.status for line in picture.workers if line.online and line.status.service == SERVICE]
+    def _explain(self, newest: Newest[ImageFrame] | None, age: Age | None, *, fresh: bool) -> None:
+        workers = self._monitor.workers().of(SERVICE)
         facts = facts_of(self._monitor.fleet, self._key, workers, came=age is not None)
         served = ", ".join(f"{worker.worker} ({worker.model})" for worker in facts.serving)
         self._served.set_text(f"Found by {served}" if served else "No detector looks at it")
@@ -148,20 +149,19 @@ class _Live:
         view = inventory.camera(self._key)
         since_ns = now_ns - inventory.limits.stale_ns
         seen = sorted(view.sightings(since_ns), key=lambda each: each.name) if view else []
-        listed = (tuple(each for each in seen if each.count), view is not None and inventory.speaks(view, now_ns))
-        if listed != self._listed:
-            self._listed = listed
-            self._classes.clear()
-            with self._classes:
-                _rows(*listed, now_ns)
+        available = view is not None and inventory.speaks(view, now_ns)
+        self._when.set_text("In view" if available or not seen else "In view when it was heard last")
+        self._classes.set_content(rows([each for each in seen if each.count], now_ns, available=available))
 
 
-def _rows(sightings: tuple[Sighting, ...], available: bool, now_ns: int) -> None:  # noqa: FBT001 - as they are compared
+def rows(sightings: Sequence[Sighting], now_ns: int, *, available: bool) -> str:
+    """Return what is in view as HTML: one element, however often it changes."""
     if not sightings:
-        ui.label("Nothing" if available else "Not known").classes("fs-line fs-muted")
-    for each in sightings:
-        with ui.element("div").classes("fs-row" if available else "fs-row fs-stale"):
-            ui.label(str(each.count)).classes("fs-many")
-            ui.label(each.name)
-            ui.label("" if each.nearest_m is None else f"{each.nearest_m:.2f} m").classes("fs-far")
-            ui.label(f"{each.score:.0%} sure, came {ago(each.first_ns, now_ns)}").classes("fs-more")
+        return f'<div class="fs-line fs-muted">{"Nothing" if available else "Not known"}</div>'
+    return "".join(
+        f'<div class="fs-row {"" if available else "fs-stale"}"><div class="fs-many">{each.count}</div>'
+        f"<div>{escape(each.name)}</div>"
+        f'<div class="fs-far">{"" if each.nearest_m is None else f"{each.nearest_m:.2f} m"}</div>'
+        f'<div class="fs-more">{each.score:.0%} sure, came {ago(each.first_ns, now_ns)}</div></div>'
+        for each in sightings
+    )

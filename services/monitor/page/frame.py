@@ -1,18 +1,21 @@
 """What every page has around it: where to go, who is there, and what is wrong with the monitor itself."""
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Final
 
+from fastapi import Depends, Request
 from nicegui import ui
 
-from schemas.alerts import Alert, Severity
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
+from services.monitor.page.instead import TooManyPagesError
+from services.monitor.page.links import Links, Place, icon_of, still
+from services.monitor.page.visits import Visits
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
 REFRESH_S: Final = 1.0
@@ -37,21 +40,18 @@ THEMES: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A page that one can go to from everywhere."""
-
-    name: str
-    path: str
-    icon: str
+VISITS: Final = Visits()
+"""Of the whole process, as the pages themselves are."""
 
 
-FLEET: Final = Place("Fleet", "/", "smart_toy")
-INVENTORY: Final = Place("Inventory", "/inventory", "inventory_2")
-ALERTS: Final = Place("Alerts", "/alerts", "notifications")
-MAP: Final = Place("Map", "/map", "map")
-HEALTH: Final = Place("Health", "/health", "monitor_heart")
-PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
+def page_at(path: str) -> ui.page:
+    """Return what makes a function a page, for visitors who do not have too many open."""
+
+    async def make_room(request: Request) -> None:
+        if not VISITS.make_room(visitor_of(request).name):
+            raise TooManyPagesError
+
+    return ui.page(path, response_timeout=PATIENCE_S, dependencies=[Depends(make_room)])
 
 
 @contextmanager
@@ -59,29 +59,52 @@ def page_frame(monitor: Monitor, title: str, here: Place | None = None) -> Itera
     """Fill a page: what is made inside is below the header. Gives who looks. here: the place that it belongs to."""
     client = ui.context.client
     visitor = visitor_of(client.request)
+    visit = VISITS.begin(visitor.name, client)
     ui.page_title(f"{title} \N{MIDDLE DOT} fleetsight")
     ui.add_css(STYLE)
-    counts = [_bar(visitor, here), _tabs(here)]
-    banners = ui.element("div").classes("fs-banners")
-    shown: list[str] = []
+    links = [_bar(visitor, here)]
+    with ui.footer(elevated=False).classes("fs-footer"):
+        links.append(Links(here))
+    banners = _Banners(monitor)
 
     async def refresh() -> None:
         if not visitor.may_look:
             ui.navigate.to("/")
             client.content.clear()
             return
-        problems = list(monitor.problems())
-        if problems != shown:
-            shown[:] = problems
-            banners.clear()
-            with banners:
-                for problem in problems:
-                    banner(problem)
+        banners.refresh()
         with suppress(HistoryError):  # which is among the problems
-            _count(counts, await monitor.current_alerts())
+            alerts = await monitor.current_alerts()
+            for each in links:
+                each.count(alerts)
 
     ui.timer(REFRESH_S, refresh)
     yield visitor
+    visit.made = True
+
+
+class _Banners:
+    """What is wrong with the monitor itself."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        self._shown: tuple[bool, list[str]] = (False, [])
+        self._banners = ui.element("div").classes("fs-banners")
+        self._deaf: ui.label | None = None
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Say it as it is now."""
+        deaf, problems = self._monitor.health.problem, self._monitor.problems()
+        if (bool(deaf), problems) != self._shown:
+            self._shown = bool(deaf), problems
+            self._banners.clear()
+            with self._banners:
+                self._deaf = banner("", bad=True) if deaf else None
+                for problem in problems:
+                    banner(problem)
+        if self._deaf is not None:
+            self._deaf.set_text(f"The fleet cannot be heard, what is shown is what was heard last: {deaf}")
 
 
 def banner(text: str, *, bad: bool = False) -> ui.label:
@@ -91,16 +114,11 @@ def banner(text: str, *, bad: bool = False) -> ui.label:
         return ui.label(text)
 
 
-def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> None:
-    """Say that there is nothing, and what to do about it."""
-    with ui.element("div").classes("fs-empty"):
-        ui.icon(icon)
-        with ui.element("strong"):
-            ui.label(what)
-        for line in do:
-            ui.label(line)
-        if command:
-            ui.label(command).classes("fs-code")
+def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> ui.html:
+    """Say that there is nothing, and what to do about it; return what says so."""
+    lines = "".join(f"<div>{escape(line)}</div>" for line in do)
+    code = f'<div class="fs-code">{escape(command)}</div>' if command else ""
+    return still(f"{icon_of(icon)}<strong>{escape(what)}</strong>{lines}{code}").classes("fs-empty")
 
 
 def export_link(monitor: Monitor, what: str) -> None:
@@ -110,45 +128,17 @@ def export_link(monitor: Monitor, what: str) -> None:
         link.classes("fs-link fs-small").props("download")
 
 
-def _bar(visitor: Visitor, here: Place | None) -> ui.label:
+def _bar(visitor: Visitor, here: Place | None) -> Links:
     with ui.header(elevated=False).classes("fs-header"):
         with ui.link(target="/").classes("fs-brand"):
-            ui.html("fleet<b>sight</b>", sanitize=False, tag="span")
-        count = _links(here)
+            still("fleet<b>sight</b>", tag="span")
+        links = Links(here)
         with ui.element("div").classes("fs-who"):
-            with ui.element("strong").classes("fs-name"):
-                ui.label(visitor.name).tooltip(f"signed in as {visitor.role}")
+            ui.label(visitor.name).classes("fs-name").tooltip(f"signed in as {visitor.role}")
             _theme_button()
             with ui.element("form").props("method=post action=/logout"):
                 ui.button(icon="logout").props('type=submit flat round dense aria-label="Log out"').tooltip("Log out")
-    return count
-
-
-def _tabs(here: Place | None) -> ui.label:
-    with ui.footer(elevated=False).classes("fs-footer"):
-        return _links(here)
-
-
-def _links(here: Place | None) -> ui.label:
-    """Make the links to every place; return the label that says how many alerts are open."""
-    count = ui.label().classes("fs-count")
-    with ui.element("nav").classes("fs-nav").props('aria-label="Pages"'):
-        for place in PLACES:
-            with ui.link(target=place.path).classes("fs-here" if place is here else "") as link:
-                ui.icon(place.icon)
-                ui.label(place.name)
-                if place is ALERTS:
-                    count.move(link)
-    return count
-
-
-def _count(labels: list[ui.label], alerts: Sequence[Alert]) -> None:
-    """Show how many alerts are open, in the colour of the most severe."""
-    by_severity = Counter(alert.severity for alert in alerts)
-    worst = next((each for each in reversed(Severity) if by_severity[each]), Severity.INFO)
-    for label in labels:
-        label.set_text(str(by_severity.total() or ""))
-        label.classes(replace=f"fs-count fs-{worst}")
+    return links
 
 
 def _theme_button() -> None:

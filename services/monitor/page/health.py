@@ -1,21 +1,23 @@
 """Health: workers, gateways and the monitor itself; who serves which camera, and what is wrong."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
 from typing import Final
 
 from nicegui import events, ui
 
+from schemas.keys import CameraKey
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import HEALTH, PATIENCE_S, REFRESH_S, banner, nothing_yet, page_frame
-from services.monitor.page.health_rows import gateway_row, unserved, worker_row
+from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
+from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
 from services.monitor.page.itself import Itself
+from services.monitor.page.links import HEALTH
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
-from services.monitor.page.robots import Wanted
+from services.monitor.page.robots import robot_of
 from services.monitor.page.shared import Shared
-from services.monitor.picture import Picture
+from services.monitor.page.survey import Wanted
 
 MAX_NAMED: Final = 6
 
@@ -45,7 +47,7 @@ GATEWAY_COLUMNS: Final = (
 def add_health(shared: Shared, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(HEALTH.path, response_timeout=PATIENCE_S)
+    @page_at(HEALTH.path)
     async def health() -> None:
         with page_frame(monitor, "Health", HEALTH):
             await _Health(shared, monitor).refresh()
@@ -55,7 +57,7 @@ class _Health:
     """One browser's view of the health."""
 
     def __init__(self, shared: Shared, monitor: Monitor) -> None:
-        self._shared = shared
+        self._monitor, self._shared = monitor, shared
         self._wanted = Wanted()
         self._unserved = ui.element("div")
         with self._unserved:
@@ -64,14 +66,12 @@ class _Health:
             self._workers = LiveTable(
                 WORKER_COLUMNS, self._load_workers, row_key="id", sort="state", body=WORKER_BODY, card=WORKER_CARD
             )
-            self._no_worker = ui.element("div")
-            with self._no_worker:
-                nothing_yet(
-                    "memory",
-                    "No worker has said anything yet",
-                    "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
-                    command="fleetsight detector --connect tcp/MONITOR:7447",
-                )
+            self._no_worker = nothing_yet(
+                "memory",
+                "No worker has said anything yet",
+                "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
+                command="fleetsight detector --connect tcp/MONITOR:7447",
+            )
         with _panel("Gateways"):
             with ui.element("div").classes("fs-panel-head"):
                 search = ui.input(placeholder="Robot, camera or class", on_change=self._look_for)
@@ -84,11 +84,9 @@ class _Health:
                 body=GATEWAY_BODY,
                 card=GATEWAY_CARD,
             )
-            self._no_gateway = ui.element("div")
-            with self._no_gateway:
-                nothing_yet(
-                    "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
-                )
+            self._no_gateway = nothing_yet(
+                "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
+            )
         with _panel("This monitor"):
             self._itself = Itself(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
@@ -98,19 +96,18 @@ class _Health:
         await self._workers.refresh()
         await self._gateways.refresh()
         self._itself.refresh()
-        self._warn((await self._shared.survey()).picture)
+        self._warn(await (await self._shared.survey()).unserved())
 
-    def _warn(self, picture: Picture) -> None:
-        alone = unserved(picture)
+    def _warn(self, alone: Sequence[CameraKey]) -> None:
         self._unserved.set_visibility(bool(alone))
         if alone:
-            named = ", ".join(str(camera.key) for camera in islice(alone, MAX_NAMED))
+            named = ", ".join(map(str, alone[:MAX_NAMED]))
             rest = f" and {len(alone) - MAX_NAMED:,} more" if len(alone) > MAX_NAMED else ""
             self._unserved_text.set_text(f"No detector looks after {named}{rest}. Start one to know what they see.")
 
     async def _load_workers(self, window: Window) -> tuple[Rows, int]:
-        survey = await self._shared.survey()
-        workers = sorted(survey.picture.workers, key=lambda worker: (not worker.online, worker.name))
+        await self._shared.survey()  # takes the rates
+        workers = sorted(self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, worker.name))
         rates = self._shared.rates
         match window.sort:
             case "worker":
@@ -131,10 +128,11 @@ class _Health:
 
     async def _load_gateways(self, window: Window) -> tuple[Rows, int]:
         survey = await self._shared.survey()
-        robots = survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
+        robots = await survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
         self._no_gateway.set_visibility(not robots)
-        now_ns = time.time_ns()
-        return [gateway_row(robot, now_ns) for robot in robots[window.begin : window.end]], len(robots)
+        glance = self._monitor.glance()
+        shown = robots[window.begin : window.end]
+        return [gateway_row(robot_of(glance, name), glance.now_ns) for name in shown], len(robots)
 
     async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
         self._wanted = replace(self._wanted, text=(event.value or "")[:100])

@@ -1,13 +1,13 @@
 """Workers and gateways as rows of the health page. Pure: all of it is made of a picture."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from schemas.status import StreamStatus, WorkerStatus
 from services.monitor.page.robots import Robot, RobotState
 from services.monitor.page.words import NOTHING, NS, ago, brief, iso, rate_text
-from services.monitor.picture import CameraLine, Picture, WorkerLine
+from services.monitor.picture import WorkerLine
 
 MAX_SHOWN: Final = 12
 """Cameras of a worker, and streams of a gateway, that are shown."""
@@ -79,15 +79,6 @@ def gateway_row(robot: Robot, now_ns: int) -> dict[str, Any]:
         "streams": [_stream(stream, served, live=live) for stream in streams[:MAX_SHOWN]],
         "more": f"and {len(streams) - MAX_SHOWN} more streams" if len(streams) > MAX_SHOWN else "",
     }
-
-
-def unserved(picture: Picture) -> Sequence[CameraLine]:
-    """Return the cameras that are there and that no detector looks after."""
-    return [
-        camera
-        for camera in picture.cameras
-        if camera.row.online and not any(name.startswith("detector/") for name in camera.served_by)
-    ]
 
 
 def dropped_cells(dropped: Mapping[str, int]) -> dict[str, Any]:

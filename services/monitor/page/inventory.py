@@ -12,9 +12,10 @@ from nicegui import events, ui
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
-from services.monitor.page.frame import INVENTORY, PATIENCE_S, REFRESH_S, export_link, nothing_yet, page_frame
+from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.inventory_rows import as_csv, sighting_row
 from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
+from services.monitor.page.links import INVENTORY
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.shared import Shared
 from services.monitor.page.sightings import Filters, Stock
@@ -40,7 +41,7 @@ COLUMNS: Final = (
 def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(INVENTORY.path, response_timeout=PATIENCE_S)
+    @page_at(INVENTORY.path)
     async def inventory() -> None:
         with page_frame(monitor, "Inventory", INVENTORY):
             await _Inventory(shared, charts, monitor).refresh()
@@ -64,18 +65,18 @@ class _Inventory:
                 COLUMNS, self._load, row_key="id", sort="robot", body=SIGHTING_BODY, card=SIGHTING_CARD
             )
             self._table.table.on("choose", self._choose)
-            self._nothing = ui.element("div")
-            with self._nothing:
-                nothing_yet(
-                    "inventory_2",
-                    "Nothing was seen yet",
-                    "Class lists come from a detector, once a robot with a camera has joined. Start one where there is "
-                    "a CPU or GPU to spare:",
-                    command="fleetsight detector --connect tcp/MONITOR:7447",
-                )
-            self._none = ui.element("div")
-            with self._none:
-                nothing_yet("search_off", "Nothing is like that", "Clear the search, or show what was in view before.")
+            self._nothing = nothing_yet(
+                "inventory_2",
+                "Nothing was seen yet",
+                "Class lists come from a detector, once a robot with a camera has joined. Start one where there is "
+                "a CPU or GPU to spare:",
+                command="fleetsight detector --connect tcp/MONITOR:7447",
+            )
+            self._none = nothing_yet(
+                "search_off",
+                "Nothing is like that",
+                "Clear the search, or switch off In view now to see what was there before.",
+            )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
         ui.timer(MAX_AGE_S, self.draw)  # a slow database keeps nobody from the page
 
@@ -136,7 +137,8 @@ class _Inventory:
                 self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
         for name, tile in self._tiles.items():
             tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
-        self._found.set_text(plural(len(found), "sighting"))
+        unknown = f", {stock.unknown:,} more not known now" if self._filters.in_view and stock.unknown else ""
+        self._found.set_text(plural(len(found), "sighting") + unknown)
         self._nothing.set_visibility(not stock.entries)
         self._none.set_visibility(bool(stock.entries) and not found)
 

@@ -2,7 +2,8 @@
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Final
 
 from nicegui import ui
@@ -15,8 +16,9 @@ from services.monitor.mapping.last_poses import LastPoses
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import MAP, PATIENCE_S, nothing_yet, page_frame
+from services.monitor.page.frame import nothing_yet, page_at, page_frame
 from services.monitor.page.gaze import Gaze
+from services.monitor.page.links import MAP, still
 from services.monitor.page.stage import VIEW_STYLE
 from services.monitor.page.words import ago, plural
 
@@ -30,7 +32,7 @@ ROBOT_ICON: Final = "navigation"
 def add_map(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(MAP.path, response_timeout=PATIENCE_S)
+    @page_at(MAP.path)
     async def map_page() -> None:
         with page_frame(monitor, "Map", MAP):
             ui.add_css(VIEW_STYLE)
@@ -54,25 +56,23 @@ class _Map:
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
                     ui.label("Map").classes("fs-title")
-                    self._keys = ui.element("div").classes("fs-keys fs-small")
+                    self._keys = still("").classes("fs-keys fs-small")
                     ui.element("div").classes("fs-spring")
                     self._robot = ui.select({EVERY: "All robots"}, value=EVERY, on_change=self._forget_bounds).props(
                         "dense outlined options-dense"
                     )
                 self._picture = ui.html(sanitize=False).classes("fs-map")
-                self._empty = ui.element("div")
-                with self._empty:
-                    nothing_yet(
-                        ROBOT_ICON,
-                        "No position is known yet",
-                        "Robots appear once their gateways send transforms from map to base_link.",
-                        "Objects appear once somebody measures how far away they are:",
-                        command="fleetsight distance --connect ...",
-                    )
+                self._empty = nothing_yet(
+                    ROBOT_ICON,
+                    "No position is known yet",
+                    "Robots appear once their gateways send transforms from map to base_link, or they see two objects.",
+                    "Objects appear once somebody measures how far away they are:",
+                    command="fleetsight distance --connect ...",
+                )
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
                     ui.label("Last seen").classes("fs-title")
-                self._list = ui.element("div").classes("fs-scroll")
+                self._list = still("").classes("fs-scroll")
                 self._missing = ui.label().classes("fs-line fs-muted")
 
     def robots(self) -> list[str]:
@@ -97,8 +97,10 @@ class _Map:
         poses = {name: where.pose() for name, where in whereabouts.items()}
         online = self._monitor.fleet.inventory.robots()
         known = {name: pose for name, pose in poses.items() if isinstance(pose, Pose) and name in online}
+        self._last_poses.take_seen(self._monitor.fleet.places.poses)
         self._last_poses.take(known, now_ns)
         robots = self._last_poses.robots(now_ns, online, robot=self._robot.value)
+        robots, more = robots[:MOST_SHOWN], len(robots) - MOST_SHOWN
         marks = self._monitor.fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN]
         points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
         self._bounds = Bounds.around(points, self._bounds)
@@ -107,35 +109,36 @@ class _Map:
         if self._bounds is not None:
             self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns))
         self._explain(marks, now_ns)
-        without = [f"{name}: {pose}" for name, pose in poses.items() if not isinstance(pose, Pose)]
-        self._missing.set_text("; ".join([*without[:5], *[crowded] * bool(crowded)]))
+        placed = {robot.name for robot in robots if robot.live}
+        without = [f"{name}: {why}" for name, why in poses.items() if isinstance(why, str) and name not in placed]
+        left_out = f"and {plural(more, 'robot')} more: choose one above" if more > 0 else ""
+        self._missing.set_text("; ".join(filter(None, [*without[:5], crowded, left_out])))
 
-    def _explain(self, marks: list[Mark], now_ns: int) -> None:
-        counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
-        self._keys.clear()
-        with self._keys:
-            for name in sorted({mark.name for mark in marks}):
-                _key(colour_of(name), f"{counts[name]} {name}")
-            if stale := sum(not is_fresh(mark, now_ns) for mark in marks):
-                _key(STALE, f"{stale} not seen for a while")
-        self._list.clear()
-        with self._list:
-            for mark in marks[:MOST_LISTED]:
-                _row(mark, now_ns)
-            if len(marks) > MOST_LISTED:
-                ui.label(f"and {plural(len(marks) - MOST_LISTED, 'more')}").classes("fs-line fs-muted")
+    def _explain(self, marks: Sequence[Mark], now_ns: int) -> None:
+        self._keys.set_content(keys(marks, now_ns))
+        more = len(marks) - MOST_LISTED
+        rest = f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
+        self._list.set_content("".join(row(mark, now_ns) for mark in marks[:MOST_LISTED]) + rest)
 
 
-def _key(colour: str, text: str) -> None:
-    with ui.element("span"):
-        ui.element("span").classes("fs-key").style(f"background: {colour}")
-        ui.label(text)
+def keys(marks: Sequence[Mark], now_ns: int) -> str:
+    """Return as HTML which colour stands for what, and how many of it were seen just now."""
+    counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
+    told = [(colour_of(name), f"{counts[name]} {name}") for name in sorted({mark.name for mark in marks})]
+    if stale := sum(not is_fresh(mark, now_ns) for mark in marks):
+        told.append((STALE, f"{stale} not seen for a while"))
+    return "".join(f"<span>{_dot(colour)}<span>{escape(text)}</span></span>" for colour, text in told)
 
 
-def _row(mark: Mark, now_ns: int) -> None:
+def row(mark: Mark, now_ns: int) -> str:
+    """Return as HTML what was seen where: one element for all of them, however often they change."""
     fresh = is_fresh(mark, now_ns)
-    with ui.element("div").classes("fs-row" if fresh else "fs-row fs-stale"):
-        ui.element("span").classes("fs-key").style(f"background: {colour_of(mark.name) if fresh else STALE}")
-        ui.label(mark.name)
-        ui.label(ago(mark.seen_ns, now_ns)).classes("fs-far")
-        ui.label(f"at {mark.x:.1f}, {mark.y:.1f} m, by {mark.robot}/{mark.camera}").classes("fs-more")
+    return (
+        f'<div class="fs-row {"" if fresh else "fs-stale"}">{_dot(colour_of(mark.name) if fresh else STALE)}'
+        f'<div>{escape(mark.name)}</div><div class="fs-far">{ago(mark.seen_ns, now_ns)}</div>'
+        f'<div class="fs-more">at {mark.x:.1f}, {mark.y:.1f} m, by {escape(f"{mark.robot}/{mark.camera}")}</div></div>'
+    )
+
+
+def _dot(colour: str) -> str:
+    return f'<span class="fs-key" style="background: {colour}"></span>'

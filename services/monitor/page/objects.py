@@ -19,8 +19,9 @@ from services.monitor.looking.solid import Solid, frame_of, rounded, solids_of
 from services.monitor.looking.views import Views
 from services.monitor.mapping.drawing import colour_of
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, PATIENCE_S, page_frame
+from services.monitor.page.frame import page_at, page_frame
 from services.monitor.page.gaze import Gaze
+from services.monitor.page.links import FLEET
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
 from services.monitor.page.words import age_text, plural
 
@@ -50,7 +51,7 @@ MOST_REASONS: Final = 5
 def add_objects(monitor: Monitor, views: Views) -> None:
     """Add the page."""
 
-    @ui.page(PATH, response_timeout=PATIENCE_S)
+    @page_at(PATH)
     async def objects_page(robot: str, camera: str) -> None:
         with page_frame(monitor, f"{robot}/{camera} in 3D", FLEET):
             ui.add_css(VIEW_STYLE)
@@ -63,7 +64,7 @@ def add_objects(monitor: Monitor, views: Views) -> None:
             try:
                 async with views.clouds.hold(StreamKey(key, Stream.OBJECTS)) as newest:
                     while not await gaze.ends(REFRESH_S):
-                        await solids.refresh(newest)
+                        solids.refresh(newest)
             except CrowdedError as error:
                 solids.say(Reason("Too many views are open", str(error)))
                 await gaze.ends()
@@ -113,7 +114,7 @@ class _Solids:
         """Say why nothing is shown."""
         self._stage.explain(reason)
 
-    async def refresh(self, newest: Newest[ObjectClouds]) -> None:
+    def refresh(self, newest: Newest[ObjectClouds]) -> None:
         """Show what came, unless what is shown is to stay."""
         if newest.message is not None and newest.number != self._shown and self._live.value:
             self._shown, self._seen = newest.number, newest.message
@@ -124,8 +125,7 @@ class _Solids:
         if age is not None and (age.seconds <= STALE_S or not self._live.value):
             self._stage.explain(None if seen and seen.objects else _nothing_in_view(seen))
             return
-        picture = await self._monitor.picture()
-        workers = [line.status for line in picture.workers if line.online and line.status.service == SERVICE]
+        workers = self._monitor.workers().of(SERVICE)
         facts = facts_of(self._monitor.fleet, self._key, workers, came=age is not None)
         reason = why_nothing(self._key, Stream.OBJECTS, SERVICE, facts)
         self._stage.explain(

@@ -1,6 +1,5 @@
 """The fleet: every robot, how it is, and what its cameras see."""
 
-import time
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -8,11 +7,13 @@ from typing import Final
 from nicegui import events, ui
 
 from services.monitor.monitor import Monitor
-from services.monitor.page.frame import FLEET, PATIENCE_S, REFRESH_S, nothing_yet, page_frame
+from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
+from services.monitor.page.links import FLEET
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.overview_rows import robot_row
-from services.monitor.page.robots import RobotState, Survey, Wanted
+from services.monitor.page.robots import RobotState, robot_of
 from services.monitor.page.shared import Shared
+from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.tiles import Tile
 
@@ -31,7 +32,7 @@ COLUMNS: Final = (
 def add_overview(shared: Shared, monitor: Monitor) -> None:
     """Add the page."""
 
-    @ui.page(FLEET.path, response_timeout=PATIENCE_S)
+    @page_at(FLEET.path)
     async def overview() -> None:
         with page_frame(monitor, "Fleet", FLEET):
             await _Overview(monitor, shared).refresh()
@@ -41,7 +42,7 @@ class _Overview:
     """One browser's view of the fleet."""
 
     def __init__(self, monitor: Monitor, shared: Shared) -> None:
-        self._shared = shared
+        self._monitor, self._shared = monitor, shared
         self._wanted = Wanted()
         with ui.element("div").classes("fs-tiles"):
             self._tiles = {
@@ -58,17 +59,15 @@ class _Overview:
             self._table = LiveTable(
                 COLUMNS, self._load, row_key="robot", sort="state", body=ROBOT_BODY, card=ROBOT_CARD
             )
-            self._nobody = ui.element("div")
-            with self._nobody:
-                nothing_yet(
-                    "smart_toy",
-                    "No robot has joined yet",
-                    "Start a gateway beside a robot's ROS master; it shows up here within a second:",
-                    command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
-                )
-            self._none = ui.element("div")
-            with self._none:
-                nothing_yet("search_off", "No robot is like that", "Clear the search, or choose another state above.")
+            self._nobody = nothing_yet(
+                "smart_toy",
+                "No robot has joined yet",
+                "Start a gateway beside a robot's ROS master; it shows up here within a second:",
+                command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
+            )
+            self._none = nothing_yet(
+                "search_off", "No robot is like that", "Clear the search, or choose another state above."
+            )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
 
     async def refresh(self) -> None:
@@ -78,20 +77,21 @@ class _Overview:
     async def _load(self, window: Window) -> tuple[Rows, int]:
         survey = await self._shared.survey()
         wanted = replace(self._wanted, sort=window.sort, descending=window.descending)
-        robots = survey.robots(wanted)
+        robots = await survey.robots(wanted)
         self._count(survey, len(robots))
-        now_ns = time.time_ns()
-        return [robot_row(robot, now_ns) for robot in robots[window.begin : window.end]], len(robots)
+        glance = self._monitor.glance()
+        shown = robots[window.begin : window.end]
+        return [robot_row(robot_of(glance, name), glance.now_ns) for name in shown], len(robots)
 
     def _count(self, survey: Survey, found: int) -> None:
-        every = len(survey.picture.robots)
+        every = survey.size
         for state, tile in self._tiles.items():
             count = survey.counts.get(state, 0)
             tile.show(
                 f"{count:,}", f"of {every:,}" if state is RobotState.ONLINE else "", on=self._wanted.state is state
             )
             tile.color({RobotState.OFFLINE: "fs-bad", RobotState.ONLINE: ""}.get(state, "fs-warn") if count else "")
-        self._cameras.show(f"{survey.live_cameras:,}", f"of {len(survey.picture.cameras):,}")
+        self._cameras.show(f"{survey.live_cameras:,}", f"of {survey.cameras:,}")
         self._rate.show(f"{survey.rate_hz:,.0f}", "/s")
         self._found.set_text(f"{found:,} of {every:,} robots" if found != every else "")
         self._nobody.set_visibility(not every)

@@ -1,16 +1,24 @@
-"""How robots are, and which of thousands a page shows. Pure: all of it is made of a picture."""
+"""How robots are, at a glance for all of them, and painted for those that are shown. Pure."""
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
+from schemas.keys import CameraKey
+from services.monitor.fleet import Row
+from services.monitor.glance import Glance, problems_of
 from services.monitor.page.words import NS, lasting, natural
-from services.monitor.picture import CameraLine, Picture, RobotLine
+from services.monitor.picture import CameraLine, RobotLine
 
 QUIET_NS: Final = 5 * NS
 """A gateway says every second how it is; one that said nothing for so long is not relied on, though it is there."""
+
+
+DETECTOR: Final = "detector/"
+"""What the names of workers begin with that say what cameras see."""
 
 
 class RobotState(StrEnum):
@@ -25,9 +33,6 @@ class RobotState(StrEnum):
     ONLINE = "online"
 
 
-WORST_FIRST: Final = {state: place for place, state in enumerate(RobotState)}
-
-
 @dataclass(frozen=True, slots=True)
 class Robot:
     """One robot. why: what keeps it from being online, in words."""
@@ -38,82 +43,77 @@ class Robot:
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """Which robots are to be shown: `text` is in their names or a camera's or class's; all states unless given."""
+class Standing(NamedTuple):
+    """What a robot is counted and sorted by. last_ns, age_s, rate_hz: as RobotLine has them. live: cameras that are."""
 
-    text: str = ""
-    state: RobotState | None = None
-    sort: str = "state"
-    descending: bool = False
-
-
-class Survey:
-    """All robots of a picture: counted, searched and sorted. What was asked for once is kept, as many ask the same."""
-
-    def __init__(self, picture: Picture) -> None:
-        of_robot = defaultdict[str, list[CameraLine]](list)
-        for camera in picture.cameras:
-            of_robot[camera.key.robot].append(camera)
-        lines = sorted(picture.robots, key=lambda line: natural(line.name))
-        self._robots = [_robot(line, of_robot.get(line.name, ()), picture.now_ns) for line in lines]
-        self._kept: dict[Wanted, Sequence[Robot]] = {}
-        self.picture = picture
-        self.counts: Mapping[RobotState, int] = Counter(robot.state for robot in self._robots)
-        self.live_cameras = sum(not camera.row.stale for camera in picture.cameras)
-        self.rate_hz = sum(line.rate_hz for line in picture.robots)
-
-    def robots(self, wanted: Wanted) -> Sequence[Robot]:
-        """Return the robots that are wanted in the order that is."""
-        if wanted not in self._kept:
-            text = wanted.text.strip().casefold()
-            found = [
-                robot
-                for robot in self._robots
-                if wanted.state in (None, robot.state) and (not text or _has(robot, text))
-            ]
-            self._kept[wanted] = sorted(found, key=SORTS.get(wanted.sort, SORTS["state"]), reverse=wanted.descending)
-        return self._kept[wanted]
+    name: str
+    state: RobotState
+    last_ns: int
+    age_s: float
+    rate_hz: float
+    live: int
 
 
-SORTS: Final[Mapping[str, Callable[[Robot], Any]]] = {
-    "state": lambda robot: WORST_FIRST[robot.state],
-    "robot": lambda robot: natural(robot.line.name),
-    "seen": lambda robot: robot.line.last_ns,
-    "rate": lambda robot: robot.line.rate_hz,
-    "age": lambda robot: float("inf") if robot.line.age_s is None else robot.line.age_s,
-    "dropped": lambda robot: sum(robot.line.dropped.values()),
-}
+def standings_of(glance: Glance) -> Iterator[Standing]:
+    """Yield how each robot is, by name as people sort names."""
+    of_robot = defaultdict[str, list[CameraKey]](list)
+    for key in glance.cameras:
+        of_robot[key.robot].append(key)
+    for name in in_natural_order(glance.robots):
+        keys = of_robot.get(name, ())
+        rows = [glance.row(key) for key in keys]
+        last_ns = glance.last_ns(name, keys)
+        gateway = glance.fleet.gateways.get(name)
+        wrong = gateway is not None and any(problems_of(gateway))
+        online = glance.fleet.inventory.is_alive(name)
+        state = state_of(rows, glance.now_ns - last_ns, online=online, wrong=wrong)
+        age_s = min((row.age.seconds for row in rows if row.age is not None), default=float("inf"))
+        live = sum(not row.stale for row in rows)
+        yield Standing(name, state, last_ns, age_s, sum(row.rate_hz for row in rows), live)
+
+
+@lru_cache(maxsize=2)
+def in_natural_order(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names as people sort them; that of a fleet is the same for hours."""
+    return tuple(sorted(names, key=natural))
+
+
+def state_of(rows: Sequence[Row], silent_ns: int, *, online: bool, wrong: bool) -> RobotState:
+    """Return how a robot is. rows: its cameras. silent_ns: since it was heard last. wrong: something is."""
+    if not online:
+        return RobotState.OFFLINE
+    if silent_ns > QUIET_NS:
+        return RobotState.SILENT
+    there = [row for row in rows if row.online]
+    if there and all(row.stale for row in there):
+        return RobotState.SILENT
+    return RobotState.TROUBLE if wrong else RobotState.ONLINE
+
+
+def robot_of(glance: Glance, name: str) -> Robot:
+    """Paint a robot."""
+    cameras = tuple(glance.camera(key) for key in glance.cameras_of(name))
+    line = glance.robot_of(name, cameras)
+    return Robot(line, cameras, *standing(line, cameras, glance.now_ns))
 
 
 def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tuple[RobotState, str]:
     """Return how a robot is, and why it is not online, in words."""
-    if not line.online:
-        return RobotState.OFFLINE, "its gateway is gone"
-    if not line.last_ns:
-        return RobotState.SILENT, "nothing heard yet"
     silent_ns = now_ns - line.last_ns
-    if silent_ns > QUIET_NS:
-        return RobotState.SILENT, f"nothing heard for {lasting(silent_ns / NS)}"
-    there = [camera for camera in cameras if camera.row.online]
-    if there and all(camera.row.stale for camera in there):
-        return RobotState.SILENT, line.problems[0] if line.problems else _unseen(there)
-    return (RobotState.TROUBLE, line.problems[0]) if line.problems else (RobotState.ONLINE, "")
+    state = state_of([each.row for each in cameras], silent_ns, online=line.online, wrong=bool(line.problems))
+    match state:
+        case RobotState.OFFLINE:
+            return state, "its gateway is gone"
+        case RobotState.SILENT if not line.last_ns:
+            return state, "nothing heard yet"
+        case RobotState.SILENT if silent_ns > QUIET_NS:
+            return state, f"nothing heard for {lasting(silent_ns / NS)}"
+        case RobotState.SILENT if not line.problems:
+            return state, _unseen([camera for camera in cameras if camera.row.online])
+    return state, line.problems[0] if line.problems else ""
 
 
 def _unseen(cameras: Sequence[CameraLine]) -> str:
     """Say why nothing is known of cameras that are there."""
-    workers = sorted({name for camera in cameras for name in camera.served_by if name.startswith("detector/")})
+    workers = sorted({name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)})
     return f"no class lists from {', '.join(workers)}" if workers else "no detector looks after its cameras"
-
-
-def _robot(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> Robot:
-    state, why = standing(line, cameras, now_ns)
-    return Robot(line, tuple(cameras), state, why)
-
-
-def _has(robot: Robot, text: str) -> bool:
-    return text in robot.line.name.casefold() or any(
-        text in camera.key.camera.casefold() or any(text in each.name.casefold() for each in camera.row.classes or ())
-        for camera in robot.cameras
-    )

@@ -5,12 +5,14 @@ from typing import Final
 
 from services.monitor.monitor import Monitor
 from services.monitor.page.health_rows import WorkerRates
-from services.monitor.page.robots import Survey
+from services.monitor.page.robots import standings_of
 from services.monitor.page.sightings import Stock
+from services.monitor.page.survey import Survey
 from services.monitor.recent import Recent
+from services.monitor.turns import in_turns
 
-MAX_AGE_S: Final = 0.9
-"""A bit less than pages take to ask again."""
+MAX_AGE_S: Final = 1.9
+"""How old what is said of all robots, or of all that is in view, may be; what is shown of one is of now."""
 
 
 class Shared:
@@ -35,9 +37,9 @@ class Shared:
         return await self._stock.get()
 
     async def _take_survey(self) -> Survey:
-        picture = await self._monitor.picture()
-        self.rates = self._rates.take(picture.workers)
-        return Survey(picture)
+        glance = self._monitor.glance()
+        self.rates = self._rates.take(glance.workers.lines)
+        return Survey(glance, [each async for each in in_turns(standings_of(glance))])
 
     async def _take_stock(self) -> Stock:
         return Stock(await self._monitor.inventory())

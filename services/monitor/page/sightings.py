@@ -12,7 +12,10 @@ from services.monitor.page.words import natural
 
 @dataclass(frozen=True, slots=True)
 class Filters:
-    """Which sightings are to be shown: `text` is in one of their names; in_view: only what is in view now."""
+    """Which sightings are to be shown: `text` is in one of their names.
+
+    in_view: only what is known to be in view now; what a robot saw that is silent or gone is not.
+    """
 
     text: str = ""
     name: str = ""
@@ -37,14 +40,16 @@ class Stock:
     """Every sighting at one moment. What was asked for once is kept, as many ask the same.
 
     totals: how many objects of each class are in view where that is known now, the most first. names: every class.
+    unknown: sightings that went on when their cameras fell silent, or their robots went.
     """
 
     def __init__(self, entries: Sequence[Entry]) -> None:
         self.entries = entries
         self._kept: dict[Filters, Sequence[Entry]] = {}
+        self.unknown = sum(entry.sighting.count > 0 and not entry.available for entry in entries)
         totals = Counter[str]()
         for entry in entries:
-            if entry.available and entry.sighting.count:
+            if is_in_view(entry):
                 totals[entry.sighting.name] += entry.sighting.count
         self.totals: Mapping[str, int] = dict(totals.most_common())
         self.names = sorted({entry.sighting.name for entry in entries})
@@ -59,9 +64,14 @@ class Stock:
         return self._kept[filters]
 
 
+def is_in_view(entry: Entry) -> bool:
+    """Whether there is some of it in view, as far as is known now."""
+    return entry.available and entry.sighting.count > 0
+
+
 def _is_wanted(entry: Entry, filters: Filters, text: str) -> bool:
     of = entry.sighting
-    if filters.in_view and not of.count:
+    if filters.in_view and not is_in_view(entry):
         return False
     if filters.name not in ("", of.name):
         return False

@@ -24,6 +24,8 @@ IN_VIEW: Final = """
 <span v-else v-for="seen in camera.classes" class="fs-chip"><b>{{ seen[0] }}</b>{{ seen[1] }}</span>
 """
 
+NO_CAMERA: Final = "no camera is offered; on the robot, fleetsight doctor says why"
+
 CAMERA: Final = """
 <a class="fs-link" :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(camera.name)"
   >{{ camera.name }}</a>
@@ -43,7 +45,7 @@ ROBOT_BODY: Final = f"""
     <q-td :class="camera.live ? 'text-right' : 'text-right fs-stale'">{{{{ camera.age }}}}</q-td>
     <q-td :class="camera.live ? 'text-right' : 'text-right fs-stale'">{{{{ camera.rate }}}}</q-td>
   </template>
-  <q-td v-else colspan="4" class="fs-muted">no camera is offered</q-td>
+  <q-td v-else colspan="4" class="fs-muted">{NO_CAMERA}</q-td>
   <q-td v-if="n === 0" class="text-right" :rowspan="props.row.cameras.length || 1">{DROPPED}</q-td>
   <q-td v-if="n === 0" class="text-right" :rowspan="props.row.cameras.length || 1"
     {WHEN.format(at="props.row.seen_at")}>{{{{ props.row.seen }}}}</q-td>
@@ -60,6 +62,7 @@ ROBOT_CARD: Final = f"""
       ><span class="fs-small">{{{{ camera.age }}}} &middot; {{{{ camera.rate }}}}</span></div>
     <div>{IN_VIEW}</div>
   </div>
+  <div class="fs-muted" v-if="!props.row.cameras.length">{NO_CAMERA}</div>
   <div class="fs-why" v-if="props.row.more">{{{{ props.row.more }}}}</div>
   <div class="fs-muted fs-small" v-if="props.row.dropped">{{{{ props.row.dropped }}}} frames dropped</div>
 </div>

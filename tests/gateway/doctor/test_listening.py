@@ -7,7 +7,7 @@ from tests.gateway.sensing import STAMP_NS, camera_info
 
 INFO = message_type("sensor_msgs/CameraInfo")
 ACCEPTED = PublisherAccepted("/camera", INFO.topic_type, INFO.definition, latching=True)
-DATA = bytearray(camera_info().data)
+DATA = memoryview(camera_info().data)
 
 
 def test_what_was_heard() -> None:
@@ -51,14 +51,14 @@ def test_of_large_messages_only_the_first_is_kept() -> None:
     ear = Ear("http://robot:1/")
     ear.accepted(ACCEPTED)
     for n in range(2):
-        ear.hear(bytearray(KEPT_BYTES), n / 10, STAMP_NS)
+        ear.hear(memoryview(bytes(KEPT_BYTES)), n / 10, STAMP_NS)
     assert len(ear.kept) == 1
 
 
 def test_a_message_too_short_for_its_stamp_is_heard_all_the_same() -> None:
     ear = Ear("http://robot:1/")
     ear.accepted(ACCEPTED)
-    ear.hear(bytearray(3), 0.0, 0)
+    ear.hear(memoryview(bytes(3)), 0.0, 0)
     heard = ear.heard(sensor_key("r1", "front/info"), 0)
     assert (heard.arrivals_s, heard.stamps_ns, heard.message) == ((0.0,), (), None)
     assert "not a sensor_msgs/CameraInfo" in heard.unreadable

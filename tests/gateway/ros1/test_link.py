@@ -61,7 +61,7 @@ async def test_events_come_until_the_stream_ends() -> None:
 
 @pytest.mark.parametrize("size", [0, 1, 100_000, 9 << 20])
 async def test_message_of_any_size_comes_while_the_stream_stays_open(size: int) -> None:
-    messages: list[bytearray] = []
+    messages: list[memoryview] = []
     came = asyncio.Event()
 
     def on_event(event: SubscriberEvent) -> None:

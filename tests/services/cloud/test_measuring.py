@@ -186,3 +186,29 @@ def test_a_lidars_points_become_the_same_boxes() -> None:
         assert found.in_target is not None
         assert found.in_target.box.centre[:2] == pytest.approx(box.centre, abs=0.12)
         assert found.shape.box.up == (0, 0, 1)
+
+
+def test_one_bad_object_fails_alone() -> None:
+    cloud, owners = scene()
+    good = of_boxes(owners)
+    lost = np.zeros(owners.shape, np.bool_)
+    lost[5:25, 5:25] = True
+    points = np.array(camera_view(BOXES)[0])
+    points[lost] = np.nan
+    points[8:10, 8:10] = np.inf
+    broken = xyz_cloud(points, np.full((*owners.shape, 3), COLOUR, np.uint8), header=cloud.header)
+    bad = [
+        detection(lost),
+        detection(np.zeros(owners.shape, np.bool_)),
+        msgspec.structs.replace(good.objects[0], mask=Mask((480, 640), "!!")),
+    ]
+    alone = measured(cloud, good)
+    seen = Points.of(broken)
+    found = msgspec.structs.replace(good, objects=[bad[0], good.objects[0], *bad[1:], good.objects[1]])
+    made = measure(found, seen, RegisteredView(seen), of=cloud.header, target=BASE, limits=Limits(), worker="w")
+    assert [each.index for each in made.objects] == [1, 4]
+    assert sorted(made.unmeasured) == [0, 2, 3]
+    for one, same in zip(made.objects, alone.objects, strict=True):
+        assert bytes(one.xyz) == bytes(same.xyz)
+        assert one.shape.centroid == pytest.approx(same.shape.centroid, abs=1e-4)
+        assert one.shape.box.size == pytest.approx(same.shape.box.size, abs=1e-3)

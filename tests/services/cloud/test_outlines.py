@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.cloud.outlines import NEAR_M, Candidates, RegisteredView, factor_of, trusted
+from services.cloud.outlines import NEAR_M, RING, Candidates, Masked, RegisteredView, factor_of, trusted
 from services.cloud.points import Points
 from services.geometry.masks import Window
 from tests.services.cloud.clouds import xyz_cloud
@@ -15,7 +15,7 @@ def numbered(height: int, width: int) -> Points:
 
 
 def within(points: Points, window: Window, factor: int = 1) -> Candidates:
-    (found,) = RegisteredView(points, factor).within([window])
+    (found,) = RegisteredView(points, factor).within([Masked(window, window)])
     return found
 
 
@@ -29,7 +29,19 @@ def test_the_points_of_a_mask_are_those_of_its_pixels() -> None:
     assert places(found) == [(2, 3), (3, 3), (3, 4)]
     assert found.at.tolist() == [17, 24, 25]
     assert found.depth.tolist() == [2, 2, 2]
-    assert found.across.tolist() == found.xyz[:2].tolist()
+    assert found.width == 0.5
+    assert found.around.tolist() == [2] * (5 * 7 - 3)
+
+
+def test_what_is_around_a_mask_is_within_reach_of_it_and_in_the_picture() -> None:
+    masked = Masked.of(Window(2, 30, blob(3, 4)))
+    around = masked.around(40, 60)
+    whole = np.zeros((40, 60), np.bool_)
+    whole[: 5 + RING, 30 - RING : 34 + RING] = True
+    whole[2:5, 30:34] = False
+    found = np.zeros_like(whole)
+    found[around.place] = around.pixels
+    assert np.array_equal(found, whole)
 
 
 @pytest.mark.parametrize(("top", "left"), [(0, 0), (1, 0), (2, 5), (3, 3), (4, 1)])

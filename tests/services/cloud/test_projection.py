@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.cloud.outlines import Candidates
+from services.cloud.outlines import RING, Candidates, Masked
 from services.cloud.points import Points
 from services.cloud.projection import ProjectedView
 from services.geometry.camera import CameraModel
@@ -22,9 +22,14 @@ def lidar_at(*origin: float) -> NDArray[np.float64]:
     return np.asarray(np.linalg.inv(OPTICAL_IN_BASE) @ in_base)
 
 
+def masked(window: Window) -> Masked:
+    """Return a mask whose edge is trusted."""
+    return Masked(window, window)
+
+
 def seen(points: NDArray[np.float32], transform: NDArray[np.float64], *windows: Window) -> list[Candidates]:
     view = ProjectedView(Points.of(xyz_cloud(points[None])), CAMERA, transform)
-    return list(view.within(windows))
+    return list(view.within([masked(window) for window in windows]))
 
 
 def test_points_are_seen_where_the_camera_model_puts_them() -> None:
@@ -37,6 +42,20 @@ def test_points_are_seen_where_the_camera_model_puts_them() -> None:
         assert found.depth == pytest.approx(points[found.at, 2])
 
 
+def test_what_is_just_around_an_object_is_told_with_it() -> None:
+    picture, owners = camera_view((NEAR, FAR))
+    points, (rows, columns) = picture.reshape(-1, 3), np.nonzero(owners == 1)
+    window = Window(
+        int(rows.min()), int(columns.min()), (owners == 1)[rows.min() : rows.max() + 1, columns.min() :][:, :9]
+    )
+    (found,) = seen(points, np.identity(4), window)
+    ring = masked(window).around(HEIGHT, WIDTH)
+    assert ring.pixels.shape[1] == 9 + 2 * RING
+    shown = picture[..., 2][ring.place][ring.pixels]
+    assert 0.95 * len(shown) < len(found.around) <= len(shown)  # some of it is hidden
+    assert set(found.around.tolist()) <= set(shown.tolist())
+
+
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_any_lens_is_honoured(lens: tuple[str, list[float]]) -> None:
     bent: CameraModel = camera(lens=lens)
@@ -46,9 +65,9 @@ def test_any_lens_is_honoured(lens: tuple[str, list[float]]) -> None:
     outside = np.array([[9, 0, 1], [0, 9, 1], [0, 0, -1], [-9, 0, 1]], np.float32)
     view = ProjectedView(Points.of(xyz_cloud(np.concatenate([points, outside])[None])), bent, np.identity(4))
     for number, (column, row) in enumerate(pixels[::17]):
-        (found,) = view.within([Window(int(row), int(column), np.ones((1, 1), np.bool_))])
+        (found,) = view.within([masked(Window(int(row), int(column), np.ones((1, 1), np.bool_)))])
         assert found.at.tolist() == [17 * number]
-    (everything,) = view.within([Window(0, 0, np.ones((48, 64), np.bool_))])
+    (everything,) = view.within([masked(Window(0, 0, np.ones((48, 64), np.bool_)))])
     assert everything.at.tolist() == list(range(len(pixels)))
 
 

@@ -50,7 +50,7 @@ def test_the_box_of_the_sides_that_are_seen_is_that_of_the_whole(
     box = fit_box(cuboid(size, yaw, (2, -1, 0.5), sides=sides), Z_UP)
     if 2 in sides or sides == (0, 1):
         assert apart(Z_UP.yaw(box.along), yaw) < math.radians(2)
-        assert box.size[:2] == pytest.approx(size[:2], rel=0.06)
+        assert box.size[:2] == pytest.approx(size[:2], rel=0.06, abs=0.03)
     assert box.centre[:2] == pytest.approx([2, -1], abs=0.06)
 
 

@@ -60,3 +60,20 @@ def test_a_single_reading_has_faces_that_are_no_nonsense() -> None:
     faces = fit_faces(np.array([[[1.0]], [[0.1]], [[-0.2]]]), np.array([[0.5]]), np.ones((1, 1)))
     assert np.isfinite(faces.along).all()
     assert (faces.inverse_depth(np.array([[[1.0], [0.1], [-0.2]]])) > 0).all()
+
+
+def test_a_box_that_rises_above_the_camera_has_no_top_that_is_seen() -> None:
+    directions, inverse = seen(Cuboid((4.0, 0.3), (1.0, 0.9, 1.9), 0.4), noise=0.003)
+    faces = fit_faces(directions, inverse, np.ones(inverse.shape))
+    depth = 1 / faces.inverse_depth(directions.transpose(1, 0, 2))[0]
+    assert np.abs(depth - 1 / inverse[0]).max() < 0.3
+    assert not -1.0 < 1 / faces.forms[0, 2, 2] < 0.2  # none, or beyond its ends
+
+
+def test_a_face_that_is_taken_to_be_nearer_hides_less() -> None:
+    directions, inverse = seen(Cuboid((3.0, 0.4), (0.8, 0.8, 0.9), 0.3))
+    faces = fit_faces(directions, inverse, np.ones(inverse.shape))
+    aimed = directions.transpose(1, 0, 2)
+    nearer = faces.inverse_depth(aimed, np.array([[[0.0], [0.0], [0.1]]]))
+    assert (nearer >= faces.inverse_depth(aimed)).all()
+    assert (nearer > faces.inverse_depth(aimed)).any()

@@ -4,9 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.cloud.outlines import in_window, trusted
+from services.cloud.outlines import Masked, in_window
 from services.cloud.shape import Box, Level, fit_box
 from services.cloud.visible import Seen, shapes
 from services.geometry.masks import Window
@@ -24,13 +26,17 @@ def view(box: Cuboid, *, noise: float = 0.0) -> tuple[NDArray[Any], NDArray[np.b
     return picture / picture[..., 2:] / inverse, owners == 1
 
 
-def shape(picture: NDArray[Any], mask: NDArray[np.bool_], read: NDArray[np.bool_]) -> tuple[NDArray[Any], Box]:
+def seen_of(picture: NDArray[Any], mask: NDArray[np.bool_], read: NDArray[np.bool_]) -> Seen:
     rows, columns = np.nonzero(mask)
     top, left = int(rows.min()), int(columns.min())
     window = Window(top, left, mask[top : rows.max() + 1, left : columns.max() + 1])
     at = np.flatnonzero(read)
     xyz = picture.reshape(-1, 3)[at].T.astype(np.float32)
-    ((centroid, box),) = shapes([Seen(window, trusted(window), in_window(at, WIDTH, window), xyz)], LEVEL)
+    return Seen(Masked.of(window), in_window(at, WIDTH, window), xyz)
+
+
+def shape(picture: NDArray[Any], mask: NDArray[np.bool_], read: NDArray[np.bool_]) -> tuple[NDArray[Any], Box]:
+    ((centroid, box),) = shapes([seen_of(picture, mask, read)], LEVEL)
     return centroid, box
 
 
@@ -45,13 +51,67 @@ def test_noise_does_not_make_a_far_box_larger() -> None:
     assert np.ptp(picture[mask][:, 2]) > 2
 
 
-def test_what_has_no_reading_counts_in_the_middle_and_in_the_size() -> None:
-    picture, mask = view(FAR, noise=NOISE)
+def test_what_has_no_reading_counts_in_the_middle_but_not_in_the_size() -> None:
+    picture, mask = view(FAR, noise=NOISE / 3)
     read = mask & (np.cumsum(mask, axis=0) > 0.25 * mask.sum(axis=0))  # nothing of the top
     centroid, box = shape(picture, mask, read)
     exact, _ = view(FAR)
     assert centroid == pytest.approx(exact[mask].mean(axis=0), abs=0.1)
-    assert box.size[2] == pytest.approx(FAR.size[2], rel=0.1)
+    assert box.size[2] == pytest.approx(0.75 * FAR.size[2], rel=0.1)
+
+
+def test_a_single_missing_row_at_the_edge_takes_nothing_from_the_size() -> None:
+    picture, mask = view(FAR, noise=NOISE / 3)
+    read = mask & (np.cumsum(mask, axis=0) > 1)
+    _, box = shape(picture, mask, read)
+    assert box.size[2] == pytest.approx(FAR.size[2], rel=0.05)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-1.5, 1.5), st.floats(4.3, 7), st.floats(-1, 1), st.integers(0, 1000))
+def test_a_box_is_as_large_as_it_is_wherever_it_stands(yaw: float, ahead: float, left: float, seed: int) -> None:
+    true = Cuboid((ahead, left), (1.2, 0.8, 1.0), yaw=yaw)
+    exact, mask = view(true)
+    inverse = 1 / exact[..., 2:] + 0.002 * np.random.default_rng(seed).standard_normal((*mask.shape, 1))
+    centroid, box = shape(exact / exact[..., 2:] / inverse, mask, mask)
+    assert centroid == pytest.approx(exact[mask].mean(axis=0), abs=0.05)
+    assert box.size[2] == pytest.approx(1.0, rel=0.1)
+    # At worst it is seen from the front or from aside alone, and the other side's length is unknown.
+    assert 0.7 <= box.size[0] <= 1.35
+
+
+def test_a_box_that_something_hides_a_half_of_is_as_large_as_what_is_seen() -> None:
+    tall = Cuboid((6.0, 0.6), (0.9, 1.2, 1.9), yaw=0.6)
+    exact, mask = view(tall)
+    columns = np.flatnonzero(mask.any(axis=0))
+    mask[:, int(columns.mean()) :] = False
+    picture, _ = view(tall, noise=NOISE / 3)
+    _, box = shape(picture, mask, mask)
+    left, _, ahead = exact[mask].T * [[-1], [1], [1]]
+    cos, sin = np.cos(tall.yaw), np.sin(tall.yaw)
+    level = sorted([np.ptp(cos * ahead + sin * left), np.ptp(cos * left - sin * ahead)], reverse=True)
+    assert box.size == pytest.approx([*level, tall.size[2]], rel=0.1, abs=0.06)
+
+
+def test_a_thin_strip_without_readings_makes_a_box_no_larger() -> None:
+    picture, mask = view(FAR, noise=NOISE / 3)
+    _, box = shape(picture, mask, mask)
+    rows, columns = np.nonzero(mask)
+    strip = mask.copy()
+    strip[rows.min() : rows.min() + 2, columns.max() : columns.max() + 60] = True
+    _, same = shape(picture, strip, mask)
+    assert same.size == pytest.approx(box.size, abs=0.2)  # and not by the 0.7 m that it is long
+
+
+def test_an_objects_shape_is_the_same_whatever_else_is_in_the_picture() -> None:
+    made = []
+    for true, noise in ((FAR, NOISE), (Cuboid((3.5, 0.2), (0.5, 0.4, 0.6), yaw=0.5), 0.0)):
+        picture, mask = view(true, noise=noise)
+        made.append(seen_of(picture, mask, mask))
+    for together, one in zip(shapes(made, LEVEL), made, strict=True):
+        ((centroid, box),) = shapes([one], LEVEL)
+        assert together[0] == pytest.approx(centroid, abs=1e-4)
+        assert together[1].size == pytest.approx(box.size, abs=1e-3)
 
 
 def test_near_ones_are_as_large_as_their_readings_say() -> None:

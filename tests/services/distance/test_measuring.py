@@ -94,9 +94,9 @@ def test_a_deep_object_is_measured_in_its_middle() -> None:
 @pytest.mark.parametrize(("lost", "axial_m"), [(1, 3), (2, 3), (4, 3), (5, 2)])
 def test_readings_that_are_lost_count_as_those_beside_them(lost: int, axial_m: float) -> None:
     depth = wall(6.0)
-    depth[ROWS, 20:33] = 2.0
-    depth[ROWS, 33:50] = 3.0
-    for first in range(34, 50, lost + 1):
+    depth[ROWS, 20:34] = 2.0
+    depth[ROWS, 34:50] = 3.0
+    for first in range(35, 50, lost + 1):
         depth[ROWS, first : first + lost] = NAN
     assert known(measure(found(mask(ROWS, COLUMNS)), view(depth), Criteria())[0]).axial_m == axial_m
 

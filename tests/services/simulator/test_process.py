@@ -23,7 +23,7 @@ async def test_it_stops_by_itself_and_adds_up(capsys: pytest.CaptureFixture[str]
     await run(SMALL.model_copy(update=changes))
     said = capsys.readouterr()
     assert json.loads(said.out) == {"sent": {"r1": 0, "r2": 0}}
-    assert "2/2" in said.err
+    assert "rendering: 2 of 2" in said.err
 
 
 async def test_a_master_that_cannot_listen_is_named() -> None:

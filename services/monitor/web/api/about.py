@@ -24,7 +24,7 @@ def about_routes(monitor: Monitor, version: str) -> APIRouter:
     @router.get("/status")
     async def status() -> StatusAnswer:
         """How the monitor itself is doing."""
-        picture = await monitor.picture()
+        glance = monitor.glance()
         return StatusAnswer(
             version=version,
             now=moment(time.time_ns()),
@@ -32,9 +32,9 @@ def about_routes(monitor: Monitor, version: str) -> APIRouter:
             problems=tuple(monitor.problems()),
             left_out=monitor.fleet.left_out,
             history=HistoryAnswer.model_validate(monitor.history.status),
-            robots=len(picture.robots),
-            robots_online=sum(robot.online for robot in picture.robots),
-            cameras=len(picture.cameras),
+            robots=len(glance.robots),
+            robots_online=len(monitor.fleet.inventory.robots()),
+            cameras=len(glance.cameras),
             alerts=len(monitor.alerts()),
         )
 

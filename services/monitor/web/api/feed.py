@@ -1,27 +1,21 @@
-"""Everything that clients of the live data are sent, made once for all of them."""
+"""Everything that clients of the live data are sent, made once for all of them, and only what one of them asked for."""
 
 import time
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, Literal, TypeVar, get_args
+from typing import Final, Literal, get_args
 
-from pydantic import BaseModel
-
+from schemas.alerts import Alert
+from services.monitor.history.acts import Act
 from services.monitor.history.errors import HistoryError
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import MAX_AGE_S, Monitor
 from services.monitor.picture import CameraLine, RobotLine, WorkerLine
 from services.monitor.recent import Recent
 from services.monitor.turns import in_turns
-from services.monitor.web.api.models import (
-    alert_answer,
-    camera_answer,
-    moment,
-    robot_answer,
-    sighting_answer,
-    worker_answer,
-)
+from services.monitor.web.api.bodies import camera_body, encoded, robot_body, sighting_body
+from services.monitor.web.api.models import alert_answer, moment, worker_answer
 
 Topic = Literal["robots", "cameras", "inventory", "alerts", "workers"]
 TOPICS: Final[tuple[Topic, ...]] = get_args(Topic)
@@ -30,7 +24,6 @@ RENEW_S: Final = 10.0
 """How often something is sent again of which only times, rates and scores change."""
 
 Name = tuple[str, ...]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,8 +36,10 @@ class Item:
     robot: str
 
 
-Found = tuple[Topic, Name, Hashable, str, Callable[[], BaseModel]]
-"""What an item is made of: topic, name, state, robot, and what makes its answer."""
+Items = Mapping[Name, Item]
+
+Found = tuple[Name, Hashable, str, Callable[[], str]]
+"""What an item is made of: name, state, robot, and what makes its JSON."""
 
 
 class Feed:
@@ -52,63 +47,78 @@ class Feed:
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
-        self._items: dict[Topic, dict[Name, Item]] = {topic: {} for topic in TOPICS}
-        self._recent = Recent(self._make, MAX_AGE_S)
+        self._items: dict[Topic, Items] = {topic: {} for topic in TOPICS}
+        self._recent = {topic: Recent(partial(self._make, topic), MAX_AGE_S) for topic in TOPICS}
 
-    async def current(self) -> tuple[str, Mapping[Topic, Mapping[Name, Item]]]:
-        """Return the time, and every item by topic and name; nobody is to change them."""
-        return await self._recent.get()
+    async def current(self, topics: Iterable[Topic]) -> tuple[str, Mapping[Topic, Items]]:
+        """Return the time, and every item of these topics by name; nobody is to change them."""
+        found = {topic: await self._recent[topic].get() for topic in topics}
+        return moment(time.time_ns()).isoformat(), found
 
-    async def _make(self) -> tuple[str, Mapping[Topic, Mapping[Name, Item]]]:
-        picture, entries = await self._monitor.picture(), await self._monitor.inventory()
-        made: dict[Topic, dict[Name, Item]] = {topic: {} for topic in TOPICS}
-        found = _found(picture.robots, picture.cameras, entries, picture.workers)
-        async for each in in_turns(found):
-            made[each[0]][each[1]] = self._item(each)
+    async def _make(self, topic: Topic) -> Items:
         try:
-            for alert in await self._monitor.current_alerts():
-                acts = self._monitor.acts_of(alert.id)
-                answer = partial(alert_answer, alert, acts)
-                found_alert: Found = ("alerts", (alert.id,), (alert, acts), alert.robot, answer)
-                made["alerts"][alert.id,] = self._item(found_alert)
+            found = await self._found(topic)
         except HistoryError:
-            made["alerts"] = self._items["alerts"]  # as far as anybody knows
-        self._items = made
-        return moment(picture.now_ns).isoformat(), made
+            return self._items[topic]  # as far as anybody knows
+        made = {each[0]: self._item(topic, each) async for each in in_turns(found)}
+        self._items[topic] = made
+        return made
 
-    def _item(self, found: Found) -> Item:
-        topic, name, state, robot, answer = found
+    async def _found(self, topic: Topic) -> Iterable[Found]:
+        match topic:
+            case "robots":
+                return map(_of_robot, (await self._monitor.picture()).robots)
+            case "cameras":
+                return map(_of_camera, (await self._monitor.picture()).cameras)
+            case "inventory":
+                return map(_of_entry, await self._monitor.inventory())
+            case "alerts":
+                return self._of_alerts(await self._monitor.current_alerts())
+            case "workers":
+                return map(_of_worker, self._monitor.workers().lines)
+
+    def _of_alerts(self, alerts: Iterable[Alert]) -> Iterator[Found]:
+        for alert in alerts:
+            acts = self._monitor.acts_of(alert.id)
+            yield (alert.id,), (alert, acts), alert.robot, partial(_alert_json, alert, acts)
+
+    def _item(self, topic: Topic, found: Found) -> Item:
+        name, state, robot, body = found
         old, now_s = self._items[topic].get(name), time.monotonic()
         if old is not None and old.state == state and now_s - old.made_s < RENEW_S:
             return old
-        return Item(state, answer().model_dump_json(by_alias=True), now_s, robot)
+        return Item(state, body(), now_s, robot)
 
 
-def _found(
-    robots: tuple[RobotLine, ...],
-    cameras: tuple[CameraLine, ...],
-    entries: tuple[Entry, ...],
-    workers: tuple[WorkerLine, ...],
-) -> Iterator[Found]:
-    for robot in robots:
-        state: Hashable = (robot.online, robot.problems, robot.cameras, _counts(robot.dropped))
-        yield "robots", (robot.name,), state, robot.name, partial(robot_answer, robot)
-    for camera in cameras:
-        row, key = camera.row, camera.key
-        seen = None if row.classes is None else tuple((each.name, each.count) for each in row.classes)
-        state = (row.online, row.stale, seen, camera.served_by, _counts(camera.dropped))
-        yield "cameras", (key.robot, key.camera), state, key.robot, partial(camera_answer, camera)
-    for entry in entries:
-        of = entry.sighting
-        near = None if of.nearest_m is None else round(of.nearest_m, 1)
-        state = (of.count, of.first_ns, entry.available, near, of.model)
-        name = (of.key.robot, of.key.camera, of.name)
-        yield "inventory", name, state, of.key.robot, partial(sighting_answer, entry)
-    for worker in workers:
-        status = worker.status
-        loads = tuple((load.robot, load.camera, load.serving) for load in status.cameras)
-        state = (worker.online, status.model, loads, tuple(status.remarks))
-        yield "workers", (status.service, status.worker), state, "", partial(worker_answer, worker)
+def _alert_json(alert: Alert, acts: tuple[Act, ...]) -> str:
+    return alert_answer(alert, acts).model_dump_json(by_alias=True)
+
+
+def _of_robot(robot: RobotLine) -> Found:
+    state = (robot.online, robot.problems, robot.cameras, _counts(robot.dropped))
+    return (robot.name,), state, robot.name, lambda: encoded(robot_body(robot)).decode()
+
+
+def _of_camera(camera: CameraLine) -> Found:
+    row, key = camera.row, camera.key
+    seen = None if row.classes is None else tuple((each.name, each.count) for each in row.classes)
+    state = (row.online, row.stale, seen, camera.served_by, _counts(camera.dropped))
+    return (key.robot, key.camera), state, key.robot, lambda: encoded(camera_body(camera)).decode()
+
+
+def _of_entry(entry: Entry) -> Found:
+    of = entry.sighting
+    near = None if of.nearest_m is None else round(of.nearest_m, 1)
+    state = (of.count, of.first_ns, entry.available, near, of.model)
+    return (of.key.robot, of.key.camera, of.name), state, of.key.robot, lambda: encoded(sighting_body(entry)).decode()
+
+
+def _of_worker(worker: WorkerLine) -> Found:
+    status = worker.status
+    loads = tuple((load.robot, load.camera, load.serving) for load in status.cameras)
+    state = (worker.online, status.model, loads, tuple(status.remarks))
+    name = (status.service, status.worker)
+    return name, state, "", lambda: worker_answer(worker).model_dump_json(by_alias=True)
 
 
 def _counts(dropped: Mapping[str, int]) -> Hashable:

@@ -1,10 +1,15 @@
-"""Routes about the fleet now: robots, cameras, what is in view, gateways, workers."""
+"""Routes about the fleet now: robots, cameras, what is in view, gateways, workers. Only what is answered is painted."""
 
-from fastapi import APIRouter
+import time
+from typing import Final
 
+from fastapi import APIRouter, Response
+
+from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
-from services.monitor.picture import CameraLine, RobotLine, WorkerLine
+from services.monitor.picture import WorkerLine
+from services.monitor.web.api.bodies import camera_body, page_response, robot_body, sighting_body
 from services.monitor.web.api.models import (
     CameraAnswer,
     GatewayAnswer,
@@ -12,45 +17,23 @@ from services.monitor.web.api.models import (
     RobotAnswer,
     SightingAnswer,
     WorkerAnswer,
-    camera_answer,
     gateway_answer,
     moment,
-    robot_answer,
-    sighting_answer,
     worker_answer,
 )
-from services.monitor.web.api.paging import After, ClassName, Limit, Name, page_of
+from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, page_of, place_of
+from services.monitor.web.api.stock import Asked, some_entries
 
-DEFAULT_LIMIT = 200
+DEFAULT_LIMIT: Final = 200
 
 
 def fleet_routes(monitor: Monitor) -> APIRouter:
     """Return the routes."""
     router = APIRouter(tags=["fleet"])
+    router.include_router(_member_routes(monitor))
+    router.include_router(_account_routes(monitor))
 
-    @router.get("/robots")
-    async def robots(
-        *, online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None
-    ) -> Page[RobotAnswer]:
-        """Every robot that was ever heard of, by name; one that is gone stays."""
-        picture = await monitor.picture()
-        found = (each for each in picture.robots if online in (None, each.online))
-        items, mark = page_of(found, _robot_place, limit, after, 1)
-        return Page(now=moment(picture.now_ns), items=[robot_answer(each) for each in items], next=mark)
-
-    @router.get("/cameras")
-    async def cameras(
-        *, robot: Name = "", online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None
-    ) -> Page[CameraAnswer]:
-        """Every camera, by robot and name."""
-        picture = await monitor.picture()
-        found = (
-            each for each in picture.cameras if robot in ("", each.key.robot) and online in (None, each.row.online)
-        )
-        items, mark = page_of(found, _camera_place, limit, after, 2)
-        return Page(now=moment(picture.now_ns), items=[camera_answer(each) for each in items], next=mark)
-
-    @router.get("/inventory")
+    @router.get("/inventory", response_model=Page[SightingAnswer])
     async def inventory(
         *,
         robot: Name = "",
@@ -60,47 +43,86 @@ def fleet_routes(monitor: Monitor) -> APIRouter:
         available: bool | None = None,
         limit: Limit = DEFAULT_LIMIT,
         after: After = None,
-    ) -> Page[SightingAnswer]:
+    ) -> Response:
         """What is or was in view, by robot, camera and class, settled from lists that flicker."""
-        entries, now_ns = await monitor.inventory(), (await monitor.picture()).now_ns
-        found = (
-            each
-            for each in entries
-            if robot in ("", each.sighting.key.robot)
-            and camera in ("", each.sighting.key.camera)
-            and name in ("", each.sighting.name)
-            and (each.sighting.count or not in_view)
-            and available in (None, each.available)
-        )
-        items, mark = page_of(found, _entry_place, limit, after, 3)
-        return Page(now=moment(now_ns), items=[sighting_answer(each) for each in items], next=mark)
-
-    @router.get("/gateways")
-    async def gateways(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[GatewayAnswer]:
-        """What each robot's gateway says of itself: every stream, its rates and drops."""
-        picture = await monitor.picture()
-        found = (each for each in picture.robots if each.gateway is not None and robot in ("", each.name))
-        items, mark = page_of(found, _robot_place, limit, after, 1)
-        answers = [answer for each in items if (answer := gateway_answer(each)) is not None]
-        return Page(now=moment(picture.now_ns), items=answers, next=mark)
-
-    @router.get("/workers")
-    async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[WorkerAnswer]:
-        """Every worker: which cameras it looks after, and what became of their frames."""
-        picture = await monitor.picture()
-        found = (each for each in picture.workers if service in ("", each.status.service))
-        items, mark = page_of(found, _worker_place, limit, after, 2)
-        return Page(now=moment(picture.now_ns), items=[worker_answer(each) for each in items], next=mark)
+        behind = None if after is None else place_of(after, (str, str, str))
+        asked = Asked(robot, camera, name, in_view, available, behind)
+        now_ns = time.time_ns()
+        found = await some_entries(monitor.fleet.inventory, asked, limit + 1, now_ns)
+        items, mark = first_of(found, _entry_place, limit)
+        return page_response(now_ns, [sighting_body(each) for each in items], mark)
 
     return router
 
 
-def _robot_place(line: RobotLine) -> tuple[str, ...]:
-    return (line.name,)
+def _member_routes(monitor: Monitor) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("/robots", response_model=Page[RobotAnswer])
+    async def robots(*, online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
+        """Every robot that was ever heard of, by name; one that is gone stays."""
+        glance = monitor.glance()
+        there = monitor.fleet.inventory.is_alive
+        names, mark = page_of(
+            glance.robots, _name_place, limit, after, 1, wanted=lambda each: online in (None, there(each))
+        )
+        return page_response(glance.now_ns, [robot_body(glance.robot(each)) for each in names], mark)
+
+    @router.get("/cameras", response_model=Page[CameraAnswer])
+    async def cameras(
+        *, robot: Name = "", online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None
+    ) -> Response:
+        """Every camera, by robot and name."""
+        glance = monitor.glance()
+        there = monitor.fleet.inventory.online
+        every = glance.cameras_of(robot) if robot else glance.cameras
+        keys, mark = page_of(every, _camera_place, limit, after, 2, wanted=lambda each: online in (None, there(each)))
+        return page_response(glance.now_ns, [camera_body(glance.camera(each)) for each in keys], mark)
+
+    return router
 
 
-def _camera_place(line: CameraLine) -> tuple[str, ...]:
-    return (line.key.robot, line.key.camera)
+def _account_routes(monitor: Monitor) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("/gateways")
+    async def gateways(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[GatewayAnswer]:
+        """What each robot's gateway says of itself: every stream, its rates and drops."""
+        glance, fleet = monitor.glance(), monitor.fleet
+        known = [each for each in ([robot] if robot else glance.robots) if each in fleet.gateways]
+        names, mark = page_of(known, _name_place, limit, after, 1)
+        answers = [
+            gateway_answer(
+                fleet.gateways[each],
+                glance.last_ns(each, glance.cameras_of(each)),
+                online=fleet.inventory.is_alive(each),
+            )
+            for each in names
+        ]
+        return Page(now=moment(glance.now_ns), items=answers, next=mark)
+
+    @router.get("/workers")
+    async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[WorkerAnswer]:
+        """Every worker: which cameras it looks after, and what became of their frames."""
+        found, mark = page_of(
+            monitor.workers().lines,
+            _worker_place,
+            limit,
+            after,
+            2,
+            wanted=lambda each: service in ("", each.status.service),
+        )
+        return Page(now=moment(time.time_ns()), items=[worker_answer(each) for each in found], next=mark)
+
+    return router
+
+
+def _name_place(name: str) -> tuple[str, ...]:
+    return (name,)
+
+
+def _camera_place(key: CameraKey) -> tuple[str, ...]:
+    return (key.robot, key.camera)
 
 
 def _entry_place(entry: Entry) -> tuple[str, ...]:

@@ -26,6 +26,11 @@ class Client:
         self._robot = robot
         self._sent: dict[Topic, dict[Name, Item]] = {topic: {} for topic in topics}
 
+    @property
+    def topics(self) -> Iterable[Topic]:
+        """What it is told about."""
+        return self._sent
+
     def news(self, now: str, current: Mapping[Topic, Mapping[Name, Item]]) -> str:
         """Return what is new to it as JSON, which then counts as sent; empty if nothing is."""
         parts = [part for topic in self._sent if (part := self._news_of(topic, current.get(topic, {})))]
@@ -75,7 +80,7 @@ def live_routes(monitor: Monitor) -> APIRouter:
 async def _send(socket: WebSocket, client: Client, feed: Feed, period_s: float) -> None:
     while True:
         sent_s = time.monotonic()
-        news = client.news(*await feed.current())
+        news = client.news(*await feed.current(client.topics))
         if news:
             await socket.send_text(
                 news

@@ -7,10 +7,10 @@ from typing import Any, Final, Generic, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from schemas.alerts import Alert, AlertState, Severity
+from schemas.status import GatewayStatus
 from services.monitor.history.acts import Act
 from services.monitor.history.intervals import Interval
-from services.monitor.inventory.inventory import Entry
-from services.monitor.picture import CameraLine, RobotLine, WorkerLine
+from services.monitor.picture import WorkerLine
 from services.monitor.web.auth.visitor import Role
 
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
@@ -258,57 +258,6 @@ def known_moment(ns: int) -> datetime | None:
     return moment(ns) if ns else None
 
 
-def robot_answer(line: RobotLine) -> RobotAnswer:
-    """Return a robot as it is answered."""
-    return RobotAnswer(
-        name=line.name,
-        online=line.online,
-        last_seen=known_moment(line.last_ns),
-        cameras=line.cameras,
-        age_s=line.age_s,
-        rate_hz=line.rate_hz,
-        waiting_for="" if line.gateway is None else line.gateway.waiting_for,
-        problems=line.problems,
-        dropped=line.dropped,
-    )
-
-
-def camera_answer(line: CameraLine) -> CameraAnswer:
-    """Return a camera as it is answered."""
-    row = line.row
-    return CameraAnswer(
-        robot=row.key.robot,
-        camera=row.key.camera,
-        online=row.online,
-        stale=row.stale,
-        last_seen=known_moment(line.last_ns),
-        age_s=None if row.age is None else row.age.seconds,
-        age_exact=row.age is not None and row.age.exact,
-        rate_hz=row.rate_hz,
-        classes=None if row.classes is None else tuple(ClassInView.model_validate(each) for each in row.classes),
-        served_by=line.served_by,
-        dropped=line.dropped,
-    )
-
-
-def sighting_answer(entry: Entry) -> SightingAnswer:
-    """Return a sighting as it is answered."""
-    of = entry.sighting
-    return SightingAnswer(
-        robot=of.key.robot,
-        camera=of.key.camera,
-        name=of.name,
-        count=of.count,
-        score=of.score,
-        first_seen=known_moment(of.first_ns),
-        last_seen=known_moment(of.last_ns),
-        nearest_m=of.nearest_m,
-        model=of.model,
-        worker=of.worker,
-        available=entry.available,
-    )
-
-
 def interval_answer(of: Interval) -> IntervalAnswer:
     """Return an interval as it is answered."""
     return IntervalAnswer(
@@ -358,15 +307,12 @@ def worker_answer(line: WorkerLine) -> WorkerAnswer:
     )
 
 
-def gateway_answer(line: RobotLine) -> GatewayAnswer | None:
-    """Return a robot's gateway as it is answered; None where it never said anything."""
-    of = line.gateway
-    if of is None:
-        return None
+def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:
+    """Return a robot's gateway as it is answered. last_ns: when anything came from the robot last."""
     return GatewayAnswer(
         robot=of.robot,
-        online=line.online,
-        last_seen=known_moment(line.last_ns),
+        online=online,
+        last_seen=known_moment(last_ns),
         waiting_for=of.waiting_for,
         clock_jumps=of.clock_jumps,
         streams=tuple(StreamAnswer.model_validate(stream) for stream in of.streams),

@@ -3,7 +3,9 @@
 import base64
 import binascii
 import json
-from collections.abc import Callable, Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Annotated, Any, Final, TypeVar
 
 from fastapi import HTTPException, Query
@@ -44,15 +46,20 @@ def place_of(mark: str, kinds: Sequence[type[str | int]]) -> tuple[Any, ...]:
 
 
 def page_of(
-    every: Iterable[T], place: Callable[[T], tuple[str, ...]], limit: int, after: str | None, width: int
+    every: Sequence[T],
+    place: Callable[[T], tuple[str, ...]],
+    limit: int,
+    after: str | None,
+    width: int,
+    *,
+    wanted: Callable[[T], bool] = lambda _: True,
 ) -> tuple[list[T], str | None]:
     """Return some of a list that is sorted by `place`, a tuple of `width` texts, and the mark for those that follow."""
-    begin = () if after is None else place_of(after, (str,) * width)
-    found: list[T] = []
-    for each in every:
-        if after is not None and place(each) <= begin:
-            continue
-        if len(found) == limit:
-            return found, mark_of(place(found[-1]))
-        found.append(each)
-    return found, None
+    begin = 0 if after is None else bisect_right(every, place_of(after, (str,) * width), key=place)
+    found = list(islice((each for each in islice(every, begin, None) if wanted(each)), limit + 1))
+    return first_of(found, place, limit)
+
+
+def first_of(found: list[T], place: Callable[[T], tuple[str, ...]], limit: int) -> tuple[list[T], str | None]:
+    """Return the first so many, and the mark for those that follow if there are more."""
+    return (found, None) if len(found) <= limit else (found[:limit], mark_of(place(found[limit - 1])))

@@ -69,6 +69,11 @@ def link_needed() -> str:
     )
 
 
+def notice(title: str, text: str) -> str:
+    """Return what is said instead of a page."""
+    return _page(title, "", f'<p>{escape(text)}</p><p><a href="/">To the fleet</a></p>')
+
+
 def _page(title: str, wrong: str, content: str) -> str:
     said = f'<p class="wrong" role="alert">{escape(wrong)}</p>' if wrong else ""
     return f"""<!doctype html>

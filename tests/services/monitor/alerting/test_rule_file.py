@@ -16,6 +16,16 @@ def written(path: Path, text: str) -> Path:
     return path
 
 
+async def test_a_file_that_cannot_be_used_at_the_start_is_named(tmp_path: Path) -> None:
+    for name, text, reason in (("none", "", "No such file or directory"), ("bad", "rules: 1\n", "line 1: rules")):
+        path = tmp_path / f"{name}.yaml"
+        if text:
+            written(path, text)
+        with pytest.raises(RuleFileError) as caught:
+            await RuleFile(path).load()
+        assert str(caught.value).startswith(f"{path}: {reason}")
+
+
 async def test_a_mistake_leaves_the_rules_as_they_were_and_is_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

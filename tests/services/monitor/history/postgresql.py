@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-import pytest
-
 from services.toolbox.demo.ports import free_ports
+from tests.missing import require_debian
 
 ROOT: Final = Path("/usr/lib/postgresql")
 USER: Final = "postgres"
@@ -60,9 +59,8 @@ class PostgreSQL:
 @contextmanager
 def running_postgresql() -> Iterator[PostgreSQL]:
     """Run a server; skip, or fail in CI, where there is none."""
-    found = sorted(ROOT.glob("*/bin/postgres"))
-    if not found:
-        (pytest.fail if os.environ.get("CI") else pytest.skip)("PostgreSQL is not installed")
+    found = sorted(ROOT.glob("*/bin/postgres")) or [ROOT / "bin" / "postgres"]
+    require_debian("PostgreSQL", found, how="tests/integration/install-postgresql.sh installs it")
     folder = Path(tempfile.mkdtemp(prefix="fleetsight-postgresql-"))
     if os.geteuid() == 0:
         shutil.chown(folder, USER)

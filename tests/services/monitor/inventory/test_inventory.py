@@ -116,3 +116,29 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
 def test_settings_are_seconds() -> None:
     limits = InventorySettings(appear_lists=3, vanish_s=0.5, stale_s=2, lost_s=10).limits()
     assert limits == Limits(Debounce(3, 0, 2, S // 2), stale_ns=2 * S, lost_ns=10 * S)
+
+
+def test_cameras_are_in_order_by_robot_and_name_and_those_of_one_robot_are_found() -> None:
+    inventory = quick()
+    others = [CameraKey("r10", "front"), CameraKey("r0", "front"), CameraKey("r2", "front")]
+    for key in (REAR, *others, FRONT):
+        inventory.camera_presence(key, alive=True)
+    assert inventory.in_order() == (others[1], FRONT, REAR, others[0], others[2])
+    assert inventory.in_order("r1") == (FRONT, REAR)
+    assert inventory.in_order("r3") == ()
+
+
+def test_whoever_follows_is_told_of_what_is_new_comes_or_goes() -> None:
+    inventory = quick()
+    online(inventory)
+    news = inventory.follow()
+    assert (news.cameras, news.robots) == ({FRONT}, {"r1"})
+    news.cameras.clear()
+    inventory.robot_presence("r1", alive=False)
+    assert news.cameras == {FRONT}
+    news.cameras.clear()
+    inventory.camera_presence(FRONT, alive=False)
+    assert news.cameras == {FRONT}
+    news.robots.clear()
+    inventory.see(seen(0, {}, key=REAR), S)
+    assert (REAR in news.cameras, news.robots) == (True, {"r1"})

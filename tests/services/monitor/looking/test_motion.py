@@ -9,7 +9,7 @@ from starlette.types import Message, Scope
 
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
-from services.monitor.looking.motion import BOUNDARY, NOTHING, MotionPictures, path_of, picture_part
+from services.monitor.looking.motion import BOUNDARY, MOST_OF_VISITOR, NOTHING, MotionPictures, path_of, picture_part
 from services.monitor.looking.newest import Newest, Pictures
 from services.monitor.looking.shared import Shared
 from services.monitor.web.auth.visitor import STATE, Role, Visitor
@@ -167,3 +167,22 @@ def test_what_browsers_do_not_show_is_shown_as_nothing() -> None:
 
 def test_a_browser_finds_an_overlay_by_its_names() -> None:
     assert path_of(KEY) == "/pictures/r1/front/overlay/detection"
+
+
+async def test_nobody_looks_at_so_many_pictures_that_others_see_none() -> None:
+    pictures = MotionPictures(Shared(lambda _: Newest(), idle, most=1))
+    browsers = [Browser() for _ in range(MOST_OF_VISITOR + 1)]
+    looking = [asyncio.create_task(pictures(scope(), each.receive, each.send)) for each in browsers]
+    for each in browsers:
+        await each.until(2)
+    starts = [each.got[0]["status"] for each in browsers]
+    assert starts == [200] * MOST_OF_VISITOR + [503]
+    for each in browsers:
+        each.leave()
+    await asyncio.wait(looking)
+    again = Browser()
+    showing = asyncio.create_task(pictures(scope(), again.receive, again.send))
+    await again.until(2)
+    assert again.got[0]["status"] == 200
+    again.leave()
+    await asyncio.wait([showing])

@@ -50,3 +50,13 @@ def test_so_many_are_kept_those_known_last() -> None:
     assert len(last.names(NOW + 2)) == MOST
     assert {"r0", "new"} <= last.names(NOW + 2)
     assert "r1" not in last.names(NOW + 2)
+
+
+def test_a_pose_that_objects_told_is_taken_if_it_is_newer() -> None:
+    last = LastPoses()
+    last.take({"r1": pose(1.0, NOW)}, NOW + 5)
+    last.take_seen({"r1": pose(2.0, NOW), "r2": pose(3.0, NOW - 1)})
+    assert shown(last, NOW, {"r1", "r2"}) == [("r1", 1.0, True), ("r2", 3.0, True)]
+    last.take_seen({"r1": pose(2.0, NOW + 1)})
+    assert shown(last, NOW + 1, {"r1"}, "r1") == [("r1", 2.0, True)]
+    assert last.names(NOW + FORGET_NS) == {"r1"}

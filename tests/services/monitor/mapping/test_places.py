@@ -2,7 +2,8 @@ import msgspec
 import pytest
 
 from schemas.distances import Distances, ObjectDistance, Place
-from services.monitor.mapping.places import FORGET_NS, MOST, SAME_M, Mark, Places
+from services.monitor.mapping.places import FORGET_NS, MOST, RENEW_NS, SAME_M, Mark, Places
+from services.monitor.mapping.pose import Pose
 from tests.schemas.frames import header
 from tests.schemas.results import known, unknown
 
@@ -70,3 +71,25 @@ def test_what_nobody_saw_for_long_is_forgotten_and_there_is_an_end_to_it() -> No
     for number in range(MOST // 500 + 1):
         places.take(seen(*(at(3.0 * each, 3.0 * number, track=number * 500 + each) for each in range(500))), NOW)
     assert len(places.marks(NOW)) == MOST
+
+
+def stands(x: float) -> Distances:
+    """Return what a robot sees that stands x metres from the map's origin."""
+    objects = [at(x + ahead, 0.0) for ahead in (1.0, 2.0)]
+    made = []
+    for ahead, each in zip((1.0, 2.0), objects, strict=True):
+        assert each.measured is not None
+        places = [Place(frame_id="base_link", at=(ahead, 0.0, 0.5)), *each.measured.places]
+        made.append(msgspec.structs.replace(each, measured=msgspec.structs.replace(each.measured, places=places)))
+    return seen(*made)
+
+
+def test_robots_are_where_two_objects_say_they_are_looked_for_now_and_then() -> None:
+    places = Places()
+    places.take(seen(at(1, 1)), NOW)
+    assert places.poses == {}
+    places.take(stands(3.0), NOW + 1)
+    places.take(stands(4.0), NOW + RENEW_NS)
+    assert places.poses == {"r1": Pose(3.0, 0.0, 0.0, NOW + 1)}
+    places.take(stands(4.0), NOW + 1 + RENEW_NS)
+    assert places.poses == {"r1": Pose(4.0, 0.0, 0.0, NOW + 1 + RENEW_NS)}

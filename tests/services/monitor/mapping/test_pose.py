@@ -1,10 +1,13 @@
 import math
 
+import msgspec
 import pytest
 
+from schemas.distances import Distances, ObjectDistance, Place
 from schemas.transforms import Transform, Transforms
-from services.monitor.mapping.pose import Pose, Whereabouts
+from services.monitor.mapping.pose import APART_M, Pose, Whereabouts, pose_of
 from tests.schemas.frames import header
+from tests.schemas.results import known, unknown
 
 STILL = (0.0, 0.0, 0.0, 1.0)
 LEFT = (0.0, 0.0, math.sin(math.pi / 4), math.cos(math.pi / 4))
@@ -46,3 +49,39 @@ def test_what_is_missing_is_said() -> None:
     assert where.pose() == "its transforms have not arrived"
     where.take(message(transform("odom", "base_link", 10)), 100, static=False)
     assert "map" in str(where.pose())
+
+
+def at(base: tuple[float, float], in_map: tuple[float, float] | None, *, frame: str = "base_link") -> ObjectDistance:
+    found = known("box", 2.0)
+    assert found.measured is not None
+    there = (
+        Place(frame_id="map", unknown="no transform") if in_map is None else Place(frame_id="map", at=(*in_map, 0.4))
+    )
+    places = [Place(frame_id="camera", at=(0, 0, 1)), Place(frame_id=frame, at=(*base, 0.5)), there]
+    return msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=places))
+
+
+def saw(*objects: ObjectDistance) -> Distances:
+    return Distances(header=header(), objects=list(objects), model="m", worker="w")
+
+
+def test_two_objects_say_where_the_robot_is_and_how_it_is_turned() -> None:
+    for yaw in (0.0, 1.0, math.pi / 2, -3.0):
+
+        def moved(x: float, y: float, yaw: float = yaw) -> tuple[float, float]:
+            return 5 + math.cos(yaw) * x - math.sin(yaw) * y, -2 + math.sin(yaw) * x + math.cos(yaw) * y
+
+        pose = pose_of(saw(at((2, 1), moved(2, 1)), unknown("pallet"), at((3, -1), moved(3, -1))), 7)
+        assert pose is not None
+        assert [pose.x, pose.y, pose.yaw, pose.at_ns] == pytest.approx([5, -2, yaw, 7])
+
+
+def test_objects_that_are_too_near_to_each_other_or_not_in_the_map_do_not() -> None:
+    near = at((2, 0), (2, 0))
+    assert pose_of(saw(), 7) is None
+    assert pose_of(saw(near), 7) is None
+    assert pose_of(saw(near, at((2 + APART_M - 0.01, 0), (2 + APART_M - 0.01, 0))), 7) is None
+    assert pose_of(saw(near, at((2 + APART_M + 0.01, 0), (2 + APART_M + 0.01, 0))), 7) == Pose(0, 0, 0, 7)
+    assert pose_of(saw(near, at((4, 0), None)), 7) is None
+    assert pose_of(saw(near, at((4, 0), (4, 0), frame="odom")), 7) is None
+    assert pose_of(saw(near, at((4, 0), (4, 0), frame="base_footprint")), 7) == Pose(0, 0, 0, 7)

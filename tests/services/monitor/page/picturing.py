@@ -1,4 +1,4 @@
-"""Pictures of fleets for tests."""
+"""Robots, cameras and workers as they are shown, for tests."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,8 @@ from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
 from services.monitor.fleet import Age, Row
-from services.monitor.picture import CameraLine, Picture, RobotLine, WorkerLine
+from services.monitor.page.robots import Robot, standing
+from services.monitor.picture import CameraLine, RobotLine, WorkerLine
 
 S = 1_000_000_000
 NOW = 1_000 * S
@@ -68,8 +69,6 @@ def worker(
     return WorkerLine(status, online, NOW)
 
 
-def picture(
-    robots: Sequence[RobotLine] = (), cameras: Sequence[CameraLine] = (), workers: Sequence[WorkerLine] = ()
-) -> Picture:
-    """Return them at NOW."""
-    return Picture(NOW, tuple(robots), tuple(cameras), tuple(workers))
+def shown(line: RobotLine, *cameras: CameraLine) -> Robot:
+    """Return a robot as it is shown at NOW."""
+    return Robot(line, cameras, *standing(line, cameras, NOW))

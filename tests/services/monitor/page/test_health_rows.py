@@ -1,7 +1,6 @@
 from schemas.status import StreamStatus
-from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, gateway_row, unserved, worker_row
-from services.monitor.page.robots import Survey, Wanted
-from tests.services.monitor.page.picturing import NOW, S, camera, picture, robot, worker
+from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, gateway_row, worker_row
+from tests.services.monitor.page.picturing import NOW, S, camera, robot, shown, worker
 
 COLOR = StreamStatus(
     camera="front",
@@ -40,19 +39,12 @@ def test_a_worker_that_is_gone_serves_nobody() -> None:
 
 
 def test_a_gateway_shows_its_streams_and_who_looks_after_them() -> None:
-    survey = Survey(picture([robot(streams=[COLOR])], [camera()]))
-    (stream,) = gateway_row(survey.robots(Wanted())[0], NOW)["streams"]
+    (stream,) = gateway_row(shown(robot(streams=[COLOR]), camera()), NOW)["streams"]
     assert (stream["in"], stream["out"], stream["served"]) == ("30.0/s", "2.0/s", "detector/gpu-1")
     assert (stream["dropped"], stream["reasons"]) == ("4", [[4, "late"]])
 
 
 def test_what_a_gateway_that_is_gone_said_last_is_not_of_now() -> None:
-    survey = Survey(picture([robot(online=False, streams=[COLOR])]))
-    row = gateway_row(survey.robots(Wanted())[0], NOW)
+    row = gateway_row(shown(robot(online=False, streams=[COLOR])), NOW)
     assert not row["live"]
     assert (row["streams"][0]["in"], row["streams"][0]["wanted"]) == ("\N{EN DASH}", False)
-
-
-def test_cameras_that_are_there_without_a_detector_are_named() -> None:
-    cameras = [camera(), camera("r2", served_by=("distance/w",)), camera("r3", online=False, served_by=())]
-    assert [str(each.key) for each in unserved(picture(cameras=cameras))] == ["r2/front"]

@@ -1,11 +1,9 @@
 from services.monitor.page.overview_rows import MAX_CAMERAS, robot_row
-from services.monitor.page.robots import Survey, Wanted
-from tests.services.monitor.page.picturing import NOW, S, camera, picture, robot
+from tests.services.monitor.page.picturing import NOW, S, camera, robot, shown
 
 
 def test_a_robot_that_is_gone_says_since_when_and_its_cameras_are_not_live() -> None:
-    survey = Survey(picture([robot(online=False, last_ns=NOW - 90 * S)], [camera(online=False)]))
-    row = robot_row(survey.robots(Wanted())[0], NOW)
+    row = robot_row(shown(robot(online=False, last_ns=NOW - 90 * S), camera(online=False)), NOW)
     assert (row["state"], row["seen"]) == ("offline", "1 min ago")
     assert row["seen_at"].endswith("+00:00")
     assert [each["live"] for each in row["cameras"]] == [False]
@@ -13,14 +11,13 @@ def test_a_robot_that_is_gone_says_since_when_and_its_cameras_are_not_live() -> 
 
 def test_what_is_in_view_is_told_from_nothing_and_from_not_known_yet() -> None:
     cameras = [camera(name="a"), camera(name="b", classes=()), camera(name="c", age_s=None)]
-    survey = Survey(picture([robot()], cameras))
-    row = robot_row(survey.robots(Wanted())[0], NOW)
+    row = robot_row(shown(robot(), *cameras), NOW)
     assert [each["classes"] for each in row["cameras"]] == [[[2, "box"]], [], None]
     assert (row["dropped"], row["reasons"][0]) == ("1.2k", [1_200, "gateway: thinned"])
 
 
 def test_no_more_cameras_are_sent_than_are_shown() -> None:
     many = [camera(name=f"c{number}") for number in range(MAX_CAMERAS + 1)]
-    row = robot_row(Survey(picture([robot()], many)).robots(Wanted())[0], NOW)
+    row = robot_row(shown(robot(), *many), NOW)
     assert len(row["cameras"]) == MAX_CAMERAS
     assert row["more"] == "and 1 camera more"

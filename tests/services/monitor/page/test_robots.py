@@ -1,7 +1,7 @@
 import pytest
 
-from services.monitor.page.robots import QUIET_NS, RobotState, Survey, Wanted, standing
-from tests.services.monitor.page.picturing import NOW, camera, picture, robot
+from services.monitor.page.robots import QUIET_NS, RobotState, in_natural_order, standing
+from tests.services.monitor.page.picturing import NOW, camera, robot
 
 
 def test_a_robot_whose_cameras_speak_is_online() -> None:
@@ -38,50 +38,5 @@ def test_a_robot_with_a_problem_that_sees_is_in_trouble() -> None:
     )
 
 
-def survey() -> Survey:
-    robots = [
-        robot("r10", age_s=3.0),
-        robot("r2", online=False, last_ns=5),
-        robot("Dock-1", problems=("waits",), age_s=None),
-        robot("r1", last_ns=NOW - 1),
-    ]
-    cameras = [
-        camera("r10", classes=[("pallet", 1)]),
-        camera("r2", online=False),
-        camera("Dock-1", "Left"),
-        camera("r1", age_s=9),
-        camera("r1", "rear"),
-    ]
-    return Survey(picture(robots, cameras))
-
-
-def names(wanted: Wanted) -> list[str]:
-    return [found.line.name for found in survey().robots(wanted)]
-
-
-def test_the_worst_come_first_then_by_name() -> None:
-    assert names(Wanted()) == ["r2", "Dock-1", "r1", "r10"]
-    assert names(Wanted(descending=True)) == ["r1", "r10", "Dock-1", "r2"]
-
-
-def test_robots_are_sorted_by_what_is_asked_for() -> None:
-    assert names(Wanted(sort="robot")) == ["Dock-1", "r1", "r2", "r10"]
-    assert names(Wanted(sort="seen"))[0] == "r2"
-    assert names(Wanted(sort="age"))[-1] == "Dock-1"
-    assert names(Wanted(sort="nothing of ours")) == names(Wanted())
-
-
-def test_robots_are_found_by_their_own_name_a_cameras_or_a_class() -> None:
-    assert names(Wanted(text=" dock ")) == ["Dock-1"]
-    assert names(Wanted(text="LEFT")) == ["Dock-1"]
-    assert names(Wanted(text="pallet")) == ["r10"]
-    assert names(Wanted(text="box", state=RobotState.OFFLINE)) == ["r2"]
-    assert names(Wanted(text="nobody")) == []
-
-
-def test_a_survey_counts() -> None:
-    found = survey()
-    assert found.counts == {RobotState.ONLINE: 2, RobotState.OFFLINE: 1, RobotState.TROUBLE: 1}
-    assert found.live_cameras == 3
-    assert found.rate_hz == 8.0
-    assert found.robots(Wanted()) is found.robots(Wanted())
+def test_names_are_sorted_as_people_do() -> None:
+    assert in_natural_order(("r10", "Dock-1", "r2")) == ("Dock-1", "r2", "r10")

@@ -1,6 +1,6 @@
 from bus.fake import FakeNetwork
-from services.monitor.page.robots import Wanted
 from services.monitor.page.shared import Shared
+from services.monitor.page.survey import Wanted
 from tests.services.monitor.web.serving import monitor_on
 
 
@@ -11,5 +11,5 @@ async def test_all_who_look_at_once_share_what_they_see() -> None:
         shared = Shared(monitor)
         survey = await shared.survey()
         assert await shared.survey() is survey
-        assert [robot.line.name for robot in survey.robots(Wanted())] == ["r1"]
+        assert await survey.robots(Wanted()) == ["r1"]
         assert (await shared.stock()).entries == ()

@@ -27,6 +27,7 @@ STOCK = Stock([
     entry("r2", "box", 2, available=False),
     entry("r2", "pallet", 9, nearest_m=0.5),
     entry("r3", "person", 0),
+    entry("r4", "person", 0, available=False),
 ])  # fmt: skip
 
 
@@ -37,22 +38,24 @@ def said(filters: Filters) -> list[str]:
 def test_only_what_is_in_view_and_known_now_is_counted() -> None:
     assert STOCK.totals == {"pallet": 9, "box": 3}
     assert list(STOCK.totals) == ["pallet", "box"]
+    assert STOCK.unknown == 1
 
 
 def test_what_was_in_view_before_is_shown_when_asked_for() -> None:
-    assert said(Filters()) == ["r2 box", "r2 pallet", "r10 box"]
-    assert said(Filters(in_view=False)) == ["r2 box", "r2 pallet", "r3 person", "r10 box"]
+    assert said(Filters()) == ["r2 pallet", "r10 box"]
+    assert said(Filters(in_view=False)) == ["r2 box", "r2 pallet", "r3 person", "r4 person", "r10 box"]
 
 
 def test_sightings_are_filtered_by_class_and_text() -> None:
-    assert said(Filters(name="box")) == ["r2 box", "r10 box"]
+    assert said(Filters(name="box")) == ["r10 box"]
+    assert said(Filters(name="box", in_view=False)) == ["r2 box", "r10 box"]
     assert said(Filters(text=" R10")) == ["r10 box"]
     assert said(Filters(text="gpu-1", name="pallet")) == ["r2 pallet"]
     assert said(Filters(text="yolov8")) == []
 
 
 def test_sightings_are_sorted_by_what_is_asked_for() -> None:
-    assert said(Filters(sort="count", descending=True)) == ["r2 pallet", "r10 box", "r2 box"]
-    assert said(Filters(sort="nearest")) == ["r2 pallet", "r10 box", "r2 box"]
+    assert said(Filters(sort="count", descending=True)) == ["r2 pallet", "r10 box"]
+    assert said(Filters(sort="nearest", name="box", in_view=False)) == ["r10 box", "r2 box"]
     assert said(Filters(sort="no column")) == said(Filters())
     assert STOCK.wanted(Filters()) is STOCK.wanted(Filters())

@@ -88,6 +88,9 @@ async def test_the_document_says_what_there_is(web: Web) -> None:
         assert {"/api/v1/robots", "/api/v1/alerts/{alert_id}/acknowledge", "/api/v1/history/export"} <= set(
             document["paths"]
         )
+        for path, item in (("robots", "RobotAnswer"), ("cameras", "CameraAnswer"), ("inventory", "SightingAnswer")):
+            answer = document["paths"][f"/api/v1/{path}"]["get"]["responses"]["200"]["content"]["application/json"]
+            assert answer["schema"]["$ref"].endswith(f"/Page_{item}_")
         assert "class" in document["components"]["schemas"]["SightingAnswer"]["properties"]
         for gone in ("/docs", "/redoc", "/openapi.json"):
             assert (await program.get(gone)).status_code == 404

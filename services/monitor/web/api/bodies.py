@@ -1,0 +1,76 @@
+"""Answers that are long lists, as they are sent: what `models` says of each item, encoded without making models."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+from fastapi import Response
+
+from services.monitor.inventory.inventory import Entry
+from services.monitor.picture import CameraLine, RobotLine
+from services.monitor.web.api.models import known_moment, moment
+
+Body = dict[str, Any]
+"""What an item of a list is in JSON, by the names that its model in `models` has there."""
+
+
+def page_response(now_ns: int, items: Sequence[Body], mark: str | None) -> Response:
+    """Return a Page of items; mark: its `next`."""
+    return Response(encoded({"now": moment(now_ns), "items": items, "next": mark}), media_type="application/json")
+
+
+def encoded(body: Body) -> bytes:
+    """Return JSON."""
+    return msgspec.json.encode(body)
+
+
+def robot_body(line: RobotLine) -> Body:
+    """Return a RobotAnswer."""
+    return {
+        "name": line.name,
+        "online": line.online,
+        "last_seen": known_moment(line.last_ns),
+        "cameras": line.cameras,
+        "age_s": line.age_s,
+        "rate_hz": line.rate_hz,
+        "waiting_for": "" if line.gateway is None else line.gateway.waiting_for,
+        "problems": line.problems,
+        "dropped": line.dropped,
+    }
+
+
+def camera_body(line: CameraLine) -> Body:
+    """Return a CameraAnswer."""
+    row = line.row
+    seen = row.classes
+    return {
+        "robot": row.key.robot,
+        "camera": row.key.camera,
+        "online": row.online,
+        "stale": row.stale,
+        "last_seen": known_moment(line.last_ns),
+        "age_s": None if row.age is None else row.age.seconds,
+        "age_exact": row.age is not None and row.age.exact,
+        "rate_hz": row.rate_hz,
+        "classes": None if seen is None else [{"name": of.name, "count": of.count, "score": of.score} for of in seen],
+        "served_by": line.served_by,
+        "dropped": line.dropped,
+    }
+
+
+def sighting_body(entry: Entry) -> Body:
+    """Return a SightingAnswer."""
+    of = entry.sighting
+    return {
+        "robot": of.key.robot,
+        "camera": of.key.camera,
+        "class": of.name,
+        "count": of.count,
+        "score": of.score,
+        "first_seen": known_moment(of.first_ns),
+        "last_seen": known_moment(of.last_ns),
+        "nearest_m": of.nearest_m,
+        "model": of.model,
+        "worker": of.worker,
+        "available": entry.available,
+    }

@@ -1,0 +1,15 @@
+"""What of Debian a test needs: where it is missing the test is skipped, but in CI, where it has to be, it fails."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+
+def require_debian(what: str, paths: Iterable[str | Path], *, how: str) -> None:
+    """Skip the test, or fail it in CI, where one of `paths` is not there. how: what installs `what`."""
+    missing = [str(path) for path in paths if not Path(path).exists()]
+    if missing:
+        why = f"{what} is missing ({', '.join(missing)}); {how}"
+        (pytest.fail if os.environ.get("CI") else pytest.skip)(why)

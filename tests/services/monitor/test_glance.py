@@ -1,0 +1,81 @@
+from schemas.keys import CameraKey
+from services.monitor.fleet import Fleet
+from services.monitor.glance import SILENT_NS, Glance, Painting, Workers
+from services.monitor.picture import Picture
+from tests.services.monitor.web.api.seeing import ODD, fill
+
+
+def glance(fleet: Fleet, now_ns: int = 0) -> Glance:
+    return Glance(fleet, Workers(fleet, now_ns), now_ns, 0.0)
+
+
+def picture(fleet: Fleet, now_ns: int) -> Picture:
+    painting = Painting(glance(fleet, now_ns))
+    for _ in painting.steps():
+        pass
+    return painting.picture()
+
+
+def test_an_empty_fleet_is_an_empty_picture() -> None:
+    assert picture(Fleet("clock"), 5) == Picture(5, (), (), ())
+
+
+def test_who_serves_and_what_was_dropped_is_with_the_camera_and_its_robot() -> None:
+    fleet = Fleet("clock")
+    fill(fleet)
+    heard_ns = fleet.heard_ns["r1"]
+    now = picture(fleet, heard_ns)
+    (first, lost), (camera, _), (worker,) = now.robots, now.cameras, now.workers
+    assert camera.dropped == {f"gateway: {ODD}": 4, "detector/w1: late": 2}
+    assert first.dropped == {**camera.dropped, "gateway: w": 1}
+    assert (camera.served_by, worker.online, len(worker.serves)) == (("detector/w1",), True, 1)
+    assert (first.online, first.last_ns >= heard_ns, lost.online, lost.last_ns, lost.gateway) == (
+        True,
+        True,
+        False,
+        0,
+        None,
+    )
+
+
+def test_a_worker_that_says_nothing_serves_nobody() -> None:
+    fleet = Fleet("clock")
+    fill(fleet)
+    heard_ns = fleet.worker_heard_ns["detector", "w1"]
+    assert picture(fleet, heard_ns + SILENT_NS).workers[0].online
+    later = picture(fleet, heard_ns + SILENT_NS + 1)
+    assert (later.workers[0].online, later.workers[0].serves, later.cameras[0].served_by) == (False, (), ())
+
+
+def test_a_robot_that_is_painted_alone_is_as_it_is_in_the_picture() -> None:
+    fleet = Fleet("clock")
+    fill(fleet)
+    now_ns = fleet.heard_ns["r1"]
+    whole, some = picture(fleet, now_ns), glance(fleet, now_ns)
+    assert tuple(some.robot(name) for name in some.robots) == whole.robots
+    assert tuple(some.camera(key) for key in some.cameras) == whole.cameras
+    assert some.drops("r1", some.cameras_of("r1")) == sum(whole.robots[0].dropped.values()) == 7
+
+
+def test_every_robot_is_there_once_by_name_with_its_own_cameras() -> None:
+    fleet = Fleet("clock")
+    for key in (CameraKey("r2", "rear"), CameraKey("r10", "front"), CameraKey("r2", "front")):
+        fleet.camera_presence(key, alive=True)
+    fleet.robot_presence("r1", alive=True)
+    fleet.robot_presence("r2", alive=True)
+    some = glance(fleet)
+    assert some.robots == ("r1", "r10", "r2")
+    assert [[key.camera for key in some.cameras_of(name)] for name in ("r1", "r10", "r2", "r3")] == [
+        [],
+        ["front"],
+        ["front", "rear"],
+        [],
+    ]
+
+
+def test_workers_of_a_service_are_those_that_are_there() -> None:
+    fleet = Fleet("clock")
+    fill(fleet)
+    heard_ns = fleet.worker_heard_ns["detector", "w1"]
+    assert [each.worker for each in Workers(fleet, heard_ns).of("detector")] == ["w1"]
+    assert Workers(fleet, heard_ns).of("cloud") == Workers(fleet, heard_ns + SILENT_NS + 1).of("detector") == []

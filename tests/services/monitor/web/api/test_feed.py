@@ -1,0 +1,33 @@
+import json
+
+from bus.fake import FakeNetwork
+from services.monitor.web.api.feed import TOPICS, Feed
+from tests.services.monitor.web.api.seeing import ODD, fill, see
+from tests.services.monitor.web.serving import monitor_on
+
+
+async def test_nothing_is_made_that_nobody_asked_for() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        fill(monitor.fleet)
+        _, found = await Feed(monitor).current(["workers", "alerts"])
+        assert {topic: list(items) for topic, items in found.items()} == {"workers": [("detector", "w1")], "alerts": []}
+        assert monitor._picture._made is None
+        assert monitor._inventory._made is None
+
+
+async def test_what_is_no_news_stays_the_same_item() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        fill(monitor.fleet)
+        feed = Feed(monitor)
+        _, first = await feed.current(TOPICS)
+        assert json.loads(first["cameras"]["r1", "front"].body)["classes"] == [{"name": ODD, "count": 2, "score": 0.5}]
+        see(monitor.fleet, 2, 1)
+        for recent in feed._recent.values():
+            recent._made = None
+        monitor._picture._made = monitor._inventory._made = None
+        _, then = await feed.current(TOPICS)
+        assert then["cameras"]["r1", "front"] is not first["cameras"]["r1", "front"]
+        assert then["cameras"]["r2", "front"] is first["cameras"]["r2", "front"]
+        assert then["inventory"] == first["inventory"], "one list alone moves no count"
