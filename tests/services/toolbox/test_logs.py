@@ -121,4 +121,10 @@ def test_nobody_waits_for_a_log_that_is_not_read_and_what_is_too_much_is_left_ou
     stuck.may.set()
     beside.flush()
     assert stuck.lines[:2] == ["no. [0]", "no. [1]"]
-    assert MAX_WAITING <= len(stuck.lines) <= MAX_WAITING + 1
+    written = len(stuck.lines)
+    assert MAX_WAITING <= written <= MAX_WAITING + 1
+    beside.handle(record("read again"))
+    beside.handle(record("and again"))
+    beside.flush()
+    left_out = 2 * MAX_WAITING - written
+    assert stuck.lines[written:] == [f"read again (and {left_out} events before it that nobody read)", "and again"]
