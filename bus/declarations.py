@@ -156,18 +156,17 @@ class ZenohSubscription(SampleReader):
         handler: Any = FifoChannel(ROOM) if self._gathers else Callback(self._on_sample, indirect=False)
         if self._history:
             subscriber = self._with_history(session, handler)
-            listener = subscriber.sample_miss_listener(Callback(self._on_miss, indirect=False))
-            undeclared = [subscriber.undeclare, listener.undeclare]
         else:
             subscriber = session.declare_subscriber(self._key_expr, handler)
-            undeclared = [subscriber.undeclare]
         if self._gathers:
             # A sample that comes while its key is declared may get lost (1.10): only where it is asked for again.
             keys = None
             gathering = Gathering(subscriber.handler, partial(self._on_batch, keys))
             self._declared.callback(gathering.join, STOP_GRACE_S)
-        for undeclare in undeclared:
-            self._declared.callback(undeclare)
+        self._declared.callback(subscriber.undeclare)
+        if self._history:
+            listener = subscriber.sample_miss_listener(Callback(self._on_miss, indirect=False))
+            self._declared.callback(listener.undeclare)
 
     def _with_history(self, session: zenoh.Session, handler: Any) -> Any:
         return ext.declare_advanced_subscriber(

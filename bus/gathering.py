@@ -1,5 +1,6 @@
 """Samples of many publishers, fetched together: one by one each would wait until the event loop's thread lets it in."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -7,6 +8,8 @@ from functools import partial
 from typing import Any, Final
 
 import zenoh
+
+from bus.panics import panics_are_errors
 
 ROOM: Final = 16_384
 """Samples that wait to be fetched; then the link waits."""
@@ -17,6 +20,8 @@ PAUSE_S: Final = 0.005
 
 MAX_DECLARED: Final = 20_000
 """How many keys are declared at most."""
+
+_log: Final = logging.getLogger(__name__)
 
 
 class Gathering:
@@ -36,9 +41,20 @@ class Gathering:
         self._thread.join(grace_s)
 
     def _run(self) -> None:
-        while batch := self._next():
-            self._deliver(batch)
+        while self._fetch():
             time.sleep(PAUSE_S)
+
+    def _fetch(self) -> bool:
+        """Deliver what waits, once something does; return False if nothing comes any more."""
+        batch = self._next()  # not kept until the next one, which may be long in coming: it holds shared memory
+        if not batch:
+            return False
+        try:
+            with panics_are_errors():
+                self._deliver(batch)
+        except Exception:  # noqa: BLE001 - whatever is wrong with one message, the link waits until others are fetched
+            _log.exception("not all of %d messages were taken in", len(batch))
+        return True
 
     def _next(self) -> list[zenoh.Sample]:
         """Wait for samples; there are none when none come any more."""

@@ -99,10 +99,11 @@ class TransformTree:
         self._room.hold(self, 0)
 
     def shed(self) -> None:
-        """Let go of the older half of what is not static."""
+        """Let go of the older half of what is not static; a frame of which nothing is left is not known any more."""
         before = self._samples
         for edge in self._edges.values():
             self._forget(edge, (len(edge.stamps) + 1) // 2)
+        self._edges = {child: edge for child, edge in self._edges.items() if edge.static or edge.stamps}
         self.rejected[CROWDED] += before - self._samples
         self._room.hold(self, self._samples * SAMPLE_BYTES)
 

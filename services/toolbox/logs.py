@@ -5,7 +5,6 @@ import queue
 import sys
 import threading
 from collections import OrderedDict
-from contextlib import suppress
 from dataclasses import dataclass
 from logging.handlers import QueueHandler
 from types import TracebackType
@@ -126,13 +125,14 @@ class StderrHandler(logging.StreamHandler[TextIO]):
 class Beside(QueueHandler):
     """Has records written by a thread of its own: whoever reads stderr may stop reading, and nobody waits for it.
 
-    What is logged while MAX_WAITING wait is left out.
+    What is logged while MAX_WAITING wait is left out, and counted.
     """
 
     def __init__(self, writer: logging.Handler) -> None:
         self._waiting: queue.Queue[logging.LogRecord] = queue.Queue(MAX_WAITING)
         super().__init__(self._waiting)
         self._writer = writer
+        self._left_out = 0
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
@@ -141,9 +141,15 @@ class Beside(QueueHandler):
         return record
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Hand a record over."""
-        with suppress(queue.Full):
+        """Hand a record over, with the count of those left out before it."""
+        if self._left_out:
+            record.msg += f" (and {self._left_out} events before it that nobody read)"
+        try:
             self._waiting.put_nowait(record)
+        except queue.Full:
+            self._left_out += 1
+        else:
+            self._left_out = 0
 
     def flush(self) -> None:
         """Wait until what was logged is written."""

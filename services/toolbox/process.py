@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Awaitable, Callable
-from typing import Final, NoReturn
+from typing import Final, NoReturn, TextIO
 
 log = logging.getLogger(__name__)
 
@@ -22,13 +22,19 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 def run(main: Callable[[], Awaitable[int | None]]) -> int:
     """Run `main` until it returns or a signal cancels it; return its exit code, 0 when a signal ended it in order.
 
-    A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once.
+    A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Whoever
+    reads what `main` printed may take their time, unless a signal ended it.
     """
     with asyncio.Runner() as runner:
-        return runner.run(_until_signalled(main))
+        code = runner.run(_until_signalled(main))
+    if code is None:
+        return 0
+    _flush(sys.stdout)
+    return code
 
 
-async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int:
+async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | None:
+    """Return the exit code of `main`, or None if a signal ended it."""
     loop = asyncio.get_running_loop()
     work = asyncio.ensure_future(main())
     signalled = asyncio.Event()
@@ -47,7 +53,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int:
     except asyncio.CancelledError:
         if not signalled.is_set():
             raise
-        return 0
+        return None
     finally:
         for number in SIGNALS:
             loop.remove_signal_handler(number)
@@ -58,17 +64,21 @@ def leave(code: int) -> NoReturn:
 
     Last words that nobody reads are given up.
     """
-    flushing = threading.Thread(target=_flush, daemon=True)
+    flushing = threading.Thread(target=_flush_all, daemon=True)
     flushing.start()
     flushing.join(FLUSH_S)
     os._exit(code)
 
 
-def _flush() -> None:
+def _flush_all() -> None:
     logging.shutdown()
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):
-            stream.flush()
+        _flush(stream)
+
+
+def _flush(stream: TextIO) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        stream.flush()
 
 
 def _give_up(why: str) -> NoReturn:

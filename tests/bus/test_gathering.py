@@ -1,8 +1,11 @@
+import gc
 import queue
 import threading
+import weakref
 from collections.abc import Sequence
 from typing import Any
 
+import pytest
 import zenoh
 
 from bus.gathering import AT_ONCE, MAX_DECLARED, DeclaredKeys, Gathering
@@ -14,6 +17,7 @@ class Channel:
 
     def __init__(self, waiting: int) -> None:
         self._items: queue.Queue[Any] = queue.Queue()
+        self.asked = threading.Semaphore(0)
         self.put(*range(waiting))
 
     def put(self, *items: object) -> None:
@@ -24,6 +28,7 @@ class Channel:
         self._items.put(None)
 
     def recv(self) -> object:
+        self.asked.release()
         item = self._items.get()
         if item is None:
             self.close()
@@ -32,6 +37,10 @@ class Channel:
 
     def try_recv(self) -> object:
         return None if self._items.empty() else self.recv()
+
+
+class Letter:
+    """A sample."""
 
 
 def test_what_waits_is_delivered_together_in_order_until_the_channel_is_closed() -> None:
@@ -51,6 +60,43 @@ def test_what_waits_is_delivered_together_in_order_until_the_channel_is_closed()
     gathering.join(PATIENCE_S)
     assert [list(batch) for batch in batches[:2]] == [list(range(AT_ONCE)), [AT_ONCE, AT_ONCE + 1]]
     assert batches[2:] == [["the last"]]
+
+
+def test_what_was_delivered_is_let_go_of_although_nothing_more_comes() -> None:
+    channel = Channel(0)
+    delivered = threading.Event()
+    gathering = Gathering(channel, lambda _: delivered.set())
+    assert channel.asked.acquire(timeout=PATIENCE_S)
+    letter = Letter()
+    remains = weakref.ref(letter)
+    channel.put(letter)
+    del letter
+    assert delivered.wait(PATIENCE_S)
+    assert channel.asked.acquire(timeout=PATIENCE_S)
+    gc.collect()
+    assert remains() is None
+    channel.close()
+    gathering.join(PATIENCE_S)
+
+
+def test_what_cannot_be_delivered_keeps_nothing_else_from_it(caplog: pytest.LogCaptureFixture) -> None:
+    channel = Channel(0)
+    taken: list[object] = []
+
+    def deliver(samples: Sequence[object]) -> None:
+        if "bad" in samples:
+            raise ValueError("bad")
+        taken.extend(samples)
+
+    gathering = Gathering(channel, deliver)
+    channel.put("bad")
+    for _ in range(2):
+        assert channel.asked.acquire(timeout=PATIENCE_S)
+    channel.put("good")
+    channel.close()
+    gathering.join(PATIENCE_S)
+    assert taken == ["good"]
+    assert "not all of 1 messages were taken in" in caplog.text
 
 
 class Session:

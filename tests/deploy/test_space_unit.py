@@ -42,3 +42,8 @@ def test_both_units_are_confined_alike() -> None:
         for name in ("fleetsight-gateway.service", "fleetsight-space@.service")
     )
     assert gateway == space != ""
+
+
+@pytest.mark.parametrize("unit", ["fleetsight-gateway.service", "fleetsight-space@.service"])
+def test_both_ends_of_what_is_shared_on_a_robot_may_lock_it(unit: str) -> None:
+    assert "LimitMEMLOCK=infinity" in (DEPLOY / unit).read_text(encoding="utf-8").splitlines()

@@ -94,9 +94,12 @@ class FrameReceiver:
         return body
 
     def _expect(self) -> None:
-        """Receive the next frame, its length too, where it will stay if it is like the last two."""
+        """Receive the next frame, its length too, where it will stay if it is like the last two.
+
+        What is only expected leaves room in the budget for the largest frame that may really be under way.
+        """
         size = LENGTH.size + self._last_length
-        if self._budget is None or self._budget.has(size - self._taken):
+        if self._budget is None or self._budget.has(size - self._taken + self.max_frame_bytes):
             self._scratch = self._buffer(size)
 
     def _begin_body(self) -> None:
@@ -114,8 +117,8 @@ class FrameReceiver:
         if self._scratch is not self._small and len(self._scratch) - self._start == self._length:
             self._body, self._filled = self._scratch[self._start :], self._end - self._start
         else:
-            self._body = self._buffer(min(self._length, max(FIRST_STEP_BYTES, 2 * self._last_length)))
             self._filled = min(self._length, self._end - self._start)
+            self._body = self._buffer(min(self._length, max(FIRST_STEP_BYTES, 2 * self._last_length, self._filled)))
             self._body[: self._filled] = self._scratch[self._start : self._start + self._filled]
         self._start += self._filled
         if self._start == self._end:

@@ -40,7 +40,8 @@ class Speaking:
         self._silent.difference_update(began)
         self._silent.update(ceased)
         for view in (*began, *looked_at.difference(ceased)):
-            self._wait(view, max(now_ns, view.last_ns + self._inventory.limits.stale_ns) + 1)
+            newest_ns = min(view.last_ns, now_ns)  # a clock that was set back makes what came before of the future
+            self._wait(view, max(now_ns, newest_ns + self._inventory.limits.stale_ns) + 1)
         return [*began, *ceased]
 
     def _meet(self, new: Sequence[CameraView], now_ns: int) -> None:

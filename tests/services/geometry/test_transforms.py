@@ -259,6 +259,15 @@ def test_transforms_give_way_where_there_is_no_room_the_older_half_first_and_fix
         made.lookup("map", "base", 5)
 
 
+def test_a_frame_that_gave_way_as_a_whole_is_not_known_until_it_is_said_again() -> None:
+    made = TransformTree(room=Room(SAMPLE_BYTES))
+    made.take(Transforms(header=header(), transforms=[said("map", "slow"), said("map", "base")]), static=False)
+    with pytest.raises(UnknownFrameError):
+        made.lookup("map", "slow", 0)
+    made.take(Transforms(header=header(), transforms=[said("map", "slow", 1.0, at=S)]), static=False)
+    assert made.lookup("map", "slow", S)[0, 3] == 1
+
+
 def test_room_is_for_what_is_kept_now() -> None:
     room = Room()
     made = TransformTree(room=room)

@@ -1,5 +1,6 @@
 import io
 import logging
+import re
 import sys
 import threading
 
@@ -121,4 +122,12 @@ def test_nobody_waits_for_a_log_that_is_not_read_and_what_is_too_much_is_left_ou
     stuck.may.set()
     beside.flush()
     assert stuck.lines[:2] == ["no. [0]", "no. [1]"]
-    assert MAX_WAITING <= len(stuck.lines) <= MAX_WAITING + 1
+    written = len(stuck.lines)
+    assert MAX_WAITING <= written <= MAX_WAITING + 1
+    beside.handle(record("read again"))
+    beside.handle(record("and again"))
+    beside.flush()
+    counts = re.findall(r" \(and (\d+) events before it that nobody read\)", "\n".join(stuck.lines))
+    assert sum(map(int, counts)) == 2 * MAX_WAITING - written
+    assert stuck.lines[written].startswith("read again (and ")
+    assert stuck.lines[written + 1 :] == ["and again"]

@@ -1,3 +1,4 @@
+import os
 import signal
 import subprocess
 import sys
@@ -70,3 +71,28 @@ def test_the_exit_code_is_what_main_returns(result: int | None, code: int) -> No
         return result
 
     assert process.run(main) == code
+
+
+def test_what_was_printed_arrives_whole_although_its_reader_pauses_and_nobody_reads_stderr() -> None:
+    program = """
+        import logging
+        import sys
+        from services.toolbox import logs, process
+
+        async def main():
+            logs.configure("info")
+            for _ in range(500):
+                logging.getLogger("of somebody").info("x" * 200)
+            for _ in range(7_000):
+                print("123456789")
+
+        process.leave(process.run(main))
+    """
+    command = [sys.executable, "-c", textwrap.dedent(program)]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as child:
+        assert child.stdout is not None
+        with pytest.raises(subprocess.TimeoutExpired):
+            child.wait(2 * process.FLUSH_S)
+        assert len(child.stdout.read()) == 70_000
+        assert child.wait() == 0

@@ -37,6 +37,7 @@ def framed(*bodies: bytes) -> bytes:
 @example([SCRATCH_BYTES + 1] * 4 + [SCRATCH_BYTES], 5 * SCRATCH_BYTES)
 @example([SCRATCH_BYTES + 1] * 3 + [SCRATCH_BYTES - 2, 0, 1, 2], 3)
 @example([SCRATCH_BYTES + 1] * 3 + [5, SCRATCH_BYTES + 2, 5], SCRATCH_BYTES)
+@example([3 * FIRST_STEP_BYTES] * 2 + [5, 3 * FIRST_STEP_BYTES], 3 * FIRST_STEP_BYTES + 4)
 def test_frames_are_the_same_however_they_are_cut(sizes: list[int], piece: int) -> None:
     bodies = [bytes([i]) * size for i, size in enumerate(sizes)]
     stream = framed(*bodies)
@@ -80,7 +81,7 @@ def test_third_frame_of_a_size_is_received_where_it_stays() -> None:
 
 def test_memory_for_a_third_frame_of_a_size_is_let_go_when_another_comes() -> None:
     size = 2 * FIRST_STEP_BYTES
-    budget = FrameBudget(2 * size)
+    budget = FrameBudget(3 * size)
     receiver = FrameReceiver(size, budget)
     feed(receiver, framed(bytes(size), bytes(size)))
     assert len(receiver.get_buffer()) == struct.calcsize("<I") + size
@@ -97,6 +98,17 @@ def test_third_frame_of_a_size_waits_for_its_length_where_there_is_no_budget() -
     feed(receiver, framed(bytes(size), bytes(size)))
     assert len(receiver.get_buffer()) == SCRATCH_BYTES
     assert feed(receiver, framed(bytes(size))) == [bytes(size)]
+
+
+def test_memory_for_frames_that_may_come_leaves_room_for_one_that_does() -> None:
+    size = 4 * FIRST_STEP_BYTES
+    budget = FrameBudget(2 * size)
+    idle = [FrameReceiver(size, budget) for _ in range(3)]
+    for receiver in idle:
+        feed(receiver, framed(*[bytes(size // 2 - 4)] * 3))
+        receiver.get_buffer()
+    assert budget.held_bytes == size
+    assert feed(FrameReceiver(size, budget), framed(bytes(size))) == [bytes(size)]
 
 
 def test_announced_length_takes_no_memory() -> None:

@@ -78,3 +78,12 @@ def test_a_clock_that_was_set_back_keeps_no_silence_secret() -> None:
     watched.see(10 * S)
     assert watched.turned(10 * S) == []
     assert watched.turned(11 * S + STALE_NS) == [FRONT]
+
+
+def test_what_came_before_the_clock_was_set_back_covers_no_silence_after_it() -> None:
+    watched = Watched()
+    watched.see(3_600 * S)
+    assert watched.turned(3_600 * S) == [FRONT]
+    assert watched.turned(10 * S) == []
+    watched.see(11 * S)
+    assert watched.turned(11 * S + STALE_NS + 1) == [FRONT]
