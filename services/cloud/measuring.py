@@ -180,10 +180,8 @@ def _isolated(group: Sequence[Candidates]) -> Iterator[tuple[Indices, Floats]]:
     widths = np.array([each.width for each in group], np.float32)
     chosen = own([each.depth for each in group], widths, [each.around for each in group])
     kept = [_only(mine, each.at, each.xyz) for each, mine in zip(group, chosen, strict=True)]
-    counts = [len(at) for at, _ in kept]
-    near = crowded(np.concatenate([xyz for _, xyz in kept], axis=1), counts)
-    for (at, xyz), mine in zip(kept, np.split(near, np.cumsum(counts)[:-1]), strict=True):
-        yield _only(None if mine.all() else mine, at, xyz)
+    for (at, xyz), mine in zip(kept, crowded([xyz for _, xyz in kept]), strict=True):
+        yield _only(mine, at, xyz)
 
 
 def _only(chosen: NDArray[np.bool_] | None, at: Indices, xyz: Floats) -> tuple[Indices, Floats]:

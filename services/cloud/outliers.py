@@ -45,6 +45,9 @@ MIN_SIDE_M: Final = 1e-4
 NEIGHBOURS: Final = 3
 """A point with fewer points than this around it, itself included, is an outlier."""
 
+_STEPS: Final = np.array([SIDE**2, SIDE, 1], np.float32)
+_CORNER: Final = SIDE**2 + SIDE + 1
+
 
 def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> list[Selection | None]:
     """Return which points of each object are its own, None for all of them.
@@ -131,26 +134,30 @@ def _near(depth: Floats, ascending: Floats, chosen: Selection) -> Selection:
     return chosen[np.where(ascending[after] - depth <= depth - ascending[before], after, before)]
 
 
-def crowded(xyz: Floats, counts: Sequence[int]) -> Selection:
-    """Return which of (3, n) points of objects, so many of each, have neighbours of the same object.
+def crowded(objects: Sequence[Floats]) -> list[Selection | None]:
+    """Return which of each object's (3, n) points, at least one, have neighbours of it, None for all of them.
 
-    That is in their cell of a grid around all of its points, or in the next ones. No count is 0.
+    That is in their cell of a grid around all of its points, or in the next ones.
     """
-    if not len(counts):
-        return np.zeros(0, np.bool_)
-    starts = np.cumsum(counts, dtype=np.intp) - np.asarray(counts, np.intp)
-    low = np.minimum.reduceat(xyz, starts, axis=1)
-    reach = (np.maximum.reduceat(xyz, starts, axis=1) - low).max(axis=0)
-    scale = np.float32(1) / np.maximum(reach / np.float32(CELLS), np.float32(MIN_SIDE_M))
-    x, y, z = ((xyz - low.repeat(counts, axis=1)) * scale.repeat(counts)).astype(np.int32)
-    corners = np.arange(len(counts), dtype=np.int32) * SIDE**3 + (SIDE + 1) * SIDE + 1
-    cells = (x * SIDE + y) * SIDE + z + corners.repeat(counts)
-    counted = np.bincount(cells, minlength=len(counts) * SIDE**3).astype(np.int32)
+    counted = np.zeros((len(objects), SIDE**3), np.uint8)
+    cells = [_cells(xyz) for xyz in objects]
+    for row, each in zip(counted, cells, strict=True):
+        np.minimum(np.bincount(each, minlength=SIDE**3), NEIGHBOURS, out=row, casting="unsafe")
     filled = counted > 0
+    around = counted.reshape(-1)
     for apart in (1, SIDE, SIDE**2):  # the next cell along each axis; those at the border are empty
-        around = counted.copy()
-        around[apart:] += counted[:-apart]
-        around[:-apart] += counted[apart:]
-        counted = around
-    enough = counted >= NEIGHBOURS
-    return np.ones(len(cells), np.bool_) if enough[filled].all() else np.asarray(enough.take(cells))
+        wider = around.copy()
+        wider[apart:] += around[:-apart]
+        wider[:-apart] += around[apart:]
+        around = wider
+    enough = around.reshape(counted.shape) >= NEIGHBOURS
+    partly = (filled > enough).any(axis=1)
+    return [row.take(each) if some else None for row, each, some in zip(enough, cells, partly, strict=True)]
+
+
+def _cells(xyz: Floats) -> Indices:
+    """Return in which cell of a grid around all of them (3, n) points are."""
+    low = xyz.min(axis=1, keepdims=True)
+    reach = (xyz.max(axis=1, keepdims=True) - low).max()
+    places = (xyz - low) * (np.float32(1) / np.maximum(reach / np.float32(CELLS), np.float32(MIN_SIDE_M)))
+    return (_STEPS @ np.floor(places, out=places)).astype(np.intp) + _CORNER

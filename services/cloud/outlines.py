@@ -135,8 +135,11 @@ class RegisteredView:
 
 def width_of(xyz: Floats) -> float:
     """Return how wide (3, n) points before a camera are in its picture, in metres at 1 m."""
-    x, y, z = xyz[:, :: max(1, xyz.shape[1] // MEASURED)]
-    return float(max(np.ptp(x / z), np.ptp(y / z))) if len(z) else 0.0
+    if not xyz.size:
+        return 0.0
+    some_of = xyz[:, :: max(1, xyz.shape[1] // MEASURED)]
+    aimed = some_of[:2] / some_of[2]
+    return float((aimed.max(axis=1) - aimed.min(axis=1)).max())
 
 
 def in_window(at: Indices, width: int, window: Window) -> Indices:

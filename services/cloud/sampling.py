@@ -27,7 +27,7 @@ def some(count: int, wanted: int) -> Indices:
 
 def spread(count: int, wanted: int) -> Indices:
     """Return exactly `wanted` ascending numbers below `count`, as `some` spreads them; some of them twice."""
-    return np.minimum((_jittered(wanted) * (count / wanted)).astype(np.intp), count - 1)
+    return (_jittered(wanted) * (count / wanted)).astype(np.intp)
 
 
 def _jittered(wanted: int) -> NDArray[np.float64]:

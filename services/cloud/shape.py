@@ -50,7 +50,8 @@ class Level:
         first = np.eye(3)[0 if abs(up[0]) < UPRIGHT else 2]
         x = first - up * (up @ first)
         x /= np.linalg.norm(x)
-        return cls(x, np.cross(up, x), up)
+        (a, b, c), (d, e, f) = up.tolist(), x.tolist()
+        return cls(x, np.array([b * f - c * e, c * d - a * f, a * e - b * d]), up)
 
     def yaw(self, along: Reals) -> float:
         """Return the angle from x to a level line, counter-clockwise seen from above, above -pi / 2 to pi / 2.

@@ -54,6 +54,10 @@ SHARES: Final = (0.02, 0.5, 0.98)
 ASIDE: Final = 0.95
 """How near, of the nearest of them, its faces may come."""
 
+_THIN: Final = 1e-12
+"""Share of the square of its trace that the determinant of what is only a line's spread has at most."""
+
+_TINY: Final = 1e-9
 _AROUND: Final = np.ones((2 * NEAR + 1, 2 * NEAR + 1), np.uint8)
 
 
@@ -150,13 +154,22 @@ def _side(height: int, width: int) -> tuple[int, int]:
 def _places(directions: Numbers, columns: Numbers, rows: Numbers, weights: Numbers) -> Numbers:
     """Return how directions follow from pixels (n, 3, 3): within an object any lens is straight enough."""
     share = weights / weights.sum(axis=1, keepdims=True)
-    pixels = np.stack([columns, rows])
-    middle = np.einsum("nm,pnm->np", share, pixels)
-    apart = (pixels - middle.T[:, :, None]) * (weights > 0)
-    aimed = np.einsum("nm,cnm->nc", share, directions)
-    spread = np.einsum("nm,pnm,qnm->npq", share, apart, apart)
-    slope = np.einsum("nm,cnm,pnm->ncp", share, directions - aimed.T[:, :, None], apart) @ np.linalg.pinv(spread)
-    return np.concatenate([(aimed - np.einsum("ncp,np->nc", slope, middle))[:, :, None], slope], axis=2)
+    pixels, aimed = np.stack([columns, rows], axis=1), directions.transpose(1, 0, 2)
+    middle, mean = pixels @ share[:, :, None], aimed @ share[:, :, None]
+    apart = pixels - middle
+    weighted = (apart * share[:, None]).transpose(0, 2, 1)
+    slope = (aimed - mean) @ weighted @ _inverted(apart @ weighted)
+    return np.concatenate([mean - slope @ middle, slope], axis=2)
+
+
+def _inverted(matrices: Numbers) -> Numbers:
+    """Return the pseudoinverses of symmetric matrices (n, 2, 2) that have no eigenvalue below 0."""
+    xx, xy, yy = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
+    trace, det = xx + yy, xx * yy - xy * xy
+    thin = det <= _THIN * trace * trace
+    adjugate = np.stack([yy, -xy, -xy, xx], axis=1).reshape(-1, 2, 2)
+    by = np.where(thin, np.maximum(trace, _TINY) ** 2, det)[:, None, None]
+    return np.asarray(np.where(thin[:, None, None], matrices, adjugate) / by)
 
 
 def _unread(seen: Seen) -> Indices:

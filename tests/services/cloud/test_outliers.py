@@ -115,12 +115,13 @@ def test_an_objects_foreground_is_the_same_whatever_else_is_in_the_picture(
 
 def test_of_no_objects_there_is_nothing() -> None:
     assert own([], np.zeros(0, np.float32), []) == []
-    assert not crowded(np.zeros((3, 0), np.float32), []).size
+    assert crowded([]) == []
 
 
 def neighbours(points: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return which points of a single object have some."""
-    return crowded(points, [points.shape[1]])
+    (kept,) = crowded([points])
+    return np.ones(points.shape[1], np.bool_) if kept is None else kept
 
 
 def test_points_that_stand_alone_are_outliers() -> None:
@@ -143,10 +144,11 @@ def test_points_in_one_place_are_each_others_neighbours(count: int) -> None:
 
 
 def test_points_of_another_object_are_no_neighbours() -> None:
-    points = np.concatenate([plane(3, 2), plane(3, 1000)], axis=1)
-    kept = crowded(points, [2, 1000])
-    assert not kept[:2].any()
-    assert np.array_equal(kept[2:], neighbours(points[:, 2:]))
+    alone, together = crowded([plane(3, 2), plane(3, 1000)])
+    assert alone is not None
+    assert not alone.any()
+    assert together is None
+    assert neighbours(plane(3, 1000)).all()
 
 
 def test_depths_that_are_spread_over_every_step_have_a_foreground_too() -> None:
