@@ -14,7 +14,7 @@ from zenoh.handlers import Callback, FifoChannel
 
 from bus.api import MAX_REQUEST_BYTES, Handler, Latest, QoS, Queue, Reply, Request, Sample
 from bus.demand import Demand
-from bus.gathering import ROOM, DeclaredKeys, Gathering
+from bus.gathering import ROOM, Gathering
 from bus.lane import Lane
 from bus.panics import panics_are_errors
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
@@ -129,22 +129,12 @@ class ZenohPublisher(MessageWriter):
 
 
 class ZenohSubscription(SampleReader):
-    """A subscription. What many publish and nobody may miss is fetched in batches.
-
-    submit: has something done on the session's thread.
-    """
+    """A subscription. What many publish and nobody may miss is fetched in batches."""
 
     def __init__(
-        self,
-        key_expr: str,
-        keep: Latest | Queue,
-        submit: Callable[[Callable[[], None]], object],
-        *,
-        history: bool,
-        recover: int,
+        self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool, recover: int
     ) -> None:
-        super().__init__(keep, asyncio.get_running_loop())
-        self._submit = submit
+        super().__init__(keep, loop)
         self._key_expr = key_expr
         self._gathers = isinstance(keep, Queue) and "*" in key_expr
         self._history = history
@@ -159,10 +149,7 @@ class ZenohSubscription(SampleReader):
         else:
             subscriber = session.declare_subscriber(self._key_expr, handler)
         if self._gathers:
-            # A sample that comes while its key is declared may get lost (1.10): only where it is asked for again.
-            keys = None
-            gathering = Gathering(subscriber.handler, partial(self._on_batch, keys))
-            self._declared.callback(gathering.join, STOP_GRACE_S)
+            self._declared.callback(Gathering(subscriber.handler, self._on_batch).join, STOP_GRACE_S)
         self._declared.callback(subscriber.undeclare)
         if self._history:
             listener = subscriber.sample_miss_listener(Callback(self._on_miss, indirect=False))
@@ -187,13 +174,10 @@ class ZenohSubscription(SampleReader):
         self.miss(miss.nb)
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
-        self.arrive_all(_samples([sample]))
+        self._on_batch([sample])
 
-    def _on_batch(self, keys: DeclaredKeys | None, batch: Sequence[zenoh.Sample]) -> None:
-        samples = _samples(batch)
-        self.arrive_all(samples)
-        if keys is not None:
-            keys.declare(sample.key for sample in samples)
+    def _on_batch(self, batch: Sequence[zenoh.Sample]) -> None:
+        self.arrive_all(_samples(batch))
 
 
 class ZenohWatch(PresenceReader):

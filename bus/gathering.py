@@ -3,8 +3,7 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import zenoh
@@ -17,9 +16,6 @@ ROOM: Final = 16_384
 AT_ONCE: Final = 1_000
 PAUSE_S: Final = 0.005
 """How long what comes after a batch waits at most: so many are fetched together where many come."""
-
-MAX_DECLARED: Final = 20_000
-"""How many keys are declared at most."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -67,27 +63,3 @@ class Gathering:
         except zenoh.ZError:  # it is closed
             pass
         return batch
-
-
-class DeclaredKeys:
-    """Keys that a session declared, so that Zenoh (1.10) remembers who takes what comes under them.
-
-    Else it looks through every key that it ever heard of, for each sample again.
-
-    submit: has something done on the session's thread.
-    """
-
-    def __init__(self, session: zenoh.Session, submit: Callable[[Callable[[], None]], object]) -> None:
-        self._session = session
-        self._submit = submit
-        self._keys: set[str] = set()
-
-    def declare(self, keys: Iterable[str]) -> None:
-        """Declare those that are new, as long as there are not too many."""
-        for key in keys:
-            if key not in self._keys and len(self._keys) < MAX_DECLARED:
-                self._keys.add(key)
-                self._submit(partial(self._declare, key))
-
-    def _declare(self, key: str) -> None:
-        self._session.declare_keyexpr(key)

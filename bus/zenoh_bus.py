@@ -112,9 +112,7 @@ class ZenohBus:
     ) -> AbstractAsyncContextManager[Subscription]:
         """See `bus.api.Bus.subscribe`."""
         return self._held(
-            lambda: ZenohSubscription(
-                key_expression(key_expr), keep, self._session.submit, history=history, recover=recover
-            )
+            lambda: ZenohSubscription(key_expression(key_expr), keep, self._loop, history=history, recover=recover)
         )
 
     def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:

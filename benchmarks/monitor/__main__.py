@@ -1,9 +1,9 @@
-"""5,000 robots' class lists through one router to one monitor process, in about three minutes.
+"""5,000 robots' class lists to one monitor process, which is their router too, in about three minutes.
 
 The robots are four other processes with ten sessions each, so that one session has as many robots as a busy detector
 worker has cameras; each robot and camera is present and each class list published as gateways and detectors do it.
-Gateways' statuses, one a second, are left out. The monitor is `fleetsight monitor` as it is started, as a client of the
-router, its history in SQLite, with three rules.
+Gateways' statuses, one a second, are left out. The monitor is `fleetsight monitor` as it is started: the router that
+everybody connects to is in the same process, and its history is in SQLite; there are three rules.
 
     lost              class lists that were sent less those the monitor says, in an answer about its inventory, it took
                       in, two seconds after the last; every list counts once, so that doubles hide no loss

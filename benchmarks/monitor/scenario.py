@@ -1,4 +1,4 @@
-"""The robots, the router and the monitor of a measurement."""
+"""The robots of a measurement, and the monitor, which is their router."""
 
 import asyncio
 import itertools
@@ -82,7 +82,7 @@ class Probe:
 
 
 class Scenario:
-    """5,000 robots behind a router, and one monitor."""
+    """5,000 robots and one monitor."""
 
     def __init__(
         self, bus: Bus, monitor: Process, publishers: list[Process], probe: Probe, web: httpx.AsyncClient

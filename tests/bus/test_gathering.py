@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from bus.gathering import AT_ONCE, MAX_DECLARED, DeclaredKeys, Gathering
+from bus.gathering import AT_ONCE, Gathering
 from tests.contract.waiting import PATIENCE_S
 
 
@@ -97,21 +97,3 @@ def test_what_cannot_be_delivered_keeps_nothing_else_from_it(caplog: pytest.LogC
     gathering.join(PATIENCE_S)
     assert taken == ["good"]
     assert "not all of 1 messages were taken in" in caplog.text
-
-
-class Session:
-    """A session as far as keys are declared on it."""
-
-    def __init__(self) -> None:
-        self.declared: list[str] = []
-
-    def declare_keyexpr(self, key: str) -> None:
-        self.declared.append(key)
-
-
-def test_each_key_is_declared_once_and_no_more_than_there_is_room_for() -> None:
-    session = Session()
-    keys = DeclaredKeys(session, lambda act: act())  # type: ignore[arg-type] # only what is used of a session
-    keys.declare(["a", "b", "a"])
-    keys.declare(["b", *map(str, range(MAX_DECLARED))])
-    assert session.declared == ["a", "b", *map(str, range(MAX_DECLARED - 2))]
