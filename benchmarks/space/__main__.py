@@ -12,8 +12,10 @@ is so is `unknown_distance` in `spread`.
                               of 848x480 pixels, 1.5 cm beside colour
     guide_distance_mae_rel    the guide's formula for the same depth and masks, its millimetres taken for what they are;
                               ..._metres: for the same depth as 32FC1, where what is missing is NaN
-    centroid_excess_m         the worst of: how far a cloud's centroid is from that of the visible surface, less 5 cm
-                              and 1 % of its distance; ..._p95: of 95 % of the objects
+    centroid_excess_m         how far a cloud's centroid is from that of the visible surface, less 5 cm and 1 % of its
+                              distance: the 95th percentile over objects, which is what the target is for; ..._worst:
+                              of the worst object, which may be above 0 where the target is met
+    centroids_over            share of the objects whose centroid is farther off than that: whose excess is above 0
     box_extent_rel            mean error of a box's extents along the faces that are seen well: with at least 15 % of
                               the object's visible pixels, at no more than 60 degrees from their normals
     foreign_points            mean share of a cloud's points that are of pixels of something else, or whose depth is off

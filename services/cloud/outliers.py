@@ -151,7 +151,7 @@ def crowded(objects: Sequence[Floats]) -> list[Selection | None]:
         wider[:-apart] += around[apart:]
         around = wider
     enough = around.reshape(counted.shape) >= NEIGHBOURS
-    partly = (filled > enough).any(axis=1)
+    partly = np.asarray((filled > enough).any(axis=1))
     return [row.take(each) if some else None for row, each, some in zip(enough, cells, partly, strict=True)]
 
 
@@ -160,4 +160,4 @@ def _cells(xyz: Floats) -> Indices:
     low = xyz.min(axis=1, keepdims=True)
     reach = (xyz.max(axis=1, keepdims=True) - low).max()
     places = (xyz - low) * (np.float32(1) / np.maximum(reach / np.float32(CELLS), np.float32(MIN_SIDE_M)))
-    return (_STEPS @ np.floor(places, out=places)).astype(np.intp) + _CORNER
+    return np.asarray((_STEPS @ np.floor(places, out=places)).astype(np.intp) + _CORNER)

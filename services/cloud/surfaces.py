@@ -82,9 +82,19 @@ class _Readings:
     w: Numbers
     weights: Numbers
 
-    def repeated(self, times: int) -> "_Readings":
-        """Return all objects so many times, one time after another."""
-        return _Readings(*(np.tile(each, (times, 1)) for each in (self.x, self.y, self.z, self.w, self.weights)))
+    def products(self) -> Numbers:
+        """Return what each reading adds to its face's moments, (n, m, 5)."""
+        x, y, w = self.x, self.y, self.w
+        return np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
+
+    def inverse(self, forms: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+        """Return the inverse depth of either upright face and of the horizontal one of forms (h, n, 3, 3): (h, n, m).
+
+        NaN where there is none, and below 0 where rays are led away.
+        """
+        left, right, level = np.moveaxis(forms, 2, 0)[..., np.newaxis]
+        first, second = (face[:, :, 0] * self.x + face[:, :, 1] * self.y for face in (left, right))
+        return first, second, level[:, :, 2] * self.z
 
     def trusted(self, off: Numbers, weights: Numbers) -> Numbers:
         """Return weights that are the less the more a reading is off, by what those with `weights` are."""
@@ -104,8 +114,7 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
     readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
     explanations = _explained(readings, _starts(z, w, readings.weights))
-    polished = _polished(explanations.reshape(-1, 3, 3), readings.repeated(len(explanations)))
-    forms, noise = _chosen(polished.reshape(explanations.shape), readings)
+    forms, noise = _chosen(_polished(explanations, readings), readings)
     along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
     x, y, z = _turned(forms.transpose(2, 0, 1), -ahead)
     return Faces(np.stack([x, y, z], axis=2), np.where(np.isfinite(along), along, 0) + ahead, noise)
@@ -113,34 +122,35 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
 
 def _explained(readings: _Readings, levels: Numbers) -> Numbers:
     """Return forms (h, n, 3, 3): with each horizontal face to start from (levels, n), with two upright faces or one."""
-    all_of = readings.repeated(len(levels))
-    x, y, z, w = all_of.x, all_of.y, all_of.z, all_of.w
-    level, trust = levels.reshape(-1, 1), all_of.weights
+    z, w = readings.z, readings.w
+    level, trust = levels[:, :, np.newaxis], np.broadcast_to(readings.weights, (*levels.shape, z.shape[1]))
     heights = z / np.maximum(w, _TINY)
-    kappa = 1 / level[:, 0]
+    kappa = 1 / levels
     flat = np.where(level < 0, heights > level - LEAST_HEIGHT_M, heights < level + LEAST_HEIGHT_M)
     shares = _shares(readings)
     pair = sums = scarce = np.empty(0, np.float32)
     for _ in range(ROUNDS):
         upright = np.where(flat, 0, trust)
-        scarce = upright.sum(axis=1) < _LEAST_SHARE * trust.sum(axis=1)
+        scarce = upright.sum(axis=2).reshape(-1) < _LEAST_SHARE * trust.sum(axis=2).reshape(-1)
         sums = _summed(upright, shares)
         pair = _pair(sums)
         pair[scarce] = np.nan
-        walls, plane = _values(pair, x, y), _met(z * kappa[:, None])
+        left, right, plane = readings.inverse(_forms(pair, kappa.reshape(-1)).reshape(*levels.shape, 3, 3))
+        walls, plane = _met(np.fmin(left, right)), np.maximum(plane, 0)
         flat = plane < walls
         kappa = _refitted(kappa, z, w, np.where(flat, trust, 0), trust)
-        trust = all_of.trusted(np.abs(w - np.minimum(np.minimum(walls, plane), _NEAREST)), trust)
+        trust = readings.trusted(np.abs(w - np.fmin(np.fmin(walls, plane), _NEAREST)), trust)
     single = _single(sums.sum(axis=2))
     single[scarce] = np.nan
-    return np.stack([_forms(pair, kappa), _forms(single, kappa)]).reshape(2 * len(levels), -1, 3, 3)
+    forms = [_forms(each, kappa.reshape(-1)) for each in (pair, single)]
+    return np.concatenate(forms).reshape(-1, *levels.shape[1:], 3, 3)
 
 
 def _refitted(kappa: Numbers, z: Numbers, w: Numbers, on: Numbers, trust: Numbers) -> Numbers:
     """Return the horizontal faces that fit the readings on them, where there are enough."""
-    enough = on.sum(axis=1) > _LEAST_SHARE * trust.sum(axis=1)
+    enough = on.sum(axis=2) > _LEAST_SHARE * trust.sum(axis=2)
     onto = on * z
-    better = np.einsum("nm,nm->n", onto, w) / np.maximum(np.einsum("nm,nm->n", onto, z), _TINY)
+    better = np.einsum("hnm,nm->hn", onto, w) / np.maximum(np.einsum("hnm,nm->hn", onto, z), _TINY)
     return np.where(enough, better, kappa)
 
 
@@ -172,17 +182,17 @@ def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
 
 def _shares(readings: _Readings) -> Numbers:
     """Return what each reading adds to the moments of each of SPLITS runs of readings: (n, m, 5 * SPLITS)."""
-    x, y, w = readings.x, readings.y, readings.w
-    count = x.shape[1]
+    products = readings.products()
+    count = products.shape[1]
     run = np.searchsorted(np.arange(1, SPLITS + 1) * count // SPLITS, np.arange(count), side="right")
-    products = np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
-    return (products[..., np.newaxis] * np.eye(SPLITS, dtype=np.float32)[run][:, np.newaxis]).reshape(*x.shape, -1)
+    which = np.eye(SPLITS, dtype=np.float32)[run]
+    return (products[..., np.newaxis] * which[:, np.newaxis]).reshape(len(products), count, -1)
 
 
 def _summed(weights: Numbers, shares: Numbers) -> Numbers:
-    """Return the moments (5, h * n, SPLITS) of the runs of readings of n objects with (h * n, m) weights."""
-    count, readings, _ = shares.shape
-    sums = weights.reshape(-1, count, readings).transpose(1, 0, 2) @ shares
+    """Return the moments (5, h * n, SPLITS) of the runs of readings of n objects with (h, n, m) weights."""
+    count = len(shares)
+    sums = weights.transpose(1, 0, 2) @ shares
     return sums.reshape(count, -1, 5, SPLITS).transpose(2, 1, 0, 3).reshape(5, -1, SPLITS)
 
 
@@ -222,12 +232,6 @@ def _single(moments: Numbers) -> Numbers:
     return np.stack([np.arctan2(b, a), np.full(len(a), np.nan), np.hypot(a, b)], axis=1)
 
 
-def _values(pair: Numbers, x: Numbers, y: Numbers) -> Numbers:
-    angle, right, left = pair.T[:, :, None]
-    c, s = np.cos(angle), np.sin(angle)
-    return np.minimum(_met(left * (c * x + s * y)), _met(right * (c * y - s * x)))
-
-
 def _seen(values: Numbers) -> Numbers:
     with np.errstate(invalid="ignore"):
         return np.where(values > _SEEN, values, np.inf)
@@ -236,7 +240,7 @@ def _seen(values: Numbers) -> Numbers:
 def _met(values: Numbers) -> Numbers:
     """Return inverse depths as rays meet planes: 0 of one that is led away from, infinite where there is none."""
     with np.errstate(invalid="ignore"):
-        return np.where(np.isnan(values), np.inf, np.maximum(values, 0))
+        return np.maximum(np.fmin(values, np.float32(np.inf)), 0)
 
 
 def _inverse(forms: Numbers, directions: Numbers) -> Numbers:
@@ -261,14 +265,14 @@ def _forms(pair: Numbers, kappa: Numbers) -> Numbers:
 
 def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Numbers]:
     """Return of each object the smallest of its likely explanations (h, n, 3, 3), and the noise that it leaves."""
-    directions = np.stack([readings.x, readings.y, readings.z])
-    model = np.minimum(_met(_inverse(explanations, directions.transpose(1, 0, 2))).min(axis=-2), _NEAREST)
+    left, right, plane = readings.inverse(explanations)
+    model = np.minimum(_met(np.fmin(np.fmin(left, right), plane)), _NEAREST)
     off = np.abs(readings.w - model)
     noise = _deviation(off, readings.weights).min(axis=0)
     cost = (readings.weights * np.minimum((off / noise[:, None]) ** 2, REACH**2)).sum(axis=2) / COHERENT
     size = np.zeros(cost.shape, np.float32)
     depth = 1 / np.maximum(model, _SEEN)
-    for direction in directions:
+    for direction in (readings.x, readings.y, readings.z):
         place = direction * depth
         size += (place.max(axis=2) - place.min(axis=2)) ** 2
     best = np.where(cost <= cost.min(axis=0) + LIKELY, size, np.inf).argmin(axis=0)
@@ -276,12 +280,18 @@ def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Number
 
 
 def _polished(forms: Numbers, readings: _Readings) -> Numbers:
-    """Return forms (n, 3, 3) whose upright faces fit the readings that are theirs, turned by POLISH at most."""
-    x, y, w = readings.x, readings.y, readings.w
-    values = _seen(_inverse(forms, np.stack([x, y, readings.z], axis=1)).transpose(1, 0, 2))
-    nearest = values.argmin(axis=0)
-    trust = readings.trusted(np.abs(w - np.minimum(values.min(axis=0), _NEAREST)), readings.weights)
-    left, right = (_moments(x, y, w, np.where(nearest == face, trust, 0)) for face in (0, 1))
+    """Return forms (h, n, 3, 3) whose upright faces fit the readings that are theirs, turned by POLISH at most."""
+    first, second, plane = (_seen(values) for values in readings.inverse(forms))
+    least = np.minimum(np.minimum(first, second), plane)
+    trust = readings.trusted(np.abs(readings.w - np.minimum(least, _NEAREST)), readings.weights)
+    on_first = first == least
+    left = _moments(np.where(on_first, trust, 0), readings)
+    right = _moments(np.where((second == least) > on_first, trust, 0), readings)
+    return _refined(forms.reshape(-1, 3, 3), left, right).reshape(forms.shape)
+
+
+def _refined(forms: Numbers, left: Numbers, right: Numbers) -> Numbers:
+    """Return forms (n, 3, 3) that fit the moments (5, n) of the readings of either upright face best."""
     start = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
     angles = start + np.linspace(-POLISH, POLISH, POLISHED, dtype=np.float32)[:, None]
     c, s = np.cos(angles), np.sin(angles)
@@ -298,9 +308,10 @@ def _polished(forms: Numbers, readings: _Readings) -> Numbers:
     return np.where(sound[:, None, None], made, forms)
 
 
-def _moments(x: Numbers, y: Numbers, w: Numbers, weights: Numbers) -> Numbers:
-    wx, wy = weights * x, weights * y
-    return np.stack([(a * b).sum(axis=1) for a, b in ((wx, x), (wx, y), (wy, y), (wx, w), (wy, w))])
+def _moments(weights: Numbers, readings: _Readings) -> Numbers:
+    """Return the moments (5, h * n) of readings of n objects with (h, n, m) weights."""
+    sums = weights.transpose(1, 0, 2) @ readings.products()
+    return sums.transpose(2, 1, 0).reshape(5, -1)
 
 
 def _fitted(moments: Numbers, c: Numbers, s: Numbers) -> tuple[Numbers, Numbers]:

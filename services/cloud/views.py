@@ -128,4 +128,4 @@ def _fits(points: Points, camera: CameraModel, factor: int) -> bool:
     rows, columns = np.divmod(at[seen], points.shape[1])
     pixels = np.column_stack([columns, rows]) * factor + factor // 2
     off = np.abs(camera.project(xyz[:, seen].T) - pixels).max(axis=1)
-    return 2 * np.count_nonzero(off <= _STRAY_PIXELS * factor) >= len(off)
+    return 2 * int(np.count_nonzero(off <= _STRAY_PIXELS * factor)) >= len(off)

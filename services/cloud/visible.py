@@ -86,8 +86,7 @@ def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
         return []
     cells = _cells(objects, np.array([level.x, level.y, level.up]))
     faces = fit_faces(cells.directions, cells.inverse, cells.weights)
-    unread = [_unread(seen) for seen in objects]
-    edges = [_edge(seen, partly=bool(len(without))) for seen, without in zip(objects, unread, strict=True)]
+    unread, edges = zip(*(_unread_and_edge(seen) for seen in objects), strict=True)
     low, high = _extents(_pixels(objects, edges), faces, cells)
     added = _placed(_pixels(objects, unread), faces, cells).mean(axis=2) @ np.array([level.x, level.y, level.up])
     exact = _is_exact(cells, faces)
@@ -172,24 +171,16 @@ def _inverted(matrices: Numbers) -> Numbers:
     return np.asarray(np.where(thin[:, None, None], matrices, adjugate) / by)
 
 
-def _unread(seen: Seen) -> Indices:
-    """Return the pixels of the mask that have no reading."""
-    if len(seen.at) == seen.mask.area:
-        return np.zeros(0, np.intp)
-    without = seen.mask.pixels.copy()
-    without.reshape(-1)[seen.at] = False
-    return np.flatnonzero(without)
-
-
-def _edge(seen: Seen, *, partly: bool) -> Indices:
-    """Return the pixels at an object's edge that are near a reading; partly: not all of its pixels have one."""
+def _unread_and_edge(seen: Seen) -> tuple[Indices, Indices]:
+    """Return the pixels of the mask that have no reading, and those at its edge that are near one."""
+    read = np.zeros(seen.mask.pixels.shape, np.bool_)
+    read.reshape(-1)[seen.at] = True
+    unread = np.flatnonzero(seen.mask.pixels > read)
     edge = seen.mask.pixels > seen.inner.pixels
-    if partly:
-        read = np.zeros(edge.shape, np.uint8)
-        read.reshape(-1)[seen.at] = 1
-        edge &= cv2.dilate(read, _AROUND).view(np.bool_)
+    if len(unread):
+        edge &= cv2.dilate(read.view(np.uint8), _AROUND).view(np.bool_)
     found = np.flatnonzero(edge)
-    return found if len(found) else seen.at
+    return unread, found if len(found) else seen.at
 
 
 def _pixels(objects: Sequence[Seen], chosen: Sequence[Indices]) -> NDArray[np.intp]:
@@ -233,5 +224,5 @@ def _is_exact(cells: _Cells, faces: Faces) -> NDArray[np.bool_]:
 def _middle(seen: Seen, added: Numbers, unread: int) -> Numbers:
     """Return the middle of readings and of so many pixels without one, whose own middle is `added`."""
     read = len(seen.at)
-    mean = seen.xyz.mean(axis=1).astype(np.float64)
-    return np.asarray((mean * read + added * unread) / (read + unread))
+    total = seen.xyz.sum(axis=1).astype(np.float64)
+    return np.asarray((total + added * unread) / (read + unread))

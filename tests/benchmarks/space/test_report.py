@@ -31,10 +31,18 @@ def test_the_figures_have_the_names_of_the_targets() -> None:
     assert json.loads(json.dumps(found, allow_nan=False)) == found
 
 
-def test_the_worst_centroid_counts() -> None:
+@pytest.mark.parametrize(("over", "met"), [(50, True), (51, False)])
+def test_of_twenty_centroids_one_may_be_farther_off(over: int, met: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    found = report({**SAMPLES, "centroid_excess": [0.0] * (1001 - over) + [0.5] * over}, TIMES, TIMES)
+    assert found["targets"]["centroid_excess_m"]["met"] is met
+    assert found["centroid_excess_m"] == (0.0 if met else 0.5)
+
+
+def test_how_far_off_the_worst_centroid_is_and_how_many_are_is_said_too() -> None:
     found = report({**SAMPLES, "centroid_excess": [-0.05] * 999 + [0.001]}, TIMES, TIMES)
-    assert found["centroid_excess_m"] == 0.001
-    assert not found["targets"]["centroid_excess_m"]["met"]
+    assert found["centroid_excess_m"] == -0.05
+    assert found["centroid_excess_m_worst"] == 0.001
+    assert found["centroids_over"] == 0.001
     assert found["spread"]["centroid_excess"] == {
         "objects": 1000,
         "mean": -0.0499,

@@ -131,5 +131,18 @@ def test_a_handful_of_readings_and_none_without_one() -> None:
     assert np.isfinite(box.size).all()
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_line_of_pixels_has_its_place_and_its_length(axis: int) -> None:
+    picture, mask = view(FAR, noise=NOISE / 9)
+    places = np.indices(mask.shape)[axis]
+    line = mask & (places == int(np.median(places[mask])))
+    along = np.indices(mask.shape)[1 - axis]
+    centroid, box = shape(picture, line, line & (along % 3 > 0))
+    exact, _ = view(FAR)
+    assert centroid == pytest.approx(exact[line].mean(axis=0), abs=0.1)
+    assert np.isfinite([*box.size, *box.centre]).all()
+    assert np.linalg.norm(box.size) == pytest.approx(np.linalg.norm(np.ptp(exact[line], axis=0)), rel=0.3)
+
+
 def test_no_objects_have_no_shapes() -> None:
     assert shapes([], LEVEL) == []
