@@ -45,8 +45,8 @@ DEFAULT_ENCODING: Final = "application/octet-stream"
 class Sample(NamedTuple):
     """A message as it arrived.
 
-    `received_ns` is `time.time_ns()` at arrival in this process; `replaced` counts the samples of this key that were
-    dropped here since the last one taken.
+    `received_ns` is `time.time_ns()` at arrival in this process, or some milliseconds later where samples of many keys
+    are fetched together; `replaced` counts the samples of this key that were dropped here since the last one taken.
     """
 
     key: str

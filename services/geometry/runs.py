@@ -16,7 +16,6 @@ _BITS: Final = 5
 _VALUE: Final = 0x1F
 _MORE: Final = 0x20
 _SIGN: Final = 0x10
-_SIGN_PLACE: Final = 4
 _LONGEST: Final = 7
 """Characters of the longest number that fits an image."""
 

@@ -1,6 +1,7 @@
 """Logging of a process: one line an event on stderr, and nobody can flood it."""
 
 import logging
+import os
 import queue
 import sys
 import threading
@@ -129,10 +130,15 @@ class Beside(QueueHandler):
     """
 
     def __init__(self, writer: logging.Handler) -> None:
-        self._waiting: queue.Queue[logging.LogRecord] = queue.Queue(MAX_WAITING)
-        super().__init__(self._waiting)
         self._writer = writer
         self._left_out = 0
+        self._begin()
+        super().__init__(self._waiting)
+        os.register_at_fork(after_in_child=self._begin)
+
+    def _begin(self) -> None:
+        """Begin to write; a process that is forked, as training's are, has no thread of the first one's."""
+        self._waiting: queue.Queue[logging.LogRecord] = queue.Queue(MAX_WAITING)
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:

@@ -25,8 +25,10 @@ def run(main: Callable[[], Awaitable[int | None]]) -> int:
     A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Whoever
     reads what `main` printed may take their time, unless a signal ended it.
     """
+    on_interrupt = signal.getsignal(signal.SIGINT)
     with asyncio.Runner() as runner:
         code = runner.run(_until_signalled(main))
+    signal.signal(signal.SIGINT, on_interrupt)
     if code is None:
         return 0
     _flush(sys.stdout)

@@ -1,6 +1,7 @@
 import io
 import logging
 import re
+import subprocess
 import sys
 import threading
 
@@ -131,3 +132,25 @@ def test_nobody_waits_for_a_log_that_is_not_read_and_what_is_too_much_is_left_ou
     assert sum(map(int, counts)) == 2 * MAX_WAITING - written
     assert stuck.lines[written].startswith("read again (and ")
     assert stuck.lines[written + 1 :] == ["and again"]
+
+
+FORKING = """
+import logging
+import os
+from services.toolbox import logs
+
+logs.configure("info")
+child = os.fork()
+logging.getLogger("of the child" if child == 0 else "of the parent").info("here")
+logging.shutdown()
+if child == 0:
+    os._exit(0)
+os.waitpid(child, 0)
+"""
+
+
+def test_a_process_that_was_forked_writes_too() -> None:
+    command = [sys.executable, "-c", FORKING]
+    said = subprocess.run(command, check=True, stderr=subprocess.PIPE, text=True, timeout=60).stderr
+    assert "of the child: here" in said
+    assert "of the parent: here" in said

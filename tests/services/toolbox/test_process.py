@@ -73,26 +73,44 @@ def test_the_exit_code_is_what_main_returns(result: int | None, code: int) -> No
     assert process.run(main) == code
 
 
-def test_what_was_printed_arrives_whole_although_its_reader_pauses_and_nobody_reads_stderr() -> None:
-    program = """
-        import logging
-        import sys
-        from services.toolbox import logs, process
+PRINTING = """
+    import logging
+    import signal
+    import sys
+    from services.toolbox import logs, process
 
-        async def main():
-            logs.configure("info")
-            for _ in range(500):
-                logging.getLogger("of somebody").info("x" * 200)
-            for _ in range(7_000):
-                print("123456789")
+    async def main():
+        logs.configure("info")
+        for _ in range(500):
+            logging.getLogger("of somebody").info("x" * 200)
+        for _ in range(7_000):
+            print("123456789")
 
-        process.leave(process.run(main))
-    """
-    command = [sys.executable, "-c", textwrap.dedent(program)]
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    process.leave(process.run(main))
+"""
+
+
+def printing() -> subprocess.Popen[bytes]:
+    """Start a process whose output is more than the system takes in unread."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as child:
+    command = [sys.executable, "-c", textwrap.dedent(PRINTING)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment)
+    with pytest.raises(subprocess.TimeoutExpired):
+        child.wait(2 * process.FLUSH_S)
+    return child
+
+
+def test_what_was_printed_arrives_whole_although_its_reader_pauses_and_nobody_reads_stderr() -> None:
+    with printing() as child:
         assert child.stdout is not None
-        with pytest.raises(subprocess.TimeoutExpired):
-            child.wait(2 * process.FLUSH_S)
         assert len(child.stdout.read()) == 70_000
         assert child.wait() == 0
+
+
+def test_who_waits_for_a_reader_is_interrupted_without_a_stack() -> None:
+    with printing() as child:
+        child.send_signal(signal.SIGINT)
+        assert child.wait() == -signal.SIGINT
+        assert child.stderr is not None
+        assert b"Traceback" not in child.stderr.read()
