@@ -24,7 +24,7 @@ from services.monitor.rules.model import RobotAction
 from services.monitor.turns import in_turns
 
 TICK_S: Final = 0.1
-SWEEP_S: Final = 1.0
+SWEEP_S: Final = 0.2
 """How often cameras are looked at."""
 
 SETTLE_S: Final = 3.0

@@ -31,7 +31,7 @@ RESTORE_S: Final = 5.0
 """How long the database may keep a monitor from beginning."""
 
 PRUNE_S: Final = 3_600.0
-BATCH: Final = 2_000
+BATCH: Final = 250
 """Rows of one transaction: what makes them of intervals holds up everything else for some microseconds each."""
 
 RESTORED_NS: Final = 86_400 * NS
