@@ -1,26 +1,60 @@
 import asyncio
 import gc
+import weakref
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from typing import TypeVar
 
 from services.monitor.collecting import LEAST, keep_collections_short
 
+T = TypeVar("T")
 
-async def test_what_is_there_is_left_out_again_after_each_doubling_and_until_the_end() -> None:
-    assert not gc.get_freeze_count()
-    sizes = iter([1, LEAST, 2 * LEAST - 1, 2 * LEAST, 4 * LEAST])
-    frozen: list[bool] = []
+
+class Knot:
+    """Holds itself, so that only a collection frees it."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+async def looked_at(sizes: Sequence[int], look: Callable[[], T]) -> list[T]:
+    """Return what `look` says before there is each of so much, and once more after that."""
+    rest, seen = iter(sizes), list[T]()
 
     def size() -> int:
-        frozen.append(gc.get_freeze_count() > 0)
-        gc.unfreeze()
-        return next(sizes, 0)
+        seen.append(look())
+        return next(rest, 0)
 
     keeping = asyncio.create_task(keep_collections_short(size, period_s=0))
     async with asyncio.timeout(60):
-        while len(frozen) < 6:  # noqa: ASYNC110 - nobody tells
+        while len(seen) <= len(sizes):  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0)
     keeping.cancel()
     with suppress(asyncio.CancelledError):
         await keeping
-    assert frozen[:6] == [False, True, False, False, True, True]
+    return seen[: len(sizes) + 1]
+
+
+async def test_what_is_new_is_left_out_when_there_is_an_eighth_more_and_until_the_end() -> None:
     assert not gc.get_freeze_count()
+
+    def left_out() -> bool:
+        found = gc.get_freeze_count() > 0
+        gc.unfreeze()
+        return found
+
+    sizes = [1, LEAST, 9 * LEAST // 8, 9 * LEAST // 8 + 1, 9 * LEAST // 8 + 1, 2 * LEAST]
+    assert await looked_at(sizes, left_out) == [False, True, False, False, True, False, True]
+    assert not gc.get_freeze_count()
+
+
+async def test_garbage_that_was_left_out_goes_when_there_is_twice_as_much() -> None:
+    knots = [Knot()]
+    remains = weakref.ref(knots[0])
+
+    def is_there() -> bool:
+        if gc.get_freeze_count():
+            knots.clear()
+        return remains() is not None
+
+    assert await looked_at([1, LEAST * 3 // 2, 2 * LEAST - 1, 2 * LEAST], is_there) == [True, True, True, True, False]
