@@ -46,7 +46,8 @@ class Sample(NamedTuple):
     """A message as it arrived.
 
     `received_ns` is `time.time_ns()` at arrival in this process, or some milliseconds later where samples of many keys
-    are fetched together; `replaced` counts the samples of this key that were dropped here since the last one taken.
+    are fetched together, and each has a time of its own; `replaced` counts the samples of this key that were dropped
+    here since the last one taken.
     """
 
     key: str

@@ -274,9 +274,9 @@ class ZenohServer(Server):
 
 
 def _samples(arrived: Iterable[zenoh.Sample]) -> list[Sample]:
-    now_ns = time.time_ns()
+    """Return what came, each with a time of its own: what came at once has an order in time too."""
     return [
-        Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), now_ns, 0)
+        Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), time.time_ns(), 0)
         for sample in arrived
         if sample.kind == zenoh.SampleKind.PUT
     ]
