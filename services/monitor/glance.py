@@ -11,6 +11,7 @@ from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet, Row
 from services.monitor.inventory.settling import NS
 from services.monitor.picture import CameraLine, Picture, RobotLine, WorkerLine
+from services.monitor.troubles import problems_of
 
 SILENT_NS: Final = 3 * NS
 """After how long without a word a worker counts as gone: it has one every second."""
@@ -139,15 +140,6 @@ class Painting:
     def picture(self) -> Picture:
         """Return it, once all steps are done."""
         return Picture(self._glance.now_ns, tuple(self._robots), tuple(self._cameras), self._glance.workers.lines)
-
-
-def problems_of(gateway: GatewayStatus) -> Iterator[str]:
-    """Yield what is wrong with a robot, in its gateway's words."""
-    if gateway.waiting_for:
-        yield f"waits for {gateway.waiting_for}"
-    for stream in gateway.streams:
-        if stream.problem:
-            yield f"{stream.name}: {stream.problem}"
 
 
 def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:

@@ -14,14 +14,16 @@ def troubles(gateways: Iterable[GatewayStatus]) -> list[str]:
 
     There are no more than MAX_SHOWN and one that counts the rest.
     """
-    every = [printable(line) for status in sorted(gateways, key=lambda status: status.robot) for line in _of(status)]
+    by_robot = sorted(gateways, key=lambda status: status.robot)
+    every = [printable(f"{status.robot} {problem}") for status in by_robot for problem in problems_of(status)]
     rest = [f"and {len(every) - MAX_SHOWN} more problems"] if len(every) > MAX_SHOWN else []
     return [*every[:MAX_SHOWN], *rest]
 
 
-def _of(status: GatewayStatus) -> Iterator[str]:
-    if status.waiting_for:
-        yield f"{status.robot} waits for {status.waiting_for}"
-    for stream in status.streams:
+def problems_of(gateway: GatewayStatus) -> Iterator[str]:
+    """Yield what is wrong with a robot, in its gateway's words."""
+    if gateway.waiting_for:
+        yield f"waits for {gateway.waiting_for}"
+    for stream in gateway.streams:
         if stream.problem:
-            yield f"{status.robot} {stream.name}: {stream.problem}"
+            yield f"{stream.name}: {stream.problem}"

@@ -9,9 +9,10 @@ from typing import Final, NamedTuple
 
 from schemas.keys import CameraKey
 from services.monitor.fleet import Row
-from services.monitor.glance import Glance, problems_of
+from services.monitor.glance import Glance
 from services.monitor.page.words import NS, lasting, natural
 from services.monitor.picture import CameraLine, RobotLine
+from services.monitor.troubles import problems_of
 
 QUIET_NS: Final = 5 * NS
 """A gateway says every second how it is; one that said nothing for so long is not relied on, though it is there."""
