@@ -35,9 +35,13 @@ LIMIT_S: Final = 600.0
 
 @dataclass(slots=True)
 class Session:
-    """Benchmarks of a package that are run so often each, and what became of them."""
+    """Benchmarks of a package that are run so often each, and what became of them.
+
+    commit: what is measured. It is asked for before the first result is written: results are files of the project too.
+    """
 
     package: str
+    commit: str
     repeat: int
     limit_s: float
     results: Path
@@ -60,7 +64,7 @@ class Session:
                 shown.ended(f"failed: {error}")
                 self.failed.append(f"{name}: {error}")
                 continue
-            found = record(name, shlex.join(["python", *command]), date, commit(), runs)
+            found = record(name, shlex.join(["python", *command]), date, self.commit, runs)
             self.missed += missed(found)
             shown.ended(outcome(found))
             (self.results / f"{name}.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
@@ -95,7 +99,7 @@ def main(argv: Sequence[str] | None = None, *, package: str = "benchmarks", fold
         "--results", type=Path, default=Path("benchmarks/results"), help="folder (default: %(default)s)"
     )
     arguments = parser.parse_args(argv)
-    session = Session(package, arguments.repeat, arguments.limit_s, arguments.results)
+    session = Session(package, commit(), arguments.repeat, arguments.limit_s, arguments.results)
     try:
         names = chosen(arguments.names, known)
         session.results.mkdir(parents=True, exist_ok=True)
