@@ -13,6 +13,10 @@ ZSTD: Final = "zstd"
 MAX_DECODED_BYTES: Final = 128 * 1024 * 1024
 """What compressed data may hold at most."""
 
+MAX_SEGMENTS: Final = 1_024
+"""Segments and fill bytes in a JPEG file up to the segment with its size: real files have some dozens, or a few hundred
+with a large colour profile. 128 MiB of fill bytes would take a quarter of a minute to read."""
+
 _JPEG_START: Final = b"\xff\xd8"
 _PNG_START: Final = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR"
 _PNG_SIZE: Final = struct.Struct(">IIBB")
@@ -43,7 +47,8 @@ def picture_of(data: memoryview) -> Picture:
     """Read the header of a JPEG or PNG file; palettes count as rgb8.
 
     Raises:
-        SchemaError: neither of them, cut off before its size, or with pixels that the contract does not carry.
+        SchemaError: neither of them, cut off before its size or with too much before it, or with pixels that the
+            contract does not carry.
     """
     try:
         if bytes(data[: len(_PNG_START)]) == _PNG_START:
@@ -64,7 +69,7 @@ def _png(data: memoryview) -> Picture:
 
 def _jpeg(data: memoryview) -> Picture:
     at = len(_JPEG_START)
-    while True:
+    for _ in range(MAX_SEGMENTS):
         start, marker, length = _SEGMENT.unpack_from(data, at)
         if start == marker == _FILL:
             at += 1
@@ -77,6 +82,7 @@ def _jpeg(data: memoryview) -> Picture:
                 raise SchemaError(f"a JPEG file with {channels} channels")
             return Picture(JPEG, height, width, _JPEG_ENCODINGS[channels])
         at += 2 + length
+    raise SchemaError(f"a JPEG file that says no size in its first {MAX_SEGMENTS} segments")
 
 
 def check_zstd(data: memoryview, size: int) -> None:

@@ -6,7 +6,7 @@ from backports import zstd
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.compression import MAX_DECODED_BYTES, Picture, check_zstd, picture_of
+from schemas.compression import MAX_DECODED_BYTES, MAX_SEGMENTS, Picture, check_zstd, picture_of
 from schemas.errors import SchemaError
 from tests.schemas.pictures import file_of
 
@@ -33,6 +33,17 @@ def test_fill_bytes_may_stand_before_a_jpegs_segments() -> None:
     data = FILES["jpeg", "rgb8"]
     filled = data[:2] + b"\xff" * 9 + data[2:]
     assert picture_of(memoryview(filled)) == Picture("jpeg", 4, 6, "rgb8")
+
+
+@pytest.mark.parametrize("segment", [b"\xff", b"\xff\xfe\x00\x02"], ids=["fill bytes", "empty comments"])
+def test_a_jpeg_is_not_searched_for_its_size_for_ever(segment: bytes) -> None:
+    data = FILES["jpeg", "rgb8"]
+    own = next(
+        number for number in range(MAX_SEGMENTS) if said(data[:2] + segment * (MAX_SEGMENTS - number) + data[2:])
+    )
+    assert 1 < own < 10
+    with pytest.raises(SchemaError, match=f"says no size in its first {MAX_SEGMENTS} segments"):
+        picture_of(memoryview(data[:2] + segment * (MAX_SEGMENTS - own + 1) + data[2:]))
 
 
 @pytest.mark.parametrize(("kind", "encoding"), FILES)
