@@ -34,4 +34,6 @@ class DetectSettings(BusSettings):
             raise ValueError(f"--image {self.image}: no such file")
         if self.model is not None and not self.local:
             raise ValueError("--model is for --local: workers have their own")
+        if self.model is not None and not Path(self.model).is_file():
+            raise ValueError(f"--model {self.model}: no such file")
         return self

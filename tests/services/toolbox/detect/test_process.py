@@ -116,8 +116,13 @@ async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pyt
 
 
 @pytest.mark.parametrize(
-    ("fields", "reason"), [({"image": "absent.jpg"}, "no such file"), ({"model": "x.pt"}, "--local")]
+    ("fields", "reason"),
+    [
+        ({"image": "absent.jpg"}, "--image absent.jpg: no such file"),
+        ({"model": "x.pt"}, "--local"),
+        ({"model": "x.pt", "local": True}, "--model x.pt: no such file"),
+    ],
 )
-def test_what_cannot_be_is_named(image: Path, fields: dict[str, str], reason: str) -> None:
+def test_what_cannot_be_is_named(image: Path, fields: dict[str, object], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         DetectSettings.model_validate({"image": image, **fields})
