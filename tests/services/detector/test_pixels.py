@@ -189,6 +189,26 @@ def test_a_damaged_jpeg_is_none_at_a_glance_either() -> None:
         glance(compressed(file_of(scene(), ".jpeg")[:200], "rgb8", 192, kind="jpeg", height=48, width=64), 8)
 
 
+def jpeg(data: bytes) -> ImageFrame:
+    return compressed(data, "rgb8", 192, kind="jpeg", height=48, width=64)
+
+
+def test_bytes_that_some_cameras_put_before_a_jpegs_end_are_skipped() -> None:
+    file = file_of(scene(), ".jpeg")
+    whole, padded = jpeg(file), jpeg(file[:-2] + bytes(9) + file[-2:])
+    assert np.array_equal(to_bgr(padded), to_bgr(whole))
+    assert np.array_equal(glance(padded, 8), glance(whole, 8))
+
+
+def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(capfd: pytest.CaptureFixture[str]) -> None:
+    file = file_of(np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8), ".jpeg")
+    middle = len(file) // 2
+    for damaged in (file[:-2], file[:middle], file[:middle] + b"\xff\x01" + file[middle:]):
+        with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
+            to_bgr(jpeg(damaged))
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("size", [45, 60])
 def test_a_damaged_file_is_said_to_be_one(size: int) -> None:
     data = file_of(scene(), ".png")[:size]
