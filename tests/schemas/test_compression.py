@@ -1,15 +1,17 @@
 import struct
 
+import cv2
 import numpy as np
 import pytest
 from backports import zstd
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.compression import MAX_DECODED_BYTES, MAX_SEGMENTS, Picture, check_zstd, picture_of
+from schemas.compression import MAX_DECODED_BYTES, MAX_SCANS, MAX_SEGMENTS, Picture, check_zstd, picture_of
 from schemas.errors import SchemaError
 from tests.schemas.pictures import file_of
 
+SCAN = b"\xff\xda"
 GREY = np.zeros((4, 6), np.uint8)
 DEEP = np.zeros((4, 6), np.uint16)
 COLOR = np.zeros((4, 6, 3), np.uint8)
@@ -44,6 +46,22 @@ def test_a_jpeg_is_not_searched_for_its_size_for_ever(segment: bytes) -> None:
     assert 1 < own < 10
     with pytest.raises(SchemaError, match=f"says no size in its first {MAX_SEGMENTS} segments"):
         picture_of(memoryview(data[:2] + segment * (MAX_SEGMENTS - own + 1) + data[2:]))
+
+
+def test_a_progressive_jpeg_has_so_many_scans_at_most() -> None:
+    made, file = cv2.imencode(".jpg", COLOR, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
+    assert made
+    data = file.tobytes()
+    scan = data[data.rindex(SCAN) : -2]
+    most = data[:-2] + scan * (MAX_SCANS - data.count(SCAN)) + data[-2:]
+    assert picture_of(memoryview(data)) == picture_of(memoryview(most)) == Picture("jpeg", 4, 6, "rgb8")
+    with pytest.raises(SchemaError, match=f"a JPEG file of {MAX_SCANS + 1} scans, at most {MAX_SCANS} are decoded"):
+        picture_of(memoryview(most[:-2] + scan + most[-2:]))
+
+
+def test_scans_are_counted_of_progressive_files_alone() -> None:
+    data = FILES["jpeg", "rgb8"]
+    assert picture_of(memoryview(data + SCAN * (MAX_SCANS + 1))) == Picture("jpeg", 4, 6, "rgb8")
 
 
 @pytest.mark.parametrize(("kind", "encoding"), FILES)
