@@ -104,21 +104,18 @@ def _decoded(frame: ImageFrame) -> NDArray[Any]:
     return pixels
 
 
-def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0) -> NDArray[np.uint8]:
+def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0, strict: bool = True) -> NDArray[np.uint8]:
     """Return a JPEG file's pixels, height x width x channels, as it lies, whatever it says of up and down.
 
-    min_width: pixels that are enough: a smaller picture is less work. 0 for all there are.
+    min_width: pixels that are enough: a smaller picture is less work. 0 for all there are. strict: refuse whatever is
+    not as it should be, but what is _HARMLESS.
     """
-
-    def decoded(*, strict: bool) -> NDArray[np.uint8]:
+    try:
         read = simplejpeg.decode_jpeg(frame.data, colorspace=colours, min_width=min_width, strict=strict)
         return np.asarray(read, np.uint8)
-
-    try:
-        return decoded(strict=True)
     except ValueError as error:
-        if _HARMLESS in str(error):
-            return decoded(strict=False)
+        if strict and _HARMLESS in str(error):
+            return _jpeg(frame, colours, min_width=min_width, strict=False)
         raise PictureError(f"a jpeg that cannot be decoded: {error}") from error
 
 

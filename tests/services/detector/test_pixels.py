@@ -202,8 +202,13 @@ def test_bytes_that_some_cameras_put_before_a_jpegs_end_are_skipped() -> None:
 
 def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(capfd: pytest.CaptureFixture[str]) -> None:
     file = file_of(np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8), ".jpeg")
-    middle = len(file) // 2
-    for damaged in (file[:-2], file[:middle], file[:middle] + b"\xff\x01" + file[middle:]):
+    middle, tables = len(file) // 2, file.index(b"\xff\xc4")
+    for damaged in (
+        file[:-2],
+        file[:middle],
+        file[:middle] + b"\xff\x01" + file[middle:],
+        file[:tables] + bytes(9) + file[tables:],
+    ):
         with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
             to_bgr(jpeg(damaged))
     assert capfd.readouterr() == ("", "")
