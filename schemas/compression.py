@@ -27,6 +27,8 @@ and, of a large picture, some milliseconds to decode."""
 
 _SEGMENT: Final = struct.Struct(">BBH")
 _FILL: Final = 0xFF
+_WITHOUT_LENGTH: Final = frozenset({0x00, 0x01, *range(0xD0, 0xDA)})
+"""Markers after which a decoder does not skip a segment: it would find another size than we do."""
 _FRAME: Final = struct.Struct(">BHHB")
 _FRAME_MARKERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _PROGRESSIVE_MARKERS: Final = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
@@ -80,7 +82,7 @@ def _jpeg(data: memoryview) -> Picture:
         if start == marker == _FILL:
             at += 1
             continue
-        if start != 0xFF or length < 2:
+        if start != 0xFF or marker in _WITHOUT_LENGTH or length < 2:
             raise SchemaError(f"a JPEG file with {start:#x} {marker:#x} at byte {at}")
         if marker in _FRAME_MARKERS:
             _, height, width, channels = _FRAME.unpack_from(data, at + _SEGMENT.size)

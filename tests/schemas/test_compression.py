@@ -48,6 +48,15 @@ def test_a_jpeg_is_not_searched_for_its_size_for_ever(segment: bytes) -> None:
         picture_of(memoryview(data[:2] + segment * (MAX_SEGMENTS - own + 1) + data[2:]))
 
 
+@pytest.mark.parametrize("marker", [0x00, 0x01, 0xD0, 0xD7, 0xD8, 0xD9])
+def test_a_jpeg_does_not_show_decoders_another_size(marker: int) -> None:
+    large = file_of(np.zeros((32, 48), np.uint8), ".jpg")[2:]
+    shown_to_us_alone = FILES["jpeg", "mono8"][2:]
+    two_faced = b"\xff\xd8\xff" + bytes([marker]) + b"\xff\xff" + large.ljust(0xFFFD, b"\0") + shown_to_us_alone
+    with pytest.raises(SchemaError, match=f"a JPEG file with 0xff {marker:#x} at byte 2"):
+        picture_of(memoryview(two_faced))
+
+
 def test_a_progressive_jpeg_has_so_many_scans_at_most() -> None:
     made, file = cv2.imencode(".jpg", COLOR, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
     assert made
