@@ -29,8 +29,8 @@ _TO_BGR: Final = {
 }
 _SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
 _COLOURS: Final = frozenset({"rgb8", "rgba8"})
-_HARMLESS: Final = "extraneous bytes"
-"""What libjpeg says of the bytes that some cameras put in front of a JPEG file's end, and that it skips."""
+_DAMAGE: Final = ("remature end", "bad Huffman code", "bad arithmetic code", "instead of RST")
+"""What libjpeg says where pixels are missing or wrong. Some cameras always write files that it warns of otherwise."""
 
 
 class PictureError(ValueError):
@@ -107,14 +107,13 @@ def _decoded(frame: ImageFrame) -> NDArray[Any]:
 def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0, strict: bool = True) -> NDArray[np.uint8]:
     """Return a JPEG file's pixels, height x width x channels, as it lies, whatever it says of up and down.
 
-    min_width: pixels that are enough: a smaller picture is less work. 0 for all there are. strict: refuse whatever is
-    not as it should be, but what is _HARMLESS.
+    min_width: pixels that are enough: a smaller picture is less work. 0 for all there are. strict: refuse _DAMAGE.
     """
     try:
         read = simplejpeg.decode_jpeg(frame.data, colorspace=colours, min_width=min_width, strict=strict)
         return np.asarray(read, np.uint8)
     except ValueError as error:
-        if strict and _HARMLESS in str(error):
+        if strict and not any(sign in str(error) for sign in _DAMAGE):
             return _jpeg(frame, colours, min_width=min_width, strict=False)
         raise PictureError(f"a jpeg that cannot be decoded: {error}") from error
 

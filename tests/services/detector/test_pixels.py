@@ -4,6 +4,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+import simplejpeg
 from backports import zstd
 from numpy.typing import NDArray
 
@@ -193,11 +194,17 @@ def jpeg(data: bytes) -> ImageFrame:
     return compressed(data, "rgb8", 192, kind="jpeg", height=48, width=64)
 
 
-def test_bytes_that_some_cameras_put_before_a_jpegs_end_are_skipped() -> None:
+def test_files_that_some_cameras_write_are_read_all_the_same(capfd: pytest.CaptureFixture[str]) -> None:
     file = file_of(scene(), ".jpeg")
-    whole, padded = jpeg(file), jpeg(file[:-2] + bytes(9) + file[-2:])
-    assert np.array_equal(to_bgr(padded), to_bgr(whole))
-    assert np.array_equal(glance(padded, 8), glance(whole, 8))
+    scan = file.index(b"\xff\xda")
+    spectral = scan + 2 + file[scan + 3] - 3  # the last three bytes of the scan's header
+    padded, not_sequential = file[:-2] + bytes(9) + file[-2:], file[:spectral] + bytes(3) + file[spectral + 3 :]
+    for odd in (padded, not_sequential):
+        with pytest.raises(ValueError, match=r"extraneous bytes|Invalid SOS parameters"):
+            simplejpeg.decode_jpeg(odd)
+        assert np.array_equal(to_bgr(jpeg(odd)), to_bgr(jpeg(file)))
+        assert np.array_equal(glance(jpeg(odd), 8), glance(jpeg(file), 8))
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(capfd: pytest.CaptureFixture[str]) -> None:
