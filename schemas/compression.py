@@ -13,14 +13,26 @@ ZSTD: Final = "zstd"
 MAX_DECODED_BYTES: Final = 128 * 1024 * 1024
 """What compressed data may hold at most."""
 
+MAX_SEGMENTS: Final = 1_024
+"""Segments and fill bytes in a JPEG file up to the segment with its size: real files have some dozens, or a few hundred
+with a large colour profile. 128 MiB of fill bytes would take a quarter of a minute to read."""
+
 _JPEG_START: Final = b"\xff\xd8"
 _PNG_START: Final = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR"
 _PNG_SIZE: Final = struct.Struct(">IIBB")
 _PNG_ENCODINGS: Final = {(8, 0): "mono8", (16, 0): "mono16", (8, 2): "rgb8", (8, 3): "rgb8", (8, 6): "rgba8"}
+MAX_SCANS: Final = 100
+"""Passes over all of its pixels that a progressive JPEG file may ask for: encoders make about ten. Each takes few bytes
+and, of a large picture, some milliseconds to decode."""
+
 _SEGMENT: Final = struct.Struct(">BBH")
 _FILL: Final = 0xFF
+_WITHOUT_LENGTH: Final = frozenset({0x00, 0x01, *range(0xD0, 0xDA)})
+"""Markers after which a decoder does not skip a segment: it would find another size than we do."""
 _FRAME: Final = struct.Struct(">BHHB")
 _FRAME_MARKERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_PROGRESSIVE_MARKERS: Final = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
+_SCAN: Final = b"\xff\xda"
 _JPEG_ENCODINGS: Final = {1: "mono8", 3: "rgb8"}
 _ZSTD_START: Final = b"\x28\xb5\x2f\xfd"
 _SINGLE_SEGMENT: Final = 0x20
@@ -43,7 +55,8 @@ def picture_of(data: memoryview) -> Picture:
     """Read the header of a JPEG or PNG file; palettes count as rgb8.
 
     Raises:
-        SchemaError: neither of them, cut off before its size, or with pixels that the contract does not carry.
+        SchemaError: neither of them, cut off before its size or with too much before it, with pixels that the contract
+            does not carry, or made to take long to decode.
     """
     try:
         if bytes(data[: len(_PNG_START)]) == _PNG_START:
@@ -64,19 +77,22 @@ def _png(data: memoryview) -> Picture:
 
 def _jpeg(data: memoryview) -> Picture:
     at = len(_JPEG_START)
-    while True:
+    for _ in range(MAX_SEGMENTS):
         start, marker, length = _SEGMENT.unpack_from(data, at)
         if start == marker == _FILL:
             at += 1
             continue
-        if start != 0xFF or length < 2:
+        if start != 0xFF or marker in _WITHOUT_LENGTH or length < 2:
             raise SchemaError(f"a JPEG file with {start:#x} {marker:#x} at byte {at}")
         if marker in _FRAME_MARKERS:
             _, height, width, channels = _FRAME.unpack_from(data, at + _SEGMENT.size)
             if channels not in _JPEG_ENCODINGS:
                 raise SchemaError(f"a JPEG file with {channels} channels")
+            if marker in _PROGRESSIVE_MARKERS and (scans := bytes(data).count(_SCAN)) > MAX_SCANS:
+                raise SchemaError(f"a JPEG file of {scans} scans, at most {MAX_SCANS} are decoded")
             return Picture(JPEG, height, width, _JPEG_ENCODINGS[channels])
         at += 2 + length
+    raise SchemaError(f"a JPEG file that says no size in its first {MAX_SEGMENTS} segments")
 
 
 def check_zstd(data: memoryview, size: int) -> None:

@@ -45,10 +45,12 @@ class Mask(msgspec.Struct, frozen=True):
 class Detection(msgspec.Struct, frozen=True, kw_only=True):
     """One object.
 
-    score: confidence, 0 to 1. mask: absent when the model does not segment. label: the model's own number of the class.
+    score: confidence, 0 to 1. label: the model's own number of the class.
+    mask: absent when the model does not segment, when nobody wanted masks as the frame went to the model, and of an
+    object that the model for masks did not find.
     track: equal in the frames of a camera that show the same object; no two objects ever share one, whatever
-    their camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent when nothing is tracked, and of what was seen
-    but once.
+    their camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent while nothing is tracked, and of an object that
+    has not been seen often or surely enough to be followed.
     """
 
     name: Label

@@ -13,8 +13,9 @@ Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
     """What counts as a detection. Asked of a worker, None leaves a value as it is; a worker answers with all of them.
 
-    confidence: lowest score. iou: overlap of two boxes of one class above which only the better counts.
-    max_detections: most objects per image. classes: the names that are reported; empty for all the model knows.
+    confidence: only a higher score counts. iou: overlap (intersection over union) of two boxes of one class above which
+    only the better one counts. max_detections: most objects per image. classes: the names that are reported; empty for
+    all the model knows.
     """
 
     confidence: Fraction | None = None

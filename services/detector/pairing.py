@@ -1,17 +1,22 @@
 """Two models on the same images: one for boxes, one for the masks of what the first found."""
 
 import asyncio
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
 from services.detector.model import SILENT, Failed, Found, Model, Outcome, Request
-from services.detector.runtime.agreement import overlap
+from services.detector.runtime.overlap import boxes_of, ious
+
+log = logging.getLogger(__name__)
 
 MIN_OVERLAP: Final = 0.5
 """Of the two models' boxes, for one's mask to be the other's object's."""
@@ -70,26 +75,36 @@ class PairedModel:
             masks = group.create_task(self._masks.infer(masked))
         left = iter(masks.result())
         return [
-            joined(outcome, next(left)) if request.masks else outcome
+            _joined(request, outcome, next(left)) if request.masks else outcome
             for request, outcome in zip(batch, boxes.result(), strict=True)
         ]
 
 
-def joined(boxes: Outcome, masks: Outcome) -> Outcome:
-    """Give one model's objects the other's masks; where the other failed, none."""
-    if isinstance(boxes, Failed) or isinstance(masks, Failed):
+def _joined(request: Request, boxes: Outcome, masks: Outcome) -> Outcome:
+    if isinstance(boxes, Failed):
         return boxes
-    left = list(masks.objects)
-    objects = []
-    for each in boxes.objects:
-        best = max(left, key=lambda other: _fit(each, other), default=None)
-        if best is not None and _fit(each, best) >= MIN_OVERLAP:
-            left.remove(best)
-            each = msgspec.structs.replace(each, mask=best.mask)  # noqa: PLW2901 - the same object, with its mask
-        objects.append(each)
+    if isinstance(masks, Failed):
+        seq = request.frame.header.seq
+        log.warning("%s: frame %d has no masks, %s: %r", request.camera, seq, masks.reason, masks.error)
+        return boxes
+    return joined(boxes, masks)
+
+
+def joined(boxes: Found, masks: Found) -> Found:
+    """Give one model's objects, best first, the other's masks, each to one of them."""
+    fits = _fits(boxes.objects, masks.objects)
+    objects = list(boxes.objects)
+    for n, fit in enumerate(fits if masks.objects else ()):
+        best = int(fit.argmax())
+        if fit[best] >= MIN_OVERLAP:
+            objects[n] = msgspec.structs.replace(objects[n], mask=masks.objects[best].mask)
+            fits[:, best] = 0
     spans = {name: boxes.spans.get(name, 0) + masks.spans.get(name, 0) for name in {**boxes.spans, **masks.spans}}
     return Found(objects, spans)
 
 
-def _fit(one: Detection, other: Detection) -> float:
-    return overlap(one.box, other.box) if one.name == other.name else 0.0
+def _fits(some: Sequence[Detection], others: Sequence[Detection]) -> NDArray[np.float64]:
+    """Return some x others: how well the boxes of two objects of one name lie on each other, 0 to 1; else 0."""
+    _, names = np.unique([each.name for each in (*some, *others)], return_inverse=True)
+    same = np.equal.outer(names[: len(some)], names[len(some) :])
+    return np.where(same, ious(boxes_of(some), boxes_of(others)), 0)

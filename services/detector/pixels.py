@@ -5,6 +5,7 @@ from typing import Any, Final
 import cv2
 import msgspec
 import numpy as np
+import simplejpeg
 from numpy.typing import NDArray
 
 from schemas.compression import JPEG, ZSTD
@@ -28,12 +29,8 @@ _TO_BGR: Final = {
 }
 _SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
 _COLOURS: Final = frozenset({"rgb8", "rgba8"})
-_REDUCED: Final = {
-    8: cv2.IMREAD_REDUCED_GRAYSCALE_8,
-    4: cv2.IMREAD_REDUCED_GRAYSCALE_4,
-    2: cv2.IMREAD_REDUCED_GRAYSCALE_2,
-}
-"""What decodes a file to so many times fewer pixels a side: of a JPEG that leaves most of the work out."""
+_DAMAGE: Final = ("remature end", "bad Huffman code", "bad arithmetic code", "instead of RST")
+"""What libjpeg says where pixels are missing or wrong. Some cameras always write files that it warns of otherwise."""
 
 
 class PictureError(ValueError):
@@ -66,9 +63,8 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
 
 def glance(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
     """Return a picture in grey, no wider than `width` pixels, as height x width; see `to_bgr`."""
-    smaller = next((factor for factor in _REDUCED if frame.width >= factor * width), None)
-    if frame.format == JPEG and frame.encoding in _COLOURS and smaller is not None:
-        return _shrunk(_read(frame, _REDUCED[smaller] | cv2.IMREAD_IGNORE_ORIENTATION), width)
+    if frame.format == JPEG and frame.encoding in _COLOURS:
+        return _shrunk(_jpeg(frame, "GRAY", min_width=min(width, frame.width)), width)
     return np.asarray(cv2.cvtColor(_shrunk(to_bgr(frame), width), cv2.COLOR_BGR2GRAY), np.uint8)
 
 
@@ -101,18 +97,33 @@ def _raw(frame: ImageFrame) -> NDArray[Any]:
 
 def _decoded(frame: ImageFrame) -> NDArray[Any]:
     """Return a file's pixels: colours in blue, green, red order, anything else as it is."""
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if frame.encoding in _COLOURS else cv2.IMREAD_UNCHANGED
-    pixels = _read(frame, flags)
+    in_colour = frame.encoding in _COLOURS
+    pixels = _jpeg(frame, "BGR" if in_colour else "GRAY") if frame.format == JPEG else _png(frame, in_colour=in_colour)
     if pixels.shape[:2] != (frame.height, frame.width):
         raise PictureError(f"a {frame.format} that cannot be decoded")
     return pixels
 
 
-def _read(frame: ImageFrame, flags: int) -> NDArray[Any]:
+def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0, strict: bool = True) -> NDArray[np.uint8]:
+    """Return a JPEG file's pixels, height x width x channels, as it lies, whatever it says of up and down.
+
+    min_width: pixels that are enough: a smaller picture is less work. 0 for all there are. strict: refuse _DAMAGE.
+    """
+    try:
+        read = simplejpeg.decode_jpeg(frame.data, colorspace=colours, min_width=min_width, strict=strict)
+        return np.asarray(read, np.uint8)
+    except ValueError as error:
+        if strict and not any(sign in str(error) for sign in _DAMAGE):
+            return _jpeg(frame, colours, min_width=min_width, strict=False)
+        raise PictureError(f"a jpeg that cannot be decoded: {error}") from error
+
+
+def _png(frame: ImageFrame, *, in_colour: bool) -> NDArray[Any]:
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if in_colour else cv2.IMREAD_UNCHANGED
     try:
         pixels = cv2.imdecode(np.frombuffer(frame.data, np.uint8), flags)
     except cv2.error as error:
-        raise PictureError(f"a {frame.format} that cannot be decoded: {error}") from error
+        raise PictureError(f"a png that cannot be decoded: {error}") from error
     if pixels is None:
-        raise PictureError(f"a {frame.format} that cannot be decoded")
+        raise PictureError("a png that cannot be decoded")
     return np.asarray(pixels)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from bus import open_bus
 from services.detector.model import Model, ModelError
@@ -17,12 +18,14 @@ from services.detector.worker import SERVICE, Worker
 
 log = logging.getLogger(__name__)
 
+FAILED: Final = 1
 
-async def run(settings: DetectorSettings) -> None:
-    """Run a worker until cancelled. It announces itself only once its model works.
+
+async def run(settings: DetectorSettings) -> int:
+    """Run a worker until cancelled; see `work`. It announces itself only once its model works.
 
     Raises:
-        ModelError: the model cannot be used, or no longer.
+        ModelError: the model cannot be used.
     """
     with (
         tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder,
@@ -34,27 +37,24 @@ async def run(settings: DetectorSettings) -> None:
         for remark in model.remarks:
             log.warning("%s", remark)
         try:
-            await work(settings, model)
+            return await work(settings, model)
         finally:
             model.close()
 
 
-async def work(settings: DetectorSettings, model: Model) -> None:
-    """Be there with a model that works, until cancelled.
-
-    Raises:
-        ModelError: it does no longer.
-    """
+async def work(settings: DetectorSettings, model: Model) -> int:
+    """Serve with a model that works until cancelled; when it works no longer, log why and return the exit code."""
     tokens = settings.tokens(SERVICE, settings.worker)
     following = tracking(settings.tracker)
     try:
         async with open_bus(settings) as bus, answering(bus, model, settings.worker):
             await Worker(bus, model, tokens, tracking=following, max_age_s=settings.max_age_s).run()
     except* ModelError as failed:
-        raise _first(failed) from failed
+        log.error("%s", _first(failed))  # noqa: TRY400 - the reason is known: no stack says more
     finally:
         if following is not None:
             following.close()
+    return FAILED
 
 
 def _first(failed: BaseExceptionGroup[ModelError]) -> ModelError:

@@ -13,7 +13,7 @@ from schemas.detections import Detections
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
-from services.detector.model import Failed, Model, Request, TuningError
+from services.detector.model import Failed, Model, ModelError, Request, TuningError
 from services.detector.stills import ROBOT, StillError, frame_of
 
 log = logging.getLogger(__name__)
@@ -57,7 +57,10 @@ async def detect(model: Model, worker: str, image: bytes) -> Detections:
         frame = await asyncio.to_thread(frame_of, image)
     except StillError as error:
         raise RefusedError(str(error)) from error
-    (outcome,) = await model.infer([Request(STILL, frame, masks=True)])
+    try:
+        (outcome,) = await model.infer([Request(STILL, frame, masks=True)])
+    except ModelError as error:  # the next frame of a camera ends the worker
+        raise RefusedError(str(error)) from error
     if isinstance(outcome, Failed):
         raise RefusedError(f"{outcome.reason}: {outcome.error}")
     return Detections(

@@ -29,7 +29,7 @@ class DetectorSettings(SharingSettings, BusSettings):
         str | None, Field(description="second weights, for boxes; what they find has the first one's masks")
     ] = None
     download: Annotated[bool, Field(description="let Ultralytics fetch weights that are not here")] = False
-    confidence: Annotated[float, Field(ge=0, le=1, description="lowest score that counts as a detection")] = 0.25
+    confidence: Annotated[float, Field(ge=0, le=1, description="only a higher score counts as a detection")] = 0.25
     iou: Annotated[float, Field(ge=0, le=1, description="overlap above which two boxes are one object")] = 0.7
     max_detections: Annotated[int, Field(ge=1, le=1000, description="most objects reported per image")] = 300
     classes: Annotated[

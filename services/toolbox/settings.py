@@ -5,6 +5,7 @@ import shutil
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Generic, Literal, NoReturn, TypeVar
@@ -45,13 +46,16 @@ class UsageError(Exception):
 
 
 class _EnvironmentSource(EnvSettingsSource):
-    """Variables in which lists are comma-separated and mappings are name=value pairs, as on the command line."""
+    """Variables in which lists are comma-separated and mappings are name=value pairs, as on the command line.
+
+    JSON arrays and objects are read too; a lone `7` may be the name of a robot, and is text.
+    """
 
     def decode_complex_value(self, field_name: str, field: FieldInfo, value: Any) -> Any:
-        try:
-            return super().decode_complex_value(field_name, field, value)
-        except ValueError:
-            parts = [part.strip() for part in value.split(",")]
+        if value.lstrip().startswith(("[", "{")):
+            with suppress(ValueError):
+                return super().decode_complex_value(field_name, field, value)
+        parts = [part.strip() for part in value.split(",")]
         return _pairs(field_name, parts) if "dict" in str(field.annotation) else parts
 
 

@@ -1,4 +1,4 @@
-"""Only settings modules and entry points read the environment, files named by the user, or arguments."""
+"""Only settings modules and entry points read the environment or arguments."""
 
 import ast
 from collections.abc import Iterator

@@ -1,15 +1,17 @@
 import struct
 
+import cv2
 import numpy as np
 import pytest
 from backports import zstd
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.compression import MAX_DECODED_BYTES, Picture, check_zstd, picture_of
+from schemas.compression import MAX_DECODED_BYTES, MAX_SCANS, MAX_SEGMENTS, Picture, check_zstd, picture_of
 from schemas.errors import SchemaError
 from tests.schemas.pictures import file_of
 
+SCAN = b"\xff\xda"
 GREY = np.zeros((4, 6), np.uint8)
 DEEP = np.zeros((4, 6), np.uint16)
 COLOR = np.zeros((4, 6, 3), np.uint8)
@@ -33,6 +35,42 @@ def test_fill_bytes_may_stand_before_a_jpegs_segments() -> None:
     data = FILES["jpeg", "rgb8"]
     filled = data[:2] + b"\xff" * 9 + data[2:]
     assert picture_of(memoryview(filled)) == Picture("jpeg", 4, 6, "rgb8")
+
+
+@pytest.mark.parametrize("segment", [b"\xff", b"\xff\xfe\x00\x02"], ids=["fill bytes", "empty comments"])
+def test_a_jpeg_is_not_searched_for_its_size_for_ever(segment: bytes) -> None:
+    data = FILES["jpeg", "rgb8"]
+    own = next(
+        number for number in range(MAX_SEGMENTS) if said(data[:2] + segment * (MAX_SEGMENTS - number) + data[2:])
+    )
+    assert 1 < own < 10
+    with pytest.raises(SchemaError, match=f"says no size in its first {MAX_SEGMENTS} segments"):
+        picture_of(memoryview(data[:2] + segment * (MAX_SEGMENTS - own + 1) + data[2:]))
+
+
+@pytest.mark.parametrize("marker", [0x00, 0x01, 0xD0, 0xD7, 0xD8, 0xD9])
+def test_a_jpeg_does_not_show_decoders_another_size(marker: int) -> None:
+    large = file_of(np.zeros((32, 48), np.uint8), ".jpg")[2:]
+    shown_to_us_alone = FILES["jpeg", "mono8"][2:]
+    two_faced = b"\xff\xd8\xff" + bytes([marker]) + b"\xff\xff" + large.ljust(0xFFFD, b"\0") + shown_to_us_alone
+    with pytest.raises(SchemaError, match=f"a JPEG file with 0xff {marker:#x} at byte 2"):
+        picture_of(memoryview(two_faced))
+
+
+def test_a_progressive_jpeg_has_so_many_scans_at_most() -> None:
+    made, file = cv2.imencode(".jpg", COLOR, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
+    assert made
+    data = file.tobytes()
+    scan = data[data.rindex(SCAN) : -2]
+    most = data[:-2] + scan * (MAX_SCANS - data.count(SCAN)) + data[-2:]
+    assert picture_of(memoryview(data)) == picture_of(memoryview(most)) == Picture("jpeg", 4, 6, "rgb8")
+    with pytest.raises(SchemaError, match=f"a JPEG file of {MAX_SCANS + 1} scans, at most {MAX_SCANS} are decoded"):
+        picture_of(memoryview(most[:-2] + scan + most[-2:]))
+
+
+def test_scans_are_counted_of_progressive_files_alone() -> None:
+    data = FILES["jpeg", "rgb8"]
+    assert picture_of(memoryview(data + SCAN * (MAX_SCANS + 1))) == Picture("jpeg", 4, 6, "rgb8")
 
 
 @pytest.mark.parametrize(("kind", "encoding"), FILES)

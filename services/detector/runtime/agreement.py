@@ -3,7 +3,11 @@
 from collections.abc import Sequence
 from typing import Final
 
-from schemas.detections import Box, Detection
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.detections import Detection
+from services.detector.runtime.overlap import boxes_of, ious
 
 MIN_OVERLAP: Final = 0.9
 MAX_SCORE_GAP: Final = 0.05
@@ -12,35 +16,23 @@ MAX_SCORE_GAP: Final = 0.05
 def difference(ours: Sequence[Detection], theirs: Sequence[Detection], confidence: float) -> str | None:
     """Say how two runtimes' objects differ by more than rounding, or None.
 
-    What one finds and the other does not counts unless its score is as good as the confidence asked for.
+    What one finds and the other does not counts only if its score is more than MAX_SCORE_GAP above the confidence.
     """
-    lonely = [*_without_counterpart(ours, theirs, confidence), *_without_counterpart(theirs, ours, confidence)]
+    alike = _alike(ours, theirs)
+    lonely = [*_lonely(ours, alike, confidence), *_lonely(theirs, alike.T, confidence)]
     if not lonely:
         return None
     worst = max(lonely, key=lambda found: found.score)
     return f"{len(lonely)} of {len(ours)} and {len(theirs)} objects, such as a {worst.name} of score {worst.score:.2f}"
 
 
-def _without_counterpart(some: Sequence[Detection], others: Sequence[Detection], confidence: float) -> list[Detection]:
-    return [
-        each
-        for each in some
-        if each.score > confidence + MAX_SCORE_GAP and not any(_is_counterpart(each, other) for other in others)
-    ]
+def _lonely(objects: Sequence[Detection], alike: NDArray[np.bool_], confidence: float) -> list[Detection]:
+    certain = confidence + MAX_SCORE_GAP
+    return [each for each, others in zip(objects, alike, strict=True) if each.score > certain and not others.any()]
 
 
-def _is_counterpart(one: Detection, other: Detection) -> bool:
-    alike = one.label == other.label and abs(one.score - other.score) <= MAX_SCORE_GAP
-    return alike and overlap(one.box, other.box) >= MIN_OVERLAP
-
-
-def overlap(one: Box, other: Box) -> float:
-    """Return the shared area of two boxes over the area of both together; 0 where neither has any."""
-    wide = max(0.0, min(one.x2, other.x2) - max(one.x1, other.x1))
-    high = max(0.0, min(one.y2, other.y2) - max(one.y1, other.y1))
-    both = _area(one) + _area(other) - wide * high
-    return wide * high / both if both > 0 else 0.0
-
-
-def _area(box: Box) -> float:
-    return (box.x2 - box.x1) * (box.y2 - box.y1)
+def _alike(ours: Sequence[Detection], theirs: Sequence[Detection]) -> NDArray[np.bool_]:
+    """Return ours x theirs: whether two are the same object."""
+    same = np.equal.outer([each.label for each in ours], [each.label for each in theirs])
+    gaps = np.abs(np.subtract.outer([each.score for each in ours], [each.score for each in theirs]))
+    return np.asarray(same & (gaps <= MAX_SCORE_GAP) & (ious(boxes_of(ours), boxes_of(theirs)) >= MIN_OVERLAP))

@@ -5,9 +5,9 @@ import logging
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, Literal
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from services.detector.model import ModelError
 from services.detector.runtime.engine import Engine
-from services.detector.runtime.exporting import MAKING, PACKAGE
+from services.detector.runtime.exporting import MAKING
 
 log = logging.getLogger(__name__)
 
@@ -124,9 +124,15 @@ def _made(
 
 def _memory(place: Place, candidates: list[Runtime]) -> Path:
     """Return the file that the choice is kept in: another machine, device or version may choose otherwise."""
-    packages = sorted({package for each in candidates for package in NEEDS[each]} | {"torch", PACKAGE})
-    about = [place.digest, place.longest, place.device, place.threads, platform.node(), *map(version, packages)]
+    packages = {"torch", "ultralytics"}.union(*(NEEDS[each] for each in candidates))
+    about = [place.digest, place.longest, place.device, place.threads, platform.node(), *installed(packages)]
     return place.cache / f"choice-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}"
+
+
+def installed(packages: Iterable[str]) -> list[str]:
+    """Return the names and versions of what was installed to import these packages: `onnxruntime` has several."""
+    names = packages_distributions()
+    return sorted({f"{each} {version(each)}" for package in packages for each in names.get(package, ())})
 
 
 def _recall(memory: Path) -> Runtime | None:

@@ -38,9 +38,12 @@ class Letterbox:
 
     @classmethod
     def fit(cls, height: int, width: int, longest: int, stride: int) -> "Letterbox":
-        """Fit an image into the smallest input of sides up to `longest`, as Ultralytics does with `rect`."""
+        """Scale an image's longer side to `longest`, and pad it to the smallest input, as Ultralytics' `rect` does.
+
+        All in pixels; the input's sides are multiples of `stride`.
+        """
         scale = min(longest / height, longest / width)
-        return cls(_axis(height, scale, longest, stride), _axis(width, scale, longest, stride))
+        return cls(_axis(height, scale, stride), _axis(width, scale, stride))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -60,7 +63,7 @@ class Letterbox:
         out[top : top + rows.content, left : left + columns.content] = bgr[..., ::-1]
 
 
-def _axis(size: int, scale: float, longest: int, stride: int) -> Axis:
+def _axis(size: int, scale: float, stride: int) -> Axis:
     content = max(round(size * scale), 1)
-    padding = (longest - content) % stride
+    padding = -content % stride
     return Axis(size, content, round(padding / 2 - 0.1), content + padding)

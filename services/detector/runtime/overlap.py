@@ -1,17 +1,31 @@
-"""How well boxes lie on each other where the border of the image may have cut them. Pure.
+"""How well boxes lie on each other, also where the border of the image may have cut them. Pure.
 
 Boxes are corners in pixels (n x 4: left, top, right, bottom), sizes an image's width and height.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.detections import Detection
+
 Floats = NDArray[np.float64]
 
 NEAR: Final = 3.0
 """Pixels from the border within which it may have cut a box."""
+
+
+def boxes_of(objects: Sequence[Detection]) -> Floats:
+    """Return the boxes of objects."""
+    boxes = (each.box for each in objects)
+    return np.array([(box.x1, box.y1, box.x2, box.y2) for box in boxes], np.float64).reshape(-1, 4)
+
+
+def ious(boxes: Floats, others: Floats) -> Floats:
+    """Return boxes x others: the area that both cover over the area that either covers; 0 where that is none."""
+    return _ious(boxes[:, None, :2], boxes[:, None, 2:], others)
 
 
 def at_border(boxes: Floats, size: tuple[int, int]) -> NDArray[np.bool_]:
@@ -26,9 +40,12 @@ def overlaps(boxes: Floats, found: Floats, cut: NDArray[np.bool_], size: tuple[i
     """
     begins = np.where(cut[:, None, :2], np.minimum(boxes[:, None, :2], found[:, :2]), boxes[:, None, :2])
     ends = np.where(cut[:, None, 2:], np.maximum(boxes[:, None, 2:], found[:, 2:]), boxes[:, None, 2:])
-    begins, ends = np.clip(begins, 0, size), np.clip(ends, 0, size)
-    both = _areas(np.minimum(ends, found[:, 2:]) - np.maximum(begins, found[:, :2]))
-    either = _areas(ends - begins) + _areas(found[:, 2:] - found[:, :2]) - both
+    return _ious(np.clip(begins, 0, size), np.clip(ends, 0, size), found)
+
+
+def _ious(begins: Floats, ends: Floats, others: Floats) -> Floats:
+    both = _areas(np.minimum(ends, others[:, 2:]) - np.maximum(begins, others[:, :2]))
+    either = _areas(ends - begins) + _areas(others[:, 2:] - others[:, :2]) - both
     return np.asarray(both / np.maximum(either, np.finfo(np.float64).tiny), np.float64)
 
 

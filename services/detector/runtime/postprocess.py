@@ -102,8 +102,8 @@ def _is_dense(output: Output, classes: int) -> bool:
 def _candidates(output: Output, classes: int, criteria: Criteria) -> _Candidates:
     """Return what is sure enough and of a class that is reported, best first."""
     found = _dense(output, classes, criteria) if _is_dense(output, classes) else _ended(output, classes, criteria)
-    if np.isnan(found.corners).any():
-        raise OutputError("a box whose place is not a number")
+    if np.isnan(found.corners).any() or np.isnan(found.coefficients).any():
+        raise OutputError("a box or a mask that is not a number")
     if criteria.labels is not None:
         found = found[np.isin(found.labels, criteria.labels)]
     return found[np.argsort(-found.scores, kind="stable")[:MAX_CANDIDATES]]
@@ -111,7 +111,7 @@ def _candidates(output: Output, classes: int, criteria: Criteria) -> _Candidates
 
 def _dense(output: Output, classes: int, criteria: Criteria) -> _Candidates:
     scores = output.predictions[PLACES : PLACES + classes]
-    sure = np.flatnonzero(scores.max(axis=0) > criteria.confidence)
+    sure = _sure(scores.max(axis=0), criteria)
     chosen = np.ascontiguousarray(output.predictions[:, sure].T, np.float32)
     labels = chosen[:, PLACES : PLACES + classes].argmax(axis=1)
     best = np.take_along_axis(chosen, PLACES + labels[:, None], axis=1)[:, 0]
@@ -120,8 +120,15 @@ def _dense(output: Output, classes: int, criteria: Criteria) -> _Candidates:
     return _Candidates(corners, best, labels, chosen[:, PLACES + classes :])
 
 
+def _sure(scores: Floats, criteria: Criteria) -> NDArray[np.intp]:
+    """Return which scores are high enough; one that is not a number is no low one: nobody knows what is in view."""
+    if np.isnan(scores).any():
+        raise OutputError("a score that is not a number")
+    return np.flatnonzero(scores > criteria.confidence)
+
+
 def _ended(output: Output, classes: int, criteria: Criteria) -> _Candidates:
-    rows = np.asarray(output.predictions[output.predictions[:, PLACES] > criteria.confidence], np.float32)
+    rows = np.asarray(output.predictions[_sure(output.predictions[:, PLACES], criteria)], np.float32)
     labels = rows[:, PLACES + 1].astype(np.int64)
     if np.any((labels < 0) | (labels >= classes)):
         raise OutputError(f"a class beyond the {classes} that the model has")

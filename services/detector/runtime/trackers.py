@@ -18,7 +18,7 @@ from schemas.image import ImageFrame
 from services.detector.evidence import Evidence
 from services.detector.pixels import glance
 from services.detector.runtime.motion import Motion, moved
-from services.detector.runtime.overlap import at_border, overlaps
+from services.detector.runtime.overlap import at_border, boxes_of, overlaps
 
 Kind = Literal["bytetrack", "botsort"]
 
@@ -107,8 +107,9 @@ class UltralyticsTracker:
 
     def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
         """See `Tracker.update`."""
-        rows = [[*_corners(each), each.score, each.label] for each in objects]
-        boxes = Boxes(np.array(rows, np.float32).reshape(-1, 6), (frame.height, frame.width))
+        scores = np.array([(each.score, each.label) for each in objects]).reshape(-1, 2)
+        rows = np.concatenate([boxes_of(objects), scores], axis=1).astype(np.float32)
+        boxes = Boxes(rows, (frame.height, frame.width))
         self._tracker.max_frames_lost = self._frames_until(frame.header.received_ns)
         flow = None
         if self._motion is not None:
@@ -127,7 +128,3 @@ class UltralyticsTracker:
         while self._times_ns[0] < now_ns - LOST_NS:
             self._times_ns.popleft()
         return len(self._times_ns) - 2
-
-
-def _corners(found: Detection) -> tuple[float, float, float, float]:
-    return found.box.x1, found.box.y1, found.box.x2, found.box.y2

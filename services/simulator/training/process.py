@@ -31,4 +31,4 @@ async def run(settings: TrainingSettings, opener: Opener) -> None:
             await asyncio.to_thread(train, settings, progress, opener)
         finally:
             cancelled.set()  # the thread notices where it next reports
-    Console().print(f"wrote {settings.output} and its card beside it", highlight=False, soft_wrap=True)
+    Console().print(f"wrote {settings.output} and its card beside it", markup=False, highlight=False, soft_wrap=True)

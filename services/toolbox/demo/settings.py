@@ -9,6 +9,6 @@ class DemoSettings(BaseModel):
     """Run simulated robots, their gateways, a detector and the monitor on this machine, each a process of its own."""
 
     robots: Annotated[int, Field(ge=1, le=20, description="simulated robots, each with its own ROS master")] = 3
-    hz: Annotated[float, Field(gt=0, le=60, description="images per second and robot")] = 2.0
+    hz: Annotated[float, Field(ge=0.001, le=60, description="images per second and robot")] = 2.0
     seconds: Annotated[float | None, Field(gt=0, description="stop by itself after so many seconds")] = None
     model: Annotated[str | None, Field(description="Ultralytics weights; the shipped model unless given")] = None

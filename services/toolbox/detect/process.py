@@ -20,7 +20,8 @@ from services.detector.overlay import overlay
 from services.detector.requests import SERVICE, detect
 from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
-from services.detector.stills import frame_of
+from services.detector.stills import StillError, frame_of
+from services.geometry.errors import MaskError
 from services.toolbox.detect.settings import DetectSettings
 
 FAILED: Final = 1
@@ -36,12 +37,11 @@ async def run(settings: DetectSettings) -> int:
     try:
         image = await asyncio.to_thread(settings.image.read_bytes)
         found = await (_locally(settings, image) if settings.local else _by_a_worker(settings, image))
-        output = settings.output or settings.image.with_name(f"{settings.image.stem}.detected.jpg")
-        await asyncio.to_thread(_draw, found, image, output)
-    except (RequestError, SchemaError, OSError) as error:
+        await asyncio.to_thread(_draw, found, image, settings.drawing)
+    except (RequestError, SchemaError, StillError, MaskError, OSError) as error:
         sys.stderr.write(f"fleetsight detect: {printable(' '.join(str(error).split()))}\n")
         return FAILED
-    sys.stdout.write(as_json(found) if settings.json_ else table(found, output))
+    sys.stdout.write(as_json(found) if settings.json_ else table(found, settings.drawing))
     return 0
 
 
@@ -104,6 +104,13 @@ async def _appearing(bus: Bus) -> AsyncIterator[str]:
 
 
 def _draw(found: Detections, image: bytes, output: Path) -> None:
+    """Write the image with the objects drawn over it.
+
+    Raises:
+        StillError: it cannot be decoded here.
+        MaskError: a mask from the worker is damaged.
+        OSError: the file cannot be written.
+    """
     output.write_bytes(overlay(found, frame_of(image), masks=True).data)
 
 

@@ -32,6 +32,15 @@ class DetectSettings(BusSettings):
     def _reads_and_writes(self) -> Self:
         if not self.image.is_file():
             raise ValueError(f"--image {self.image}: no such file")
+        if not self.drawing.parent.is_dir():
+            raise ValueError(f"--output {self.drawing}: {self.drawing.parent} is no folder")
         if self.model is not None and not self.local:
             raise ValueError("--model is for --local: workers have their own")
+        if self.model is not None and not Path(self.model).is_file():
+            raise ValueError(f"--model {self.model}: no such file")
         return self
+
+    @property
+    def drawing(self) -> Path:
+        """The file to draw the objects in."""
+        return self.output or self.image.with_name(f"{self.image.stem}.detected.jpg")

@@ -2,13 +2,13 @@ import pytest
 
 from schemas.detections import Box, Detection, Mask
 from schemas.tuning import Tuning
-from services.detector.account import FAILED
 from services.detector.model import SILENT, Failed, Found, Request, TuningError
 from services.detector.pairing import PairedModel, joined
 from tests.services.detector.fakes import FakeModel
 from tests.services.detector.test_worker import FRONT, frame
+from tests.services.detector.told_model import ToldModel
 
-MASK = Mask((4, 6), "abc")
+MASK, OTHER = Mask((4, 6), "abc"), Mask((4, 6), "abd")
 PLACE, BESIDE = Box(0, 0, 10, 10), Box(0, 0, 10, 4)
 
 
@@ -19,15 +19,37 @@ def box(name: str, place: Box, mask: Mask | None = None) -> Detection:
 def test_a_mask_goes_to_the_object_of_its_name_in_its_place_once() -> None:
     boxes = Found([box("box", PLACE), box("box", PLACE), box("pallet", PLACE)], {"model": 3})
     seen = joined(boxes, Found([box("box", PLACE, MASK), box("pallet", BESIDE, MASK)], {"model": 4}))
-    assert isinstance(seen, Found)
     assert [each.mask for each in seen.objects] == [MASK, None, None]
     assert seen.spans == {"model": 7}
 
 
-def test_without_masks_there_are_boxes_and_without_boxes_nothing() -> None:
-    found, failed = Found([box("box", PLACE)]), Failed(FAILED, RuntimeError("unlucky"))
-    assert joined(found, failed) is found
-    assert joined(failed, found) is failed
+def test_a_surer_object_has_the_better_fitting_mask_and_the_next_what_is_left() -> None:
+    masks = [box("box", Box(0, 0, 10, 8), MASK), box("box", PLACE, OTHER)]
+    seen = joined(Found([box("box", PLACE), box("box", PLACE)]), Found(masks))
+    assert [each.mask for each in seen.objects] == [OTHER, MASK]
+
+
+@pytest.mark.parametrize(("bottom", "mask"), [(5.0, MASK), (4.9, None)])
+def test_half_of_both_boxes_must_be_in_common(bottom: float, mask: Mask | None) -> None:
+    seen = joined(Found([box("box", PLACE)]), Found([box("box", Box(0, 0, 10, bottom), MASK)]))
+    assert seen.objects[0].mask == mask
+
+
+def test_nothing_has_no_masks_and_no_masks_leave_everything_as_it_is() -> None:
+    some = [box("box", PLACE)]
+    assert joined(Found(some), Found([])).objects == some
+    assert joined(Found([]), Found(some)).objects == []
+
+
+async def test_without_masks_there_are_boxes_and_it_is_said_and_without_boxes_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    request = Request(FRONT, frame(7, color=FakeModel.FATAL), masks=True)
+    (found,) = await PairedModel(ToldModel(at_once=True), FakeModel()).infer([request])
+    assert isinstance(found, Found)
+    assert "r1/front: frame 7 has no masks, failed in the model: RuntimeError('this image is fatal')" in caplog.text
+    (failed,) = await PairedModel(FakeModel(), ToldModel(at_once=True)).infer([request])
+    assert isinstance(failed, Failed)
 
 
 async def test_the_second_model_is_asked_only_where_masks_are_wanted() -> None:

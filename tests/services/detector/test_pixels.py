@@ -4,6 +4,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+import simplejpeg
 from backports import zstd
 from numpy.typing import NDArray
 
@@ -187,6 +188,37 @@ def test_a_glance_is_the_picture_in_grey_and_small(kind: str, width: int, shape:
 def test_a_damaged_jpeg_is_none_at_a_glance_either() -> None:
     with pytest.raises(PictureError, match="a jpeg that cannot be decoded"):
         glance(compressed(file_of(scene(), ".jpeg")[:200], "rgb8", 192, kind="jpeg", height=48, width=64), 8)
+
+
+def jpeg(data: bytes) -> ImageFrame:
+    return compressed(data, "rgb8", 192, kind="jpeg", height=48, width=64)
+
+
+def test_files_that_some_cameras_write_are_read_all_the_same(capfd: pytest.CaptureFixture[str]) -> None:
+    file = file_of(scene(), ".jpeg")
+    scan = file.index(b"\xff\xda")
+    spectral = scan + 2 + file[scan + 3] - 3  # the last three bytes of the scan's header
+    padded, not_sequential = file[:-2] + bytes(9) + file[-2:], file[:spectral] + bytes(3) + file[spectral + 3 :]
+    for odd in (padded, not_sequential):
+        with pytest.raises(ValueError, match=r"extraneous bytes|Invalid SOS parameters"):
+            simplejpeg.decode_jpeg(odd)
+        assert np.array_equal(to_bgr(jpeg(odd)), to_bgr(jpeg(file)))
+        assert np.array_equal(glance(jpeg(odd), 8), glance(jpeg(file), 8))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(capfd: pytest.CaptureFixture[str]) -> None:
+    file = file_of(np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8), ".jpeg")
+    middle, tables = len(file) // 2, file.index(b"\xff\xc4")
+    for damaged in (
+        file[:-2],
+        file[:middle],
+        file[:middle] + b"\xff\x01" + file[middle:],
+        file[:tables] + bytes(9) + file[tables:],
+    ):
+        with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
+            to_bgr(jpeg(damaged))
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("size", [45, 60])

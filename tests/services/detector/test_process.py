@@ -1,6 +1,7 @@
 """When a worker is there, and how its end is told, on the real bus."""
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -12,7 +13,7 @@ from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 from services.detector.model import ModelError
-from services.detector.process import run, work
+from services.detector.process import FAILED, run, work
 from services.detector.settings import DetectorSettings
 from services.toolbox.demo.ports import free_ports
 from tests.services.detector.fakes import FakeModel
@@ -31,12 +32,6 @@ def settings(endpoint: str, **fields: object) -> DetectorSettings:
     return DetectorSettings.model_validate({"connect": [endpoint], "tracker": "off", **fields})
 
 
-async def error_of(settings: DetectorSettings, model: FakeModel) -> ModelError:
-    with pytest.raises(ModelError) as caught:
-        await work(settings, model)
-    return caught.value
-
-
 async def test_a_worker_whose_model_cannot_be_loaded_is_never_there(tmp_path: Path) -> None:
     (tmp_path / "bad.pt").write_bytes(b"no weights")
     async with fleet() as (bus, endpoint), bus.watch("workers/**") as watch:
@@ -46,7 +41,9 @@ async def test_a_worker_whose_model_cannot_be_loaded_is_never_there(tmp_path: Pa
             await asyncio.wait_for(anext(watch), 0.2)
 
 
-async def test_a_model_that_is_of_no_more_use_ends_the_process_with_its_own_error() -> None:
+async def test_a_model_that_works_no_longer_is_a_failure_with_one_line_and_no_wrong_setting(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     async with (
         fleet() as (bus, endpoint),
         bus.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as camera,
@@ -54,7 +51,8 @@ async def test_a_model_that_is_of_no_more_use_ends_the_process_with_its_own_erro
         bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)),
         asyncio.TaskGroup() as group,
     ):
-        working = group.create_task(error_of(settings(endpoint), FakeModel(broken=True)))
+        working = group.create_task(work(settings(endpoint), FakeModel(broken=True)))
         await until(lambda: camera.wanted)
         camera.put(codec.encode(frame(0)))
-        assert str(await working) == "no memory"
+        assert await working == FAILED
+    assert [each.getMessage() for each in caplog.records if each.levelno >= logging.ERROR] == ["no memory"]

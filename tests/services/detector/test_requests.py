@@ -53,6 +53,12 @@ async def test_what_cannot_be_looked_at_is_refused(bus: Bus, image: bytes, reaso
         await bus.request(worker_keys.infer("w1"), image, timeout_s=60)
 
 
+async def test_whoever_asks_a_model_that_works_no_longer_hears_why(bus: Bus, model: FakeModel) -> None:
+    model.broken = True
+    with pytest.raises(RefusedError, match="no memory"):
+        await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
+
+
 async def test_a_worker_that_has_enough_to_do_says_so_at_once(bus: Bus, model: FakeModel) -> None:
     model.may_answer.clear()
     async with asyncio.TaskGroup() as group:

@@ -53,6 +53,15 @@ def test_lists_and_mappings_in_the_environment(monkeypatch: pytest.MonkeyPatch) 
     assert read("--robot", "r1").settings.connect == ["c"]
 
 
+@pytest.mark.parametrize("name", ["7", "1.5", "007"])
+def test_a_list_of_one_name_in_the_environment_is_text_as_on_the_command_line(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FLEETSIGHT_CONNECT", name)
+    assert read("--robot", "r1").settings.connect == [name]
+    assert read("--robot", "r1", "--connect", name).settings.connect == [name]
+
+
 def test_toml_file(tmp_path: Path) -> None:
     file = tmp_path / "settings.toml"
     file.write_text('robot = "r1"\n[cameras]\nfront = "/f"\n')

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError
-from services.detector.runtime.choosing import KEPT_S, Place, Runtime, choose
+from services.detector.runtime.choosing import KEPT_S, Place, Runtime, choose, installed
 from services.detector.runtime.engine import Engine
 from services.detector.runtime.postprocess import Output
 
@@ -122,6 +122,15 @@ def test_a_choice_that_cannot_be_kept_is_made_all_the_same(tmp_path: Path, caplo
         assert choose(maker([]), replace(place(tmp_path), cache=no_folder), BLANK)[0] == QUICK
     assert "onnx is measured again at the next start" in caplog.text
     assert str(no_folder) in caplog.text
+
+
+def test_a_package_may_be_installed_under_another_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    about = tmp_path / "fastruntime_gpu-1.2.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: fastruntime-gpu\nVersion: 1.2\n")
+    (about / "top_level.txt").write_text("fastruntime\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert installed({"fastruntime", "absent"}) == ["fastruntime-gpu 1.2"]
 
 
 def test_a_damaged_memory_is_no_memory(tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ from services.detector.runtime.letterbox import PADDING, Letterbox
         (333, 600, 320, (192, 320)),
         (1, 1, 320, (320, 320)),
         (3, 3000, 320, (32, 320)),
+        (480, 640, 500, (384, 512)),
+        (640, 480, 33, (64, 32)),
     ],
 )
 def test_the_input_is_the_smallest_multiple_of_the_stride(

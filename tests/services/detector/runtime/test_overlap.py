@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.detector.runtime.overlap import NEAR, at_border, overlaps
+from schemas.detections import Box, Detection
+from services.detector.runtime.overlap import NEAR, at_border, boxes_of, ious, overlaps
 
 SIZE = (640, 480)
 INSIDE = np.zeros((1, 4), np.bool_)
@@ -10,6 +11,13 @@ INSIDE = np.zeros((1, 4), np.bool_)
 
 def boxes(*corners: tuple[float, float, float, float]) -> NDArray[np.float64]:
     return np.array(corners, np.float64).reshape(-1, 4)
+
+
+def test_ious_of_the_boxes_of_objects() -> None:
+    some = boxes_of([Detection(name="box", score=1, box=Box(*corners)) for corners in ((0, 0, 20, 10), (5, 5, 5, 5))])
+    assert ious(some, some).tolist() == [[1, 0], [0, 0]]
+    assert ious(some, boxes((10, 0, 30, 10))).tolist() == [[pytest.approx(1 / 3)], [0]]
+    assert (ious(boxes_of([]), some).shape, ious(some, boxes_of([])).shape) == ((0, 2), (2, 0))
 
 
 def test_which_sides_the_border_may_have_cut() -> None:

@@ -42,6 +42,19 @@ def test_a_box_that_is_nowhere_is_no_output_of_such_a_model(place: int) -> None:
         found(output([(box[0], box[1], box[2], box[3])], [(0.9, 0)]))
 
 
+@pytest.mark.parametrize("scores", [(np.nan, 0), (0, np.nan), (np.nan, np.nan)])
+def test_a_score_that_is_not_a_number_is_not_an_empty_view(scores: tuple[float, float]) -> None:
+    with pytest.raises(OutputError, match="a score that is not a number"):
+        found(output([(10, 10, 8, 4), (40, 40, 10, 10)], [scores, (0.9, 0)]))
+    with pytest.raises(OutputError, match="a score that is not a number"):
+        found(Output(np.array([[6, 8, 14, 12, sum(scores), 0]], np.float32), None))
+
+
+def test_a_mask_that_is_not_a_number_is_not_an_empty_mask() -> None:
+    with pytest.raises(OutputError, match="a mask that is not a number"):
+        found(output([(10, 10, 8, 4)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[np.nan]]))
+
+
 def test_the_confidence_itself_is_not_enough() -> None:
     assert not found(output([(10, 10, 8, 4)], [(0.5, 0)]), criteria=Criteria(confidence=0.5))
 

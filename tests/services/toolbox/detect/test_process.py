@@ -7,12 +7,14 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
 from bus import BusSettings, open_bus
-from schemas.detections import Box, Detection, Detections
+from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
+from services.detector.model import Found, Outcome, Request
 from services.detector.requests import answering
 from services.toolbox.demo.ports import free_ports
 from services.toolbox.detect.process import run, table
@@ -52,6 +54,30 @@ async def test_it_prints_what_a_worker_sees_and_draws_it(image: Path, capsys: py
     drawn = cv2.imread(str(image.with_name("photo.detected.jpg")))
     assert drawn is not None
     assert drawn.shape == (40, 60, 3)
+
+
+class DamagingModel(FakeModel):
+    """Answers with masks that are none."""
+
+    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """See `Model.infer`."""
+        found = await super().infer(batch)
+        return [
+            Found([msgspec.structs.replace(box, mask=Mask((40, 60), "1")) for box in _objects(each)]) for each in found
+        ]
+
+
+def _objects(outcome: Outcome) -> Sequence[Detection]:
+    assert isinstance(outcome, Found)
+    return outcome.objects
+
+
+async def test_a_damaged_answer_is_one_line(image: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async with workers([DamagingModel()]) as endpoint:
+        assert await run(settings(image, endpoint)) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith("fleetsight detect: ")
+    assert (said.err.count("\n"), said.out) == (1, "")
 
 
 def test_a_models_names_write_nothing_but_themselves() -> None:
@@ -116,8 +142,14 @@ async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pyt
 
 
 @pytest.mark.parametrize(
-    ("fields", "reason"), [({"image": "absent.jpg"}, "no such file"), ({"model": "x.pt"}, "--local")]
+    ("fields", "reason"),
+    [
+        ({"image": "absent.jpg"}, "--image absent.jpg: no such file"),
+        ({"model": "x.pt"}, "--local"),
+        ({"model": "x.pt", "local": True}, "--model x.pt: no such file"),
+        ({"output": "absent/x.jpg"}, "--output absent/x.jpg: absent is no folder"),
+    ],
 )
-def test_what_cannot_be_is_named(image: Path, fields: dict[str, str], reason: str) -> None:
+def test_what_cannot_be_is_named(image: Path, fields: dict[str, object], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         DetectSettings.model_validate({"image": image, **fields})
