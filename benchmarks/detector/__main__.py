@@ -32,7 +32,7 @@ from benchmarks.detector.feeding import Pictures, frames, overheads
 from benchmarks.detector.report import medians, overhead, targets
 from benchmarks.gateway.processes import PeerError, Process, module, running
 from benchmarks.machine import machine, versions
-from benchmarks.peers.views import views
+from benchmarks.peers.views import SCENES, views
 from benchmarks.progress import note
 from bus import Bus, BusSettings, open_bus
 from services.toolbox.demo.ports import free_ports
@@ -92,7 +92,8 @@ async def measure(plan: Plan) -> dict[str, Any]:
             bares = {name: stack.enter_context(running(_bare(name, cache, plan.seconds))) for name in NAMES}
             found = await _speeds(workers, bares, pictures, plan)
             found |= await _alone(workers["auto"], pictures, plan)
-    return {"targets": targets(found), **found, "machine": machine(), "versions": versions(PACKAGES)}
+    about = {"machine": machine(), "versions": versions(PACKAGES), "seeds": list(SCENES)}
+    return {"targets": targets(found), **found, **about}
 
 
 async def _worker(runtime: str, cache: Path, pictures: Pictures, stack: ExitStack, buses: AsyncExitStack) -> Worker:

@@ -35,6 +35,7 @@ from benchmarks.gateway import flow, idle, stall
 from benchmarks.gateway.processes import ROSMASTER, ros_master
 from benchmarks.gateway.report import Run, medians, targets
 from benchmarks.machine import machine, versions
+from benchmarks.peers.frames import SEED
 from benchmarks.progress import note
 from bus.locking import SHAREABLE_BYTES, may_lock
 
@@ -97,6 +98,7 @@ def measure(seconds: float) -> dict[str, Any]:
         "seconds": seconds,
         "machine": machine(),
         "versions": versions(["eclipse-zenoh", "msgspec"]),
+        "seeds": [SEED],
     }
 
 

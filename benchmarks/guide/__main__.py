@@ -40,7 +40,7 @@ from benchmarks.arguments import at_least_one
 from benchmarks.gateway.processes import ROSMASTER, PeerError
 from benchmarks.guide.hops import lines
 from benchmarks.guide.report import Run, Runs, figures, targets
-from benchmarks.guide.scene import Scene
+from benchmarks.guide.scene import SEED, Scene
 from benchmarks.guide.sets import ages_ms, complete
 from benchmarks.guide.sides import Side, fleetsight, guide, process_error
 from benchmarks.guide.way import way
@@ -160,7 +160,13 @@ def _busy_s() -> float:
 
 
 def _conditions(plan: Plan) -> dict[str, Any]:
-    return {"frame": "640x480 rgb8", **asdict(plan), "machine": machine(), "versions": versions(PACKAGES)}
+    return {
+        "frame": "640x480 rgb8",
+        **asdict(plan),
+        "machine": machine(),
+        "versions": versions(PACKAGES),
+        "seeds": [SEED],
+    }
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ import sys
 from typing import Any, Final
 
 from benchmarks.machine import machine, versions
+from benchmarks.peers.fleet_cameras import SEED
 from benchmarks.progress import note
 from benchmarks.scaling.scenario import CAMERAS, FRAME_MS, HZ, ROBOTS, WORKERS, Scenario, scenario
 from benchmarks.scaling.targets import targets
@@ -81,6 +82,7 @@ def measure(fleet: Scenario, seconds: float) -> dict[str, Any]:
         "seconds": seconds,
         "machine": machine(),
         "versions": versions(["eclipse-zenoh", "msgspec"]),
+        "seeds": [SEED],
     }
 
 

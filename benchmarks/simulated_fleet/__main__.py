@@ -25,6 +25,8 @@ from services.toolbox.demo.ports import free_ports
 
 TOPICS: Final = ("/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw")
 STREAMS: Final = "color,depth"
+SEEDS: Final = range(1, 4)
+"""Of the warehouses, which the robots share."""
 
 
 def main() -> None:
@@ -48,6 +50,7 @@ async def run(robots: int, hz: float, seconds: float, frames: int) -> dict[str, 
     """Start the fleet, subscribe to all of it, and measure once everybody has got something."""
     port = free_ports(robots)
     options = ["--robots", str(robots), "--hz", str(hz), "--frames", str(frames), "--master-port", str(port)]
+    options += ["--seed", str(SEEDS[0] - 1), "--warehouses", str(len(SEEDS))]
     received: Counter[tuple[int, str]] = Counter()
     async with AsyncExitStack() as stack:
         command = ["simulate", "--prerender", "--streams", STREAMS, *options]
@@ -62,7 +65,8 @@ async def run(robots: int, hz: float, seconds: float, frames: int) -> dict[str, 
             await asyncio.sleep(0.1)
         measured = await _measured(psutil.Process(fleet.process.pid), received, seconds)
     settings = {"robots": robots, "hz": hz, "streams": STREAMS, "frames": frames, "image": "640x480"}
-    return {**measured, **settings, "machine": machine(), "versions": versions(["numpy"])}
+    about = {"machine": machine(), "versions": versions(["numpy"]), "seeds": list(SEEDS)}
+    return {**measured, **settings, **about}
 
 
 async def _measured(process: psutil.Process, received: Counter[tuple[int, str]], seconds: float) -> dict[str, Any]:

@@ -1,0 +1,91 @@
+"""Every page of the monitor on the smallest and the largest screen, with a fleet and without one."""
+
+import re
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+from playwright.async_api import Browser, expect
+
+from tests.integration.browser import PATIENCE_MS, SIZES, Size, looking, open_browser
+from tests.integration.warehouse import Robot, Warehouse, warehouse
+from tests.services.monitor.web.serving import Served, served
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
+
+expect.set_options(timeout=PATIENCE_MS)
+
+LONG = "a-robot-whose-name-has-as-many-letters-as-a-name-may-have-here"
+PAGES = {
+    "/": f"[data-robot={LONG}]",
+    "/inventory": "[data-sighting='r1/front/box']",
+    "/alerts": "text=No rules are in force",
+    "/health": "[data-worker='detector/gpu-1']",
+    "/map": "text=No position is known yet",
+    "/cameras/r1/front": ".fs-row:has-text('box')",
+    "/objects/r1/front": "text=No cloud runs",
+}
+EMPTY = {
+    "/": ("No robot has joined yet", "fleetsight gateway --robot r1 --connect"),
+    "/inventory": ("Nothing was seen yet", "fleetsight detector --connect"),
+    "/alerts": ("No open alerts", "--rules rules.yaml"),
+    "/health": ("No worker has said anything yet", "fleetsight"),
+    "/map": ("No position is known yet", "fleetsight distance --connect"),
+    "/cameras/r1/front": ("No camera r1/front has been heard of", "fleetsight gateway --robot r1"),
+    "/objects/r1/front": ("No camera r1/front has been heard of", "fleetsight gateway --robot r1"),
+}
+
+
+@dataclass
+class Site:
+    """A monitor with a fleet, and the browser to look at it with."""
+
+    fleet: Warehouse
+    at: Served
+    browser: Browser
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def browser() -> AsyncIterator[Browser]:
+    async with open_browser() as opened:
+        yield opened
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def site(browser: Browser) -> AsyncIterator[Site]:
+    async with warehouse() as fleet, served(fleet.monitor) as at:
+        fleet.serve([fleet.enter(Robot("r1", {"box": 2, "a class with a long name " * 3: 1}))])
+        fleet.enter(Robot(LONG, {"pallet": 1}, waiting_for="a ROS master at http://somewhere-far-away.example:11311/"))
+        yield Site(fleet, at, browser)
+
+
+@pytest.mark.parametrize("size", ["phone", "wall"])
+async def test_no_page_is_wider_than_its_screen(site: Site, tmp_path: Path, size: Size) -> None:
+    async with looking(site.browser, site.at, tmp_path, size=size) as looker:
+        for path, shown in PAGES.items():
+            page = await looker.go(path)
+            await expect(page.locator(shown).first).to_be_visible()
+            wide = await page.evaluate("document.documentElement.scrollWidth")
+            assert wide == SIZES[size][0], path
+
+
+async def test_the_fleet_says_how_often_how_old_and_how_much_was_dropped(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/")
+        row = page.locator("[data-robot=r1]")
+        await expect(row).to_contain_text(re.compile(r"\d\.\d ?/s"))
+        await expect(row).to_contain_text(re.compile(r"\d\.\d ?s"))
+        dropped = row.locator("td").nth(-2)
+        await expect(dropped).to_have_text(re.compile(r"[1-9]"))
+        await dropped.locator("span").first.hover()
+        await expect(page.get_by_text("gateway: more than anybody can use")).to_be_visible()
+
+
+async def test_an_empty_page_says_what_to_do(browser: Browser, tmp_path: Path) -> None:
+    async with warehouse() as empty, served(empty.monitor) as at, looking(browser, at, tmp_path) as looker:
+        for path, said in EMPTY.items():
+            page = await looker.go(path)
+            for text in said:
+                await expect(page.get_by_text(text).first).to_be_visible()

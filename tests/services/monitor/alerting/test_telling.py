@@ -1,0 +1,94 @@
+"""What a rule file asks for, all the way: from class lists to what a webhook was posted."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import msgspec
+
+from bus.fake import FakeNetwork
+from schemas.alerts import Alert, AlertState
+from services.monitor.alerting.alerting import Alerting
+from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.settling import Debounce
+from tests.contract.waiting import until
+from tests.services.monitor.alerting.test_webhooks import Receiver, receiving
+from tests.services.monitor.inventory.seeing import FRONT, seen
+
+
+class Site:
+    """A monitor's rules at work. kept: what went to the store."""
+
+    def __init__(self, rules: RuleFile) -> None:
+        self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+        self.alerting = Alerting(rules, self.inventory, settle_s=0)
+        self.kept: list[Alert] = []
+        self._seq = 0
+
+    def see(self, model: str = "m", **counts: int) -> None:
+        """Take two class lists: one alone does not make a camera available."""
+        for _ in range(2):
+            self._seq += 1
+            changes = self.inventory.see(seen(self._seq, counts, model=model), time.time_ns())
+            self.alerting.take(changes or ())
+
+
+@asynccontextmanager
+async def site(rules: str, folder: Path) -> AsyncIterator[Site]:
+    path = folder / "rules.yaml"
+    path.write_text(rules, encoding="utf-8")
+    file = RuleFile(path)
+    await file.load()
+    made = Site(file)
+    async with FakeNetwork().open_bus() as bus:
+        made.inventory.robot_presence("r1", alive=True)
+        made.inventory.camera_presence(FRONT, alive=True)
+        made.alerting.lead(())
+        running = asyncio.create_task(made.alerting.run(bus, keep=made.kept.append, leads=lambda: True))
+        try:
+            yield made
+        finally:
+            running.cancel()
+            await asyncio.wait([running])
+
+
+def posted(receiver: Receiver) -> list[Alert]:
+    return [msgspec.json.decode(body, type=Alert) for _, body in receiver.got]
+
+
+async def test_whatever_becomes_of_an_alert_is_posted_in_order_and_what_nobody_acknowledges_escalates(
+    tmp_path: Path,
+) -> None:
+    async with receiving(503, 200) as (receiver, webhook):
+        rules = (
+            f"webhooks: {{ops: {{url: '{webhook.url}', secret: a long secret}}}}\n"
+            "rules: [{name: boxes, when: over, class: box, count: 0, severity: critical,"
+            " escalate_after_s: 0.3, webhooks: [ops]}]"
+        )
+        async with site(rules, tmp_path) as made:
+            made.see(box=1)
+            await until(lambda: len(made.kept) == 2)
+            made.see()
+            await until(lambda: len(receiver.got) == 4)
+            assert posted(receiver)[1:] == made.kept
+    assert [each.state for each in made.kept] == [AlertState.RAISED, AlertState.ESCALATED, AlertState.RESOLVED]
+    assert posted(receiver)[0] == posted(receiver)[1], "the first one was tried again"
+    assert {(each.rule, each.severity, each.robot, each.name) for each in made.kept} == {
+        ("boxes", "critical", "r1", "box")
+    }
+
+
+async def test_two_models_that_count_a_camera_differently_are_alerted_until_they_agree(tmp_path: Path) -> None:
+    async with site("rules: [{name: odd, when: disagree, for_s: 0.2}]", tmp_path) as made:
+        made.see("one", box=1, pallet=1)
+        made.see("other", box=3)
+        await until(lambda: bool(made.kept))
+        made.see("one", box=1)
+        made.see("other", box=1)
+        await until(lambda: len(made.kept) == 2)
+    raised, resolved = made.kept
+    assert (raised.name, raised.text) == ("box", "two models count 1 and 3 box in view of r1/front")
+    assert (resolved.id, resolved.state) == (raised.id, AlertState.RESOLVED)

@@ -1,0 +1,26 @@
+import io
+from pathlib import Path
+
+import polars as pl
+
+from services.monitor.history.store import Store
+from tests.services.monitor.history.test_store import interval
+from tests.services.monitor.inventory.seeing import S
+from tests.services.monitor.web.asking import web_in
+
+
+async def test_history_is_downloaded_as_parquet(tmp_path: Path) -> None:
+    history = f"sqlite:///{tmp_path / 'history.db'}"
+    store = await Store.open(history)
+    try:
+        await store.write([interval(1, 2), interval(3, 4, name="pallet")], [], 9 * S)
+    finally:
+        await store.close()
+    async with web_in(tmp_path, history=history) as web, await web.program() as program:
+        asked = {"format": "parquet", "since": "1970-01-01T00:00:00Z"}
+        answer = await program.get("/api/v1/history/export", params=asked)
+        await web.monitor.history._end()
+    assert answer.headers["Content-Disposition"] == 'attachment; filename="sightings.parquet"'
+    frame = pl.read_parquet(io.BytesIO(answer.content))
+    assert frame["name"].to_list() == ["box", "pallet"]
+    assert frame["count"].to_list() == [2, 2]

@@ -1,0 +1,62 @@
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from services.monitor.web.auth.passwords import MAX_LENGTH, MAX_WAITING, MIN_LENGTH, BusyError, Passwords, mistake_in
+from tests.services.monitor.web.serving import PASSWORD, access_in
+
+
+async def test_a_password_is_kept_as_an_argon2id_hash_with_a_salt_of_its_own() -> None:
+    passwords = Passwords()
+    one, other = await passwords.hash(PASSWORD), await passwords.hash(PASSWORD)
+    assert one.startswith("$argon2id$")
+    assert one != other
+    assert await passwords.check(one, PASSWORD)
+    assert await passwords.check(other, PASSWORD)
+    assert not await passwords.check(one, PASSWORD + "x")
+    for nobodys in (None, "", "no hash"):
+        assert not await passwords.check(nobodys, PASSWORD)
+        assert not await passwords.check(nobodys, "")
+
+
+def kept_in(folder: Path) -> bytes:
+    return b"".join([file.read_bytes() for file in folder.iterdir()])
+
+
+async def test_neither_passwords_nor_what_shows_that_one_is_logged_in_are_in_the_database(tmp_path: Path) -> None:
+    access = await access_in(tmp_path)
+    session = await access.log_in("viewer", PASSWORD, "here")
+    await access.look()
+    kept = kept_in(tmp_path)
+    assert b"$argon2id$" in kept
+    assert b"viewer" in kept
+    assert PASSWORD.encode() not in kept
+    assert session.encode() not in kept
+
+
+async def test_too_many_at_once_are_refused() -> None:
+    passwords = Passwords()
+    many = [asyncio.create_task(passwords.check(None, "x")) for _ in range(MAX_WAITING)]
+    await asyncio.sleep(0)
+    with pytest.raises(BusyError, match="too many people"):
+        await passwords.hash(PASSWORD)
+    for each in many:
+        each.cancel()
+    await asyncio.wait(many)
+    assert await passwords.hash(PASSWORD)
+
+
+@pytest.mark.parametrize(
+    ("password", "mistake"),
+    [
+        ("a1b2c3d4e", f"{MIN_LENGTH} to {MAX_LENGTH} characters"),
+        ("a1b2c3d4e5", ""),
+        ("abcde" * 60, f"{MIN_LENGTH} to {MAX_LENGTH} characters"),
+        ("aabbccdddd", "5 different"),
+        ("aabbccddee", ""),
+    ],
+)
+def test_what_makes_a_password(password: str, mistake: str) -> None:
+    assert mistake in mistake_in(password)
+    assert bool(mistake) == bool(mistake_in(password))
