@@ -1,4 +1,6 @@
-from bus.sharing.naming import default_worker_name
+import pytest
+
+from bus.sharing.naming import default_worker_name, machine_name
 from schemas.keys import NAME
 
 
@@ -8,3 +10,12 @@ def test_a_workers_own_name_can_be_a_key() -> None:
 
 def test_two_containers_on_one_host_have_the_same_machine_and_process() -> None:
     assert default_worker_name() != default_worker_name()
+
+
+@pytest.mark.parametrize(
+    ("host", "name"),
+    [("gpu-1.local", "gpu-1-local"), ("büro", "b-ro"), ("東京", "worker"), ("", "worker"), ("a" * 64, "a" * 50)],
+)
+def test_hosts_are_called_what_a_key_can_hold(host: str, name: str) -> None:
+    assert machine_name(host) == name
+    assert NAME.fullmatch(name)
