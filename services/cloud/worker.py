@@ -14,11 +14,12 @@ from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
+from bus.sharing.tally import Tallies
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
-from schemas.status import MAX_STREAMS, WorkerStatus
+from schemas.status import WorkerStatus
 from schemas.worker_keys import WorkerAlive
 from services.cloud.account import Account
 from services.cloud.camera import Camera
@@ -52,8 +53,7 @@ class Worker:
         self._sensors = Sensors(settings.points)
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._room = Room(settings.memory_mib * MIB)
-        self._accounts: dict[CameraKey, Account] = {}
-        self._serving: set[CameraKey] = set()
+        self._accounts = Tallies(Account)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
     async def run(self) -> None:
@@ -73,10 +73,8 @@ class Worker:
                     self._changed.pop(sensor.camera.robot, asyncio.Event()).set()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        account = self._accounts.setdefault(key, Account(key))
         demand = SharedDemand()
-        self._serving.add(key)
-        try:
+        with self._accounts.serving(key) as account:
             async with (
                 self._bus.publisher(
                     key.stream(Stream.OBJECTS),
@@ -94,8 +92,6 @@ class Worker:
                 group.create_task(say_unwanted(demand, took_over))
                 camera = self._camera(key, account)
                 await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
-        finally:
-            self._serving.discard(key)
 
     def _camera(self, key: CameraKey, account: Account) -> Camera:
         return Camera(
@@ -122,13 +118,12 @@ class Worker:
                     working.cancel()
 
     def _status(self) -> WorkerStatus:
-        accounts = list(self._accounts.items())[-MAX_STREAMS:]
         return WorkerStatus(
             service=SERVICE,
             worker=self._name,
             model=METHOD,
             sent_ns=time.time_ns(),
-            cameras=[account.load(serving=key in self._serving) for key, account in accounts],
+            cameras=self._accounts.loads(),
         )
 
 
