@@ -42,6 +42,14 @@ def test_millimetres_in_either_byte_order_and_with_padded_rows(padding: int) -> 
     assert same(to_metres(swapped), METRES)
 
 
+def test_every_number_of_millimetres_is_rounded_once() -> None:
+    numbers = np.arange(1 << 16, dtype=np.uint16).reshape(256, 256)
+    found = to_metres(frame(numbers, "16UC1"), nearest_m=0.1, farthest_m=20.0)
+    expected = np.where((numbers >= 100) & (numbers <= 20_000), numbers / np.float32(1000), np.float32(NAN))
+    assert np.array_equal(found, expected.astype(np.float32), equal_nan=True)
+    assert found[0, 1] != to_metres(frame(numbers, "16UC1"))[0, 1] == np.float32(0.001)
+
+
 def test_metres_and_what_is_no_reading() -> None:
     values = np.array([[0, NAN, np.inf], [-np.inf, -1, 2.5]], np.float32)
     expected = [[NAN, NAN, NAN], [NAN, NAN, 2.5]]
