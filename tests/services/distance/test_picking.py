@@ -87,3 +87,17 @@ def test_where_no_object_has_enough_there_is_nothing() -> None:
     found = picked(np.full((HEIGHT, WIDTH), np.nan, np.float32))
     assert found.counts.tolist() == [0, 0, 0]
     assert found.z.shape == (0, SAMPLE)
+
+
+def test_an_objects_readings_are_never_those_of_the_next_one() -> None:
+    depth_m = np.full((HEIGHT, WIDTH), 2, np.float32)
+    first, second = (slice(20, HEIGHT), slice(40, WIDTH)), (slice(0, 20), slice(0, 20))
+    depth_m[HEIGHT - 1, WIDTH - 2 :] = np.nan  # the last of the first one's pixels; the second begins with readings
+    depth_m[second] = 5
+    found = pick(windows_of(first, second), depth_m, Criteria())
+    assert found.rows.tolist() == [0, 1]
+    assert found.z[0].tolist() == [2] * SAMPLE
+    assert found.z[1].tolist() == [5] * SAMPLE
+    rows, columns = np.divmod(found.at[0], WIDTH)
+    assert rows.min() >= 20
+    assert columns.min() >= 40
