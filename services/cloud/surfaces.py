@@ -73,7 +73,7 @@ class Faces:
 class _Readings:
     """Of n objects, from right to left: directions x (ahead), y, z; inverse depths w; weights. (n, m) each.
 
-    What has no weight is a copy of another one.
+    What has no weight is a copy of another one. products: (n, m, 5), what each adds to its face's moments.
     """
 
     x: Numbers
@@ -81,11 +81,7 @@ class _Readings:
     z: Numbers
     w: Numbers
     weights: Numbers
-
-    def products(self) -> Numbers:
-        """Return what each reading adds to its face's moments, (n, m, 5)."""
-        x, y, w = self.x, self.y, self.w
-        return np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
+    products: Numbers
 
     def inverse(self, forms: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Return the inverse depth of either upright face and of the horizontal one of forms (h, n, 3, 3): (h, n, m).
@@ -112,7 +108,8 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     order = np.argsort(np.where(weights > 0, np.arctan2(y, x), np.inf), axis=1)
     places = np.where(np.arange(weights.shape[1]) < (weights > 0).sum(axis=1, keepdims=True), order, order[:, :1])
     x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
-    readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
+    products = np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
+    readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1), products)
     explanations = _explained(readings, _starts(z, w, readings.weights))
     forms, noise = _chosen(_polished(explanations, readings), readings)
     along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
@@ -127,7 +124,7 @@ def _explained(readings: _Readings, levels: Numbers) -> Numbers:
     heights = z / np.maximum(w, _TINY)
     kappa = 1 / levels
     flat = np.where(level < 0, heights > level - LEAST_HEIGHT_M, heights < level + LEAST_HEIGHT_M)
-    shares = _shares(readings)
+    shares = _shares(readings.products)
     pair = sums = scarce = np.empty(0, np.float32)
     for _ in range(ROUNDS):
         upright = np.where(flat, 0, trust)
@@ -180,13 +177,14 @@ def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
     return found.T
 
 
-def _shares(readings: _Readings) -> Numbers:
+def _shares(products: Numbers) -> Numbers:
     """Return what each reading adds to the moments of each of SPLITS runs of readings: (n, m, 5 * SPLITS)."""
-    products = readings.products()
-    count = products.shape[1]
-    run = np.searchsorted(np.arange(1, SPLITS + 1) * count // SPLITS, np.arange(count), side="right")
-    which = np.eye(SPLITS, dtype=np.float32)[run]
-    return (products[..., np.newaxis] * which[:, np.newaxis]).reshape(len(products), count, -1)
+    objects, count, moments = products.shape
+    places = np.arange(count)
+    run = np.searchsorted(places[1 : SPLITS + 1] * count // SPLITS, places, side="right")
+    shares = np.zeros((objects, count, moments, SPLITS), np.float32)
+    shares[:, places, :, run] = products.transpose(1, 0, 2)
+    return shares.reshape(objects, count, -1)
 
 
 def _summed(weights: Numbers, shares: Numbers) -> Numbers:
@@ -310,7 +308,7 @@ def _refined(forms: Numbers, left: Numbers, right: Numbers) -> Numbers:
 
 def _moments(weights: Numbers, readings: _Readings) -> Numbers:
     """Return the moments (5, h * n) of readings of n objects with (h, n, m) weights."""
-    sums = weights.transpose(1, 0, 2) @ readings.products()
+    sums = weights.transpose(1, 0, 2) @ readings.products
     return sums.transpose(2, 1, 0).reshape(5, -1)
 
 

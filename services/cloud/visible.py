@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from services.cloud.outlines import Masked
 from services.cloud.points import Floats, Indices
 from services.cloud.sampling import some, spread
-from services.cloud.shape import Box, Level, box_between, fit_box
+from services.cloud.shape import Boxes, Level, fit
 from services.cloud.surfaces import Faces, fit_faces
 from services.geometry.masks import Window
 
@@ -63,9 +63,13 @@ _AROUND: Final = np.ones((2 * NEAR + 1, 2 * NEAR + 1), np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """An object and its readings. at: flat places of these in the object's window, ascending. xyz: (3, n) these."""
+    """An object and its readings in a picture so many pixels wide.
+
+    at: flat places of these in the picture, ascending. xyz: (3, n) these.
+    """
 
     masked: Masked
+    width: int
     at: Indices
     xyz: Floats
 
@@ -80,45 +84,33 @@ class Seen:
         return self.masked.inner
 
 
-def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
-    """Return centroid and box of each object; they are seen from the origin, along z."""
-    if not objects:
-        return []
-    cells = _cells(objects, np.array([level.x, level.y, level.up]))
+def shapes(objects: Sequence[Seen], level: Level) -> tuple[Numbers, Boxes]:
+    """Return the objects' centroids (n, 3) and boxes; they are seen from the origin, along z."""
+    axes = np.array([level.x, level.y, level.up])
+    cells = _cells(objects, axes)
     faces = fit_faces(cells.directions, cells.inverse, cells.weights)
     unread, edges = zip(*(_unread_and_edge(seen) for seen in objects), strict=True)
     low, high = _extents(_pixels(objects, edges), faces, cells)
-    added = _placed(_pixels(objects, unread), faces, cells).mean(axis=2) @ np.array([level.x, level.y, level.up])
-    exact = _is_exact(cells, faces)
-    made = []
-    for number, (seen, without) in enumerate(zip(objects, unread, strict=True)):
-        centroid = _middle(seen, added[number], len(without))
-        if exact[number]:
-            made.append((centroid, fit_box(seen.xyz, level)))
-        else:
-            made.append((centroid, box_between(low[number], high[number], level, float(faces.along[number]))))
-    return made
+    angles = faces.along.astype(np.float64)
+    for number in np.flatnonzero(_is_exact(cells, faces)).tolist():
+        low[number], high[number], angles[number] = fit(objects[number].xyz, level)
+    added = _placed(_pixels(objects, unread), faces, cells).mean(axis=2) @ axes
+    return _middles(objects, added, [len(each) for each in unread]), Boxes.between(low, high, angles, level)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cells:
     """Means of n objects' readings. directions: (3, n, CELLS), level. inverse, weights: (n, CELLS).
 
-    places: (n, 3, 3), how directions follow from (1, column, row) in the window.
+    places: (n, 3, 3), how directions follow from (1, column, row) in the window. depths: (3, n), the far, the middle
+    and the near ones.
     """
 
     directions: Numbers
     inverse: Numbers
     weights: Numbers
     places: Numbers
-
-    @property
-    def depths(self) -> Numbers:
-        """Near, middle and far depths of each object's readings, (3, n)."""
-        ordered = np.sort(np.where(self.weights > 0, self.inverse, np.inf), axis=1)
-        last = (self.weights > 0).sum(axis=1) - 1
-        rows = np.arange(len(ordered))
-        return np.stack([1 / ordered[rows, (last * share).astype(np.intp)] for share in SHARES])
+    depths: Numbers
 
 
 def _cells(objects: Sequence[Seen], axes: Numbers) -> _Cells:
@@ -126,9 +118,10 @@ def _cells(objects: Sequence[Seen], axes: Numbers) -> _Cells:
     at = np.concatenate([seen.at[chosen] for seen, chosen in zip(objects, kept, strict=True)])
     xyz = np.concatenate([seen.xyz.take(chosen, axis=1) for seen, chosen in zip(objects, kept, strict=True)], axis=1)
     counts = [len(each) for each in kept]
-    sizes = np.array([(seen.mask.pixels.shape[1], *_side(*seen.mask.pixels.shape)) for seen in objects])
-    width, side, across = np.repeat(sizes, counts, axis=0).T
+    sizes = [(seen.width, seen.mask.top, seen.mask.left, *_side(*seen.mask.pixels.shape)) for seen in objects]
+    width, top, left, side, across = np.repeat(sizes, counts, axis=0).T
     rows, columns = np.divmod(at, width)
+    rows, columns = rows - top, columns - left
     key = rows // side * across + columns // side + np.repeat(np.arange(len(objects)) * CELLS, counts)
     inverse = 1 / xyz[2]
     size = len(objects) * CELLS
@@ -139,7 +132,16 @@ def _cells(objects: Sequence[Seen], axes: Numbers) -> _Cells:
         [[len(seen.at) / len(at)] for seen, at in zip(objects, kept, strict=True)]
     )
     directions = np.stack(means[:3])
-    return _Cells(directions, means[3], weights, _places(directions, means[4], means[5], weights))
+    places = _places(directions, means[4], means[5], weights)
+    return _Cells(directions, means[3], weights, places, _depths(means[3], weights))
+
+
+def _depths(inverse: Numbers, weights: Numbers) -> Numbers:
+    """Return the depths of SHARES of each object's readings, (3, n)."""
+    ordered = np.sort(np.where(weights > 0, inverse, np.inf), axis=1)
+    last = (weights > 0).sum(axis=1) - 1
+    rows = np.arange(len(ordered))
+    return np.stack([1 / ordered[rows, (last * share).astype(np.intp)] for share in SHARES])
 
 
 def _side(height: int, width: int) -> tuple[int, int]:
@@ -173,19 +175,23 @@ def _inverted(matrices: Numbers) -> Numbers:
 
 def _unread_and_edge(seen: Seen) -> tuple[Indices, Indices]:
     """Return the pixels of the mask that have no reading, and those at its edge that are near one."""
-    read = np.zeros(seen.mask.pixels.shape, np.bool_)
-    read.reshape(-1)[seen.at] = True
-    unread = np.flatnonzero(seen.mask.pixels > read)
-    edge = seen.mask.pixels > seen.inner.pixels
+    window = seen.mask
+    across = np.zeros((window.pixels.shape[0], seen.width), np.bool_)
+    across.reshape(-1)[seen.at - window.top * seen.width] = True
+    read = across[:, window.left : window.left + window.pixels.shape[1]]
+    unread = (window.pixels > read).reshape(-1).nonzero()[0]
+    edge = window.pixels > seen.inner.pixels
     if len(unread):
         edge &= cv2.dilate(read.view(np.uint8), _AROUND).view(np.bool_)
-    found = np.flatnonzero(edge)
-    return unread, found if len(found) else seen.at
+    found = edge.reshape(-1).nonzero()[0]
+    return unread, found if len(found) else np.flatnonzero(read)
 
 
 def _pixels(objects: Sequence[Seen], chosen: Sequence[Indices]) -> NDArray[np.intp]:
     """Return ones, columns and rows of some of each object's chosen pixels, (n, 3, PIXELS); of none the first pixel."""
-    flat = np.stack([at.take(spread(len(at), PIXELS)) if len(at) else np.zeros(PIXELS, np.intp) for at in chosen])
+    counts = np.array([len(at) for at in chosen])
+    flat = np.zeros((len(chosen), PIXELS), np.intp)
+    flat[counts > 0] = np.concatenate(chosen).take(spread(counts[counts > 0], PIXELS))
     rows, columns = np.divmod(flat, np.array([[seen.mask.pixels.shape[1]] for seen in objects]))
     return np.stack([np.ones_like(flat), columns, rows], axis=1)
 
@@ -221,8 +227,8 @@ def _is_exact(cells: _Cells, faces: Faces) -> NDArray[np.bool_]:
     return np.asarray(np.minimum(faces.noise, MOST_NOISE) * cells.depths[1] ** 2 < EXACT_M)
 
 
-def _middle(seen: Seen, added: Numbers, unread: int) -> Numbers:
-    """Return the middle of readings and of so many pixels without one, whose own middle is `added`."""
-    read = len(seen.at)
-    total = seen.xyz.sum(axis=1).astype(np.float64)
-    return np.asarray((total + added * unread) / (read + unread))
+def _middles(objects: Sequence[Seen], added: Numbers, unread: Sequence[int]) -> Numbers:
+    """Return the middles (n, 3) of readings and of so many pixels without one, whose own middles are `added`."""
+    totals = np.array([seen.xyz.sum(axis=1) for seen in objects], np.float64)
+    counts = np.array([(len(seen.at), lost) for seen, lost in zip(objects, unread, strict=True)])
+    return np.asarray((totals + added * counts[:, 1:]) / counts.sum(axis=1, keepdims=True))
