@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from services.cloud.cells import Seen
 from services.cloud.outlines import Masked
 from services.cloud.shape import Level
-from services.cloud.visible import Seen, shapes
+from services.cloud.visible import shapes
 from services.geometry.masks import Window
 from tests.services.cloud.boxes import Box, each, fit_box
 from tests.services.cloud.scenes import WIDTH, Cuboid, camera_view
