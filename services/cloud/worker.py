@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections import defaultdict
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Executor
 from contextlib import suppress
 from typing import Final
@@ -20,7 +20,6 @@ from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.status import WorkerStatus
-from schemas.worker_keys import WorkerAlive
 from services.cloud.account import Account
 from services.cloud.camera import Camera
 from services.cloud.sensors import Sensors
@@ -35,31 +34,23 @@ METHOD: Final = "geometry"
 
 
 class Worker:
-    """Serves the cameras that fall to it. tokens: what it says of itself. executor: cuts clouds, off the event loop."""
+    """Serves the cameras that fall to it. executor: cuts clouds, off the event loop."""
 
-    def __init__(
-        self,
-        bus: Bus,
-        settings: CloudSettings,
-        tokens: Sequence[WorkerAlive],
-        executor: Executor,
-        *,
-        join_s: float = JOIN_S,
-    ) -> None:
+    def __init__(self, bus: Bus, settings: CloudSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
         self._bus = bus
         self._settings = settings
-        self._name = tokens[0].worker
         self._executor = executor
         self._sensors = Sensors(settings.points)
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._room = Room(settings.memory_mib * MIB)
         self._accounts = Tallies(Account)
+        tokens = settings.tokens(SERVICE, settings.worker)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
         async with asyncio.TaskGroup() as group:
-            group.create_task(report(self._bus, SERVICE, self._name, self._status))
+            group.create_task(report(self._bus, SERVICE, self._settings.worker, self._status))
             for stream in (Stream.COLOR, Stream.POINTS):
                 group.create_task(self._watch(stream))
             await self._sharing.run()
@@ -98,7 +89,7 @@ class Worker:
             self._bus,
             key,
             account,
-            worker=self._name,
+            worker=self._settings.worker,
             executor=self._executor,
             limits=self._settings.limits,
             target_frame=self._settings.target_frame,
@@ -120,7 +111,7 @@ class Worker:
     def _status(self) -> WorkerStatus:
         return WorkerStatus(
             service=SERVICE,
-            worker=self._name,
+            worker=self._settings.worker,
             model=METHOD,
             sent_ns=time.time_ns(),
             cameras=self._accounts.loads(),
