@@ -116,7 +116,7 @@ def _objects(camera: Camera, seen: Detections, moment: Moment) -> list[ObjectDis
     if isinstance(moment.instant, str):
         return unknown(seen.objects, moment.instant)
     try:
-        metres, model = camera.views.view(moment.instant)
-        return measure_apart(seen.objects, View(metres, seen.header.frame_id, model, moment.frames), camera.criteria)
+        depth, model = camera.views.view(moment.instant)
+        return measure_apart(seen.objects, View(depth, seen.header.frame_id, model, moment.frames), camera.criteria)
     except GeometryError as error:
         return unknown(seen.objects, str(error))

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.geometry.depth import Depth
 from services.geometry.masks import Window, eroded, surroundings
 
 Floats = NDArray[np.float32]
@@ -63,19 +64,19 @@ class Picked:
     around: Floats
 
 
-def pick(windows: Sequence[Window], depth_m: Floats, criteria: Criteria) -> Picked:
-    """Pick readings of depth, height x width, NaN for none, in windows with a margin of RING."""
+def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
+    """Pick readings of a depth image in windows with a margin of RING."""
     starts = np.cumsum([0, *(window.pixels.size + REACH for window in windows)])
     depth = np.zeros(starts[-1], np.float32)
     for window, start in zip(windows, starts.tolist(), strict=False):
-        depth[start : start + window.pixels.size].reshape(window.pixels.shape)[:] = depth_m[window.place]
+        depth[start : start + window.pixels.size].reshape(window.pixels.shape)[:] = image.metres(window.place)
     there = depth > 0
     masked = _Marked.of(windows, starts, there)
     counts, means = masked.means(depth)
     rows = np.flatnonzero(counts >= criteria.min_pixels)
     core = _Marked.of(list(_cores(windows, starts, there, criteria)), starts, there) if criteria.edge else masked
     within = core.nearest(rows)
-    at = _in_image(within, [windows[row] for row in rows.tolist()], starts[rows], depth_m.shape[1])
+    at = _in_image(within, [windows[row] for row in rows.tolist()], starts[rows], image.shape[1])
     z, at = _ascending(depth.take(within), at)
     around = _around(windows, rows, depth, there, starts)
     return Picked(masked.areas, counts, means, rows, z, at, around)

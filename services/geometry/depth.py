@@ -1,5 +1,6 @@
 """Depth images in metres, whatever they were sent as."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
@@ -19,10 +20,38 @@ _MILLIMETRES: Final = np.float32(1000)
 
 _LIMITS: Final = np.finfo(np.float32)
 _NUMBERS: Final = np.arange(1 << 16, dtype=np.uint16)
+_EVERYWHERE: Final = (slice(None), slice(None))
 
 
-def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Floats:
-    """Return metres along the optical axis, height x width; NaN where there is no reading or one beyond the limits.
+@dataclass(frozen=True, slots=True, eq=False)
+class Depth:
+    """A depth image, height x width, that becomes metres where these are asked for.
+
+    numbers: of its pixels. table: the metres that each number of 16 bits stands for, None where numbers are metres
+    themselves; NaN for no reading.
+    """
+
+    numbers: NDArray[Any]
+    table: Floats | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width."""
+        height, width = self.numbers.shape
+        return height, width
+
+    def metres(self, place: tuple[slice, slice] = _EVERYWHERE) -> Floats:
+        """Return metres along the optical axis in those rows and columns, NaN for no reading. Read only."""
+        numbers = self.numbers[place]
+        if self.table is None:
+            return numbers
+        if not numbers.size:
+            return np.empty(numbers.shape, np.float32)
+        return np.asarray(cv2.LUT(np.ascontiguousarray(numbers, np.uint16), self.table))
+
+
+def read_depth(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Depth:
+    """Read a depth image; what is beyond the limits is no reading.
 
     Unit and missing readings are what the encoding says: 16UC1 is millimetres with 0 for none, 32FC1 metres. 0 and what
     is negative or infinite is never a reading.
@@ -35,14 +64,13 @@ def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = 
         raise DepthError(f"an image in {frame.encoding[:32]}, which is no depth")
     values = _decoded(frame) if frame.format not in {RAW, ZSTD} else _values(frame)
     if values.dtype.itemsize == _NUMBERS.itemsize:
-        table = _metres_of_numbers(frame.inverse_depth, nearest_m, farthest_m)
-        return np.asarray(cv2.LUT(np.ascontiguousarray(values, np.uint16), table))
-    return _within(values.astype(np.float32), nearest_m, farthest_m)
+        return Depth(values, _metres_of_numbers(frame.inverse_depth, nearest_m, farthest_m))
+    return Depth(_within(values.astype(np.float32), nearest_m, farthest_m))
 
 
 @lru_cache(maxsize=8)
 def _metres_of_numbers(inverse_depth: tuple[float, float] | None, nearest_m: float, farthest_m: float) -> Floats:
-    """Return what `to_metres` makes of each number that a pixel of 16 bits may hold."""
+    """Return the metres that each number of 16 bits stands for."""
     if inverse_depth is None:
         return _within(_NUMBERS.astype(np.float32) / _MILLIMETRES, nearest_m, farthest_m)
     scale, offset = inverse_depth
