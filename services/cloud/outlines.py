@@ -155,14 +155,14 @@ def widths_of(xyz: Floats, bounds: Indices) -> Floats:
     """
     counts = np.diff(bounds)
     widths = np.zeros(len(counts), np.float32)
-    some = np.flatnonzero(counts)
-    if len(some):
+    filled = np.flatnonzero(counts)
+    if len(filled):
         steps = np.maximum(1, counts // MEASURED)
-        chosen = [np.arange(bounds[each], bounds[each + 1], steps[each]) for each in some.tolist()]
+        chosen = [np.arange(bounds[each], bounds[each + 1], steps[each]) for each in filled.tolist()]
         x, y, z = xyz.take(np.concatenate(chosen), axis=1)
         starts = np.cumsum([0, *(len(each) for each in chosen[:-1])])
         reach = [np.maximum.reduceat(each, starts) - np.minimum.reduceat(each, starts) for each in (x / z, y / z)]
-        widths[some] = np.maximum(*reach)
+        widths[filled] = np.maximum(*reach)
     return widths
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.cloud.outlines import NEAR_M, RING, Candidates, Masked, RegisteredView, factor_of, trusted
+from services.cloud.outlines import NEAR_M, RING, Candidates, Masked, RegisteredView, factor_of, trusted, widths_of
 from services.cloud.points import Points
 from services.geometry.masks import Window
 from tests.services.cloud.clouds import xyz_cloud
@@ -99,3 +99,10 @@ def test_the_edge_of_a_mask_is_not_trusted_unless_it_is_mostly_edge() -> None:
 def test_how_many_pixels_there_are_for_a_point(picture: tuple[int, int], cloud: tuple[int, int], factor: int) -> None:
     points = Points.of(xyz_cloud(np.zeros((*cloud, 3), np.float32)))
     assert factor_of(*picture, points) == factor
+
+
+def test_objects_are_as_wide_as_they_look_from_the_camera_and_nothing_is_not_wide() -> None:
+    points = np.array([[0, 1, -1, 0, 5], [0, 0, 0, 2, 5], [1, 2, 2, 4, 5]], np.float32)
+    assert widths_of(points, np.array([0, 0, 3, 4, 4, 5])).tolist() == [0, 1, 0, 0, 0]
+    assert widths_of(points[:, :2], np.array([0, 2])).tolist() == [0.5]
+    assert widths_of(points[:, :0], np.array([0, 0])).tolist() == [0]

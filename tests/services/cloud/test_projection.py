@@ -42,6 +42,17 @@ def test_points_are_seen_where_the_camera_model_puts_them() -> None:
         assert found.depth == pytest.approx(points[found.points.at, 2])
 
 
+def test_colours_stay_with_their_points_whoevers_they_are() -> None:
+    picture, owners = camera_view((NEAR, FAR))
+    rgb = np.random.default_rng(2).integers(0, 256, picture.shape, np.uint8)
+    view = ProjectedView(Points.of(xyz_cloud(picture, rgb)), CAMERA, np.identity(4))
+    for found in view.within([masked(Window(0, 0, owners == number)) for number in (2, 1)]):
+        assert found.points.rgb is not None
+        assert found.points.at.size
+        assert np.array_equal(found.points.rgb, rgb.reshape(-1, 3)[found.points.at])
+        assert np.array_equal(found.points.xyz, picture.reshape(-1, 3)[found.points.at].T)
+
+
 def test_what_is_just_around_an_object_is_told_with_it() -> None:
     picture, owners = camera_view((NEAR, FAR))
     points, (rows, columns) = picture.reshape(-1, 3), np.nonzero(owners == 1)
