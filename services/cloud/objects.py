@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +13,6 @@ from schemas.header import Header
 from schemas.objects import ObjectCloud, Shape, UprightBox
 from schemas.transforms import Transform
 from services.cloud.outlines import Cutout
-from services.cloud.points import Bytes, Floats
 from services.cloud.shape import Boxes, Level
 from services.geometry.rotation import moved, quaternion_of
 
@@ -70,7 +70,7 @@ def objects_of(
             name=found[index].name,
             label=found[index].label,
             index=index,
-            xyz=_octets(own.xyz.T.astype("<f4", order="C")),
+            xyz=_octets(cv2.merge(list(own.xyz)).astype("<f4", copy=False)),
             rgb=_octets(own.rgb),
             shape=shape,
             in_target=in_target,
@@ -79,7 +79,7 @@ def objects_of(
     ]
 
 
-def _octets(values: Floats | Bytes | None) -> memoryview:
+def _octets(values: NDArray[Any] | None) -> memoryview:
     return memoryview(b"") if values is None else np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
 
 
