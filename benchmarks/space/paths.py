@@ -45,8 +45,8 @@ class DistancePath:
         if isinstance(moment.instant, str):
             return unknown(found.objects, moment.instant)
         try:
-            metres, model = self._views.view(moment.instant)
-            return measure(found.objects, View(metres, found.header.frame_id, model, moment.frames), CRITERIA)
+            image, model = self._views.view(moment.instant)
+            return measure(found.objects, View(image, found.header.frame_id, model, moment.frames), CRITERIA)
         except GeometryError as error:
             return unknown(found.objects, str(error))
 

@@ -1,9 +1,12 @@
-"""What became of one camera's work at a worker. Pure."""
+"""What became of one camera's work at a worker, and of all of them. Pure."""
 
 from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Generic, TypeVar
 
 from schemas.keys import CameraKey
-from schemas.status import CameraLoad
+from schemas.status import MAX_STREAMS, CameraLoad
 
 
 class Tally:
@@ -29,3 +32,38 @@ class Tally:
             dropped={reason: count for reason, count in self.dropped.items() if count},
             serving=serving,
         )
+
+
+T = TypeVar("T", bound=Tally)
+
+
+class Tallies(Generic[T]):
+    """Tallies of the cameras that a worker serves, and of those it served last.
+
+    new: makes one. most: how many there are; only cameras that are being served may be more.
+    """
+
+    def __init__(self, new: Callable[[CameraKey], T], most: int = MAX_STREAMS) -> None:
+        self._new = new
+        self._most = most
+        self._tallies: dict[CameraKey, T] = {}
+        self._served: set[CameraKey] = set()
+
+    @contextmanager
+    def serving(self, camera: CameraKey) -> Iterator[T]:
+        """Serve a camera; its tally goes on from where it was, unless too many others were served since."""
+        tally = self._tallies.pop(camera) if camera in self._tallies else self._new(camera)
+        self._tallies[camera] = tally
+        self._served.add(camera)
+        left = [each for each in self._tallies if each not in self._served]
+        for each in left[: max(0, len(self._tallies) - self._most)]:
+            del self._tallies[each]
+        try:
+            yield tally
+        finally:
+            self._served.discard(camera)
+
+    def loads(self) -> list[CameraLoad]:
+        """Return the counts of each camera as a message; of more than a status holds those that were served last."""
+        last = list(self._tallies.items())[-MAX_STREAMS:]
+        return [tally.load(serving=camera in self._served) for camera, tally in last]

@@ -34,7 +34,7 @@ from services.cloud.account import (
     UNWANTED,
     Account,
 )
-from services.cloud.cutting import Cut, Job, cut, nothing
+from services.cloud.cutting import Job, cut, nothing
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Matched, Waiting
 from services.geometry.room import Room
@@ -140,34 +140,34 @@ class Camera:
         while True:
             matched = self._waiting.take(loop.time())
             if matched is not None:
-                publish(await self._clouds(matched))
+                await self._answer(matched, publish)
                 continue
             self._news.clear()
             with suppress(TimeoutError):
                 async with asyncio.timeout_at(self._waiting.until_s):
                     await self._news.wait()
 
-    async def _clouds(self, matched: Matched) -> ObjectClouds:
-        found = matched.detections
-        if matched.cloud is None:
-            self._account.dropped[UNJOINED] += 1
-            return nothing(found, matched.unknown, self._worker).clouds
-        begun_ns = perf_counter_ns()
-        job = Job.of(found, matched.cloud, self._waiting, self._target_frame)
+    async def _answer(self, matched: Matched, publish: Callable[[ObjectClouds], None]) -> None:
         try:
-            made = await asyncio.get_running_loop().run_in_executor(
-                self._executor, cut, job, self._limits, self._worker
-            )
-        except Exception as error:  # noqa: BLE001 - whatever a cloud does to the arithmetic, it fails alone
-            log.warning("%s: frame %d failed: %r", self._key, found.header.seq, error)
-            self._account.dropped[FAILED] += 1
-            return nothing(found, "it failed", self._worker).clouds
-        self._count(made)
-        spans = {**found.spans, "cloud": perf_counter_ns() - begun_ns}
-        return msgspec.structs.replace(made.clouds, spans=spans)
-
-    def _count(self, made: Cut) -> None:
-        if made.unknown:
-            self._account.dropped[UNPLACED] += 1
+            reason = await self._publish_clouds(matched, publish)
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with an answer, it fails alone
+            log.warning("%s: frame %d failed: %r", self._key, matched.detections.header.seq, error)
+            reason = FAILED
+            publish(nothing(matched.detections, "it failed", self._worker).clouds)
+        if reason:
+            self._account.dropped[reason] += 1
         else:
             self._account.measured += 1
+
+    async def _publish_clouds(self, matched: Matched, publish: Callable[[ObjectClouds], None]) -> str:
+        """Return why there are none, or nothing."""
+        found = matched.detections
+        if matched.cloud is None:
+            publish(nothing(found, matched.unknown, self._worker).clouds)
+            return UNJOINED
+        begun_ns = perf_counter_ns()
+        job = Job.of(found, matched.cloud, self._waiting, self._target_frame)
+        made = await asyncio.get_running_loop().run_in_executor(self._executor, cut, job, self._limits, self._worker)
+        spans = {**found.spans, "cloud": perf_counter_ns() - begun_ns}
+        publish(msgspec.structs.replace(made.clouds, spans=spans))
+        return UNPLACED if made.unknown else ""

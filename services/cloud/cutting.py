@@ -12,7 +12,8 @@ from schemas.detections import Detections
 from schemas.header import MAX_LABEL
 from schemas.objects import MAX_OBJECT_POINTS, ObjectCloud, ObjectClouds
 from schemas.points import PointCloud
-from services.cloud.measuring import Limits, Target, measure
+from services.cloud.measuring import Limits, measure
+from services.cloud.objects import Target
 from services.cloud.points import Points
 from services.cloud.views import Instant, moves_of, target_of, view_of
 from services.cloud.waiting import Waiting
@@ -61,9 +62,7 @@ def cut(job: Job, limits: Limits, worker: str) -> Cut:
         view = view_of(Instant(job.detections, points, job.cloud.header, job.info, job.moves))
 
         def measured(detections: Detections) -> ObjectClouds:
-            return measure(
-                detections, points, view, of=job.cloud.header, target=job.target, limits=limits, worker=worker
-            )
+            return measure(detections, view, of=job.cloud.header, target=job.target, limits=limits, worker=worker)
 
         return Cut(apart(job.detections, measured))
     except GeometryError as error:

@@ -46,7 +46,7 @@ NEIGHBOURS: Final = 3
 """A point with fewer points than this around it, itself included, is an outlier."""
 
 _STEPS: Final = np.array([SIDE**2, SIDE, 1], np.float32)
-_CORNER: Final = SIDE**2 + SIDE + 1
+_CORNER: Final = np.float32(SIDE**2 + SIDE + 1)
 
 
 def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> list[Selection | None]:
@@ -61,18 +61,19 @@ def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> l
     """
     if not depths:
         return []
-    within = np.stack([depth.take(spread(len(depth), SAMPLE)) for depth in depths])
+    within = np.concatenate(depths).take(spread(np.array([len(depth) for depth in depths]), SAMPLE))
     within.sort(axis=1)
     whose, first, last = _surfaces(within)
     kept = _kept(within, (whose, first, last), widths, _rows(around))
-    chosen = np.zeros((len(within), SAMPLE + 1), np.int32)
-    np.add.at(chosen, (whose[kept], first[kept]), 1)
-    np.add.at(chosen, (whose[kept], last[kept] + 1), -1)
+    steps = np.zeros((len(within), SAMPLE + 1), np.int32)
+    np.add.at(steps, (whose[kept], first[kept]), 1)
+    np.add.at(steps, (whose[kept], last[kept] + 1), -1)
+    chosen = steps[:, :SAMPLE].cumsum(axis=1) > 0
     partly = np.zeros(len(within), np.bool_)
     partly[whose[~kept]] = True
     return [
-        _near(depth, row, mine > 0) if some else None
-        for depth, row, mine, some in zip(depths, within, chosen.cumsum(axis=1), partly, strict=True)
+        _near(depth, row, mine) if some else None
+        for depth, row, mine, some in zip(depths, within, chosen, partly, strict=True)
     ]
 
 
@@ -120,18 +121,20 @@ def _shares(around: Floats, near: Floats, far: Floats) -> NDArray[Any]:
 def _rows(around: Sequence[Floats]) -> Floats:
     """Return AROUND of each object's values at most, NaN for what is no reading: (n, AROUND)."""
     rows = np.full((len(around), AROUND), np.nan, np.float32)
-    for row, depth in zip(rows, around, strict=True):
-        if len(depth):
-            row[:] = depth.take(spread(len(depth), AROUND))
+    counts = np.array([len(depth) for depth in around])
+    some = counts > 0
+    rows[some] = np.concatenate(around).take(spread(counts[some], AROUND))
     return np.where((rows > 0) & (rows < np.inf), rows, np.float32(np.nan))
 
 
 def _near(depth: Floats, ascending: Floats, chosen: Selection) -> Selection:
     """Return of which depths the nearest of the ascending ones is chosen."""
-    after = np.searchsorted(ascending, depth)
-    before = np.maximum(after - 1, 0)
-    after = np.minimum(after, SAMPLE - 1)
-    return chosen[np.where(ascending[after] - depth <= depth - ascending[before], after, before)]
+    last = np.flatnonzero(chosen[1:] != chosen[:-1])
+    exact = ascending.astype(np.float64)
+    near = np.full(len(depth), chosen[0])
+    for border in (exact[last] + exact[last + 1]) / 2:
+        near ^= depth >= border
+    return near
 
 
 def crowded(objects: Sequence[Floats]) -> list[Selection | None]:
@@ -158,6 +161,6 @@ def crowded(objects: Sequence[Floats]) -> list[Selection | None]:
 def _cells(xyz: Floats) -> Indices:
     """Return in which cell of a grid around all of them (3, n) points are."""
     low = xyz.min(axis=1, keepdims=True)
-    reach = (xyz.max(axis=1, keepdims=True) - low).max()
-    places = (xyz - low) * (np.float32(1) / np.maximum(reach / np.float32(CELLS), np.float32(MIN_SIDE_M)))
-    return np.asarray((_STEPS @ np.floor(places, out=places)).astype(np.intp) + _CORNER)
+    places = xyz - low
+    places *= np.float32(1) / np.maximum(places.max() / np.float32(CELLS), np.float32(MIN_SIDE_M))
+    return np.asarray((_STEPS @ np.floor(places, out=places) + _CORNER).astype(np.intp))

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, Protocol, Self
 
 import cv2
 import numpy as np
 
-from services.cloud.points import Floats, Indices, Points, usable
+from services.cloud.points import Bytes, Floats, Indices, Points, usable
 from services.cloud.sampling import some
 from services.geometry.masks import Window, eroded, surroundings
 
@@ -64,15 +65,28 @@ class Masked:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidates:
-    """Points that a mask covers, as numbers in their cloud; some of them are the object's.
-
-    xyz: (3, n) in the points' own frame. depth: n metres along the camera's view, above 0. width: of them in the
-    picture, in metres at 1 m. around: such depths just outside of the mask; NaN and 0 are none.
-    """
+class Cutout:
+    """Some of a cloud's points: their numbers in it, coordinates (3, n) in its frame, colours (n, 3) if it has any."""
 
     at: Indices
     xyz: Floats
+    rgb: Bytes | None
+
+    def only(self, which: Indices) -> "Cutout":
+        """Return some of them."""
+        rgb = None if self.rgb is None else self.rgb.take(which, axis=0)
+        return Cutout(self.at.take(which), self.xyz.take(which, axis=1), rgb)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """Points that a mask covers; some of them are the object's.
+
+    depth: n metres along the camera's view, above 0. width: of them in the picture, in metres at 1 m. around: such
+    depths just outside of the mask; NaN and 0 are none.
+    """
+
+    points: Cutout
     depth: Floats
     width: float
     around: Floats
@@ -94,58 +108,62 @@ class RegisteredView:
 
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
         """See `View.within`."""
+        height, width = (self.factor * side for side in self.points.shape)
         group: list[tuple[Indices, Indices]] = []
         for each in masks:
-            at = self._numbers(each.inner)
-            height, width = self.points.shape
-            ring = self._numbers(each.around(height * self.factor, width * self.factor))
-            group.append((at, ring.take(some(len(ring), AROUND))))
+            group.append((self._numbers(each.inner), self._numbers(each.around(height, width), AROUND)))
             if sum(len(numbers) for numbers, _ in group) > AT_ONCE:
                 yield from self._candidates(group)
                 group = []
         if group:
             yield from self._candidates(group)
 
-    def _numbers(self, window: Window) -> Indices:
-        """Return which points are of the pixels of a mask."""
+    def _numbers(self, window: Window, most: int | None = None) -> Indices:
+        """Return which points are of the pixels of a mask, or so many of them."""
         first = self.factor // 2
         top, left = (first - window.top) % self.factor, (first - window.left) % self.factor
         pixels = window.pixels[top :: self.factor, left :: self.factor]
-        at = np.flatnonzero(pixels)
+        at = pixels.reshape(-1).nonzero()[0]
+        if most is not None:
+            at = at.take(some(len(at), most))
         width = self.points.shape[1]
         at += at // max(1, pixels.shape[1]) * (width - pixels.shape[1])
         at += (window.top + top) // self.factor * width + (window.left + left) // self.factor
         return at
 
     def _candidates(self, group: Sequence[tuple[Indices, Indices]]) -> Iterator[Candidates]:
-        at, ends = np.concatenate([each for each, _ in group]), np.cumsum([len(each) for each, _ in group])
-        rings = np.cumsum([len(ring) for _, ring in group])
+        at, ends = np.concatenate([each for each, _ in group]), np.cumsum([0, *(len(each) for each, _ in group)])
+        rings = np.cumsum([0, *(len(ring) for _, ring in group)])
         around = self.points.take(np.concatenate([ring for _, ring in group])).xyz()[2]
         xyz = self.points.take(at).xyz()
         seen = usable(xyz) & (xyz[2] > NEAR_M)
         if not seen.all():
             which = np.flatnonzero(seen)
             at, xyz, ends = at.take(which), xyz.take(which, axis=1), np.searchsorted(which, ends)
-        cut = ends[:-1]
-        for own, ring, numbers in zip(
-            np.split(xyz, cut, axis=1), np.split(around, rings[:-1]), np.split(at, cut), strict=True
-        ):
-            yield Candidates(numbers, own, own[2], width_of(own), ring)
+        rgb = self.points.take(at).rgb()
+        widths = widths_of(xyz, ends)
+        bounds = zip(pairwise(ends.tolist()), pairwise(rings.tolist()), widths.tolist(), strict=True)
+        for (start, end), (first, last), width in bounds:
+            own = Cutout(at[start:end], xyz[:, start:end], None if rgb is None else rgb[start:end])
+            yield Candidates(own, own.xyz[2], width, around[first:last])
 
 
-def width_of(xyz: Floats) -> float:
-    """Return how wide (3, n) points before a camera are in its picture, in metres at 1 m."""
-    if not xyz.size:
-        return 0.0
-    some_of = xyz[:, :: max(1, xyz.shape[1] // MEASURED)]
-    aimed = some_of[:2] / some_of[2]
-    return float((aimed.max(axis=1) - aimed.min(axis=1)).max())
+def widths_of(xyz: Floats, bounds: Indices) -> Floats:
+    """Return how wide n objects before a camera are in its picture, in metres at 1 m; 0 of no points.
 
-
-def in_window(at: Indices, width: int, window: Window) -> Indices:
-    """Return where, flat, in a window of a picture so wide its pixels `at` are."""
-    across = window.pixels.shape[1]
-    return np.asarray(at - at // width * (width - across) - (window.top * across + window.left))
+    bounds: (n + 1,) which of the points (3, ...) are whose.
+    """
+    counts = np.diff(bounds)
+    widths = np.zeros(len(counts), np.float32)
+    filled = np.flatnonzero(counts)
+    if len(filled):
+        steps = np.maximum(1, counts // MEASURED)
+        chosen = [np.arange(bounds[each], bounds[each + 1], steps[each]) for each in filled.tolist()]
+        x, y, z = xyz.take(np.concatenate(chosen), axis=1)
+        starts = np.cumsum([0, *(len(each) for each in chosen[:-1])])
+        reach = [np.maximum.reduceat(each, starts) - np.minimum.reduceat(each, starts) for each in (x / z, y / z)]
+        widths[filled] = np.maximum(*reach)
+    return widths
 
 
 def factor_of(height: int, width: int, points: Points) -> int:

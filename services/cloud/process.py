@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from bus import open_bus
 from services.cloud.settings import CloudSettings
-from services.cloud.worker import SERVICE, Worker
+from services.cloud.worker import Worker
 
 log = logging.getLogger(__name__)
 
@@ -15,4 +15,4 @@ async def run(settings: CloudSettings) -> None:
     with ThreadPoolExecutor(1, thread_name_prefix="cloud") as executor:
         async with open_bus(settings) as bus:
             log.info("cloud worker %s is ready", settings.worker)
-            await Worker(bus, settings, settings.tokens(SERVICE, settings.worker), executor).run()
+            await Worker(bus, settings, executor).run()

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.outlines import NEAR_M, RING, Candidates, Masked, width_of
+from services.cloud.outlines import NEAR_M, RING, Candidates, Cutout, Masked, widths_of
 from services.cloud.points import FAR_M, Floats, Indices, Points, usable
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
@@ -68,10 +68,12 @@ class ProjectedView:
         owner = owners[seen.rows, seen.columns]
         order = np.argsort(owner, kind="stable")
         bounds = np.searchsorted(owner[order], np.arange(1, len(masks) + 2))
-        for each, (start, end) in zip(masks, pairwise(bounds), strict=True):
-            mine = seen.only(order[start:end])
+        owned = seen.only(order)
+        xyz, rgb, widths = xyz.take(owned.at, axis=1), self.points.take(owned.at).rgb(), widths_of(owned.xyz, bounds)
+        for each, (start, end), width in zip(masks, pairwise(bounds.tolist()), widths.tolist(), strict=True):
+            points = Cutout(owned.at[start:end], xyz[:, start:end], None if rgb is None else rgb[start:end])
             around = seen.depths(each.around(camera.height, camera.width))
-            yield Candidates(mine.at, xyz.take(mine.at, axis=1), mine.xyz[2], width_of(mine.xyz), around)
+            yield Candidates(points, owned.xyz[2, start:end], width, around)
 
 
 def _moved(transform: Floats, xyz: Floats) -> Floats:

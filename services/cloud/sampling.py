@@ -18,16 +18,20 @@ def some(count: int, wanted: int) -> Indices:
     """
     if count <= wanted:
         return np.arange(count)
-    taken = spread(count, wanted)
+    taken = (_jittered(wanted) * (count / wanted)).astype(np.intp)
     new = np.empty(wanted, np.bool_)
     new[0] = True
     np.not_equal(taken[1:], taken[:-1], out=new[1:])
     return taken[new]
 
 
-def spread(count: int, wanted: int) -> Indices:
-    """Return exactly `wanted` ascending numbers below `count`, as `some` spreads them; some of them twice."""
-    return (_jittered(wanted) * (count / wanted)).astype(np.intp)
+def spread(counts: Indices, wanted: int) -> Indices:
+    """Return exactly `wanted` ascending numbers of each of n ranges that follow each other from 0 on: (n, wanted).
+
+    counts: (n,) how long they are. The numbers are spread as `some` does it, and some of them are there twice.
+    """
+    each = counts[:, np.newaxis]
+    return np.asarray(each.cumsum(axis=0) - each + (_jittered(wanted) * (each / wanted)).astype(np.intp))
 
 
 def _jittered(wanted: int) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Where an object is, and the smallest upright box around it. Pure."""
+"""The smallest upright boxes around objects. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -53,52 +53,48 @@ class Level:
         (a, b, c), (d, e, f) = up.tolist(), x.tolist()
         return cls(x, np.array([b * f - c * e, c * d - a * f, a * e - b * d]), up)
 
-    def yaw(self, along: Reals) -> float:
-        """Return the angle from x to a level line, counter-clockwise seen from above, above -pi / 2 to pi / 2.
+    def yaws(self, along: Reals) -> Reals:
+        """Return the angles (n,) from x to level lines (n, 3), counter-clockwise seen from above, -pi / 2 to pi / 2.
 
         A line has two ways to go, and this is the smaller angle.
         """
-        angle = math.atan2(along @ self.y, along @ self.x)
-        return angle - math.pi * round(angle / math.pi)
+        angles = np.arctan2(along @ self.y, along @ self.x)
+        return np.asarray(angles - np.pi * np.round(angles / np.pi))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Box:
-    """An upright box. size: length, width, height. along: unit vector of its length, level."""
+class Boxes:
+    """Upright boxes, (n, 3) each. sizes: length, width, height. along: unit vectors of their lengths, level."""
 
-    centre: Reals
-    size: Reals
+    centres: Reals
+    sizes: Reals
     along: Reals
 
+    @classmethod
+    def between(cls, low: Reals, high: Reals, angles: Reals, level: Level) -> Self:
+        """Return the boxes from the lowest to the highest places (n, 3) along their sides.
 
-def fit_box(xyz: Floats, level: Level) -> Box:
-    """Return the smallest upright box around (3, n) points; see `_best`."""
-    axes = np.array([level.x, level.y, level.up])
-    flat = axes.astype(np.float32) @ xyz.take(some(xyz.shape[1], SAMPLES), axis=1)
-    turned = _turned(_angle(flat[:2].take(some(flat.shape[1], TURNED), axis=1)))
-    low, high = _extent(turned.astype(np.float32) @ flat)
-    return _between(low, high, turned @ axes)
-
-
-def box_between(low: Reals, high: Reals, level: Level, angle: float) -> Box:
-    """Return the upright box from the lowest to the highest places along its sides.
-
-    angle: of the first side, counter-clockwise, to level's x; the second one is left of it, the third one up.
-    """
-    return _between(low, high, _turned(angle) @ np.array([level.x, level.y, level.up]))
+        angles: (n,) of the first sides, counter-clockwise, to level's x; the second is left of it, the third one up.
+        """
+        cos, sin = np.cos(angles)[:, np.newaxis], np.sin(angles)[:, np.newaxis]
+        first, second = cos * level.x + sin * level.y, cos * level.y - sin * level.x
+        middle, sizes = (low + high) / 2, high - low
+        centres = middle[:, :1] * first + middle[:, 1:2] * second + middle[:, 2:] * level.up
+        turned = sizes[:, :1] < sizes[:, 1:2]
+        return cls(centres, np.where(turned, sizes[:, [1, 0, 2]], sizes), np.where(turned, second, first))
 
 
-def _turned(angle: float) -> Reals:
+def fit(xyz: Floats, level: Level) -> tuple[Reals, Reals, float]:
+    """Return the smallest upright box around (3, n) points as `Boxes.between` takes it; see `_best`."""
+    axes = np.array([level.x, level.y, level.up], np.float32)
+    flat = axes @ xyz.take(some(xyz.shape[1], SAMPLES), axis=1)
+    angle = _angle(flat[:2].take(some(flat.shape[1], TURNED), axis=1))
+    return *_extent(_turned(angle) @ flat), angle
+
+
+def _turned(angle: float) -> Floats:
     cos, sin = math.cos(angle), math.sin(angle)
-    return np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
-
-
-def _between(low: Reals, high: Reals, sides: Reals) -> Box:
-    size = high - low
-    centre = ((low + high) / 2) @ sides
-    if size[0] < size[1]:
-        return Box(centre, size[[1, 0, 2]], sides[1])
-    return Box(centre, size, sides[0])
+    return np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]], np.float32)
 
 
 def _extent(points: Floats) -> tuple[Reals, Reals]:

@@ -15,11 +15,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from services.cloud.corners import forms_of, moments_of_runs, pair_of, refined, shares_of, single_of
+
 Numbers = NDArray[Any]
 Indices = NDArray[np.intp]
 
-TURNS: Final = 10
-SPLITS: Final = 10
 ROUNDS: Final = 3
 LEVELS: Final = (0.35, 0.65, 0.93)
 """Shares of an object's readings that may be below its top, or above its underside."""
@@ -33,16 +33,11 @@ COHERENT: Final = 12.0
 LIKELY: Final = 2.0
 """How much worse than the best another explanation may fit, in squared standard deviations."""
 
-POLISH: Final = 0.14
-"""Radians by which faces are turned at most when those that were found are fitted to what is theirs."""
-
-POLISHED: Final = 9
 REACH: Final = 3.0
 """Standard deviations that noise explains."""
 
 _TINY: Final = 1e-9
 _LEAST_SHARE: Final = 0.04
-_FLAT: Final = 1e-7
 _NORMAL: Final = 1.25
 _LEAST_NOISE: Final = 1e-6
 _SEEN: Final = 1e-4
@@ -73,7 +68,7 @@ class Faces:
 class _Readings:
     """Of n objects, from right to left: directions x (ahead), y, z; inverse depths w; weights. (n, m) each.
 
-    What has no weight is a copy of another one.
+    What has no weight is a copy of another one. products: (n, m, 5), what each adds to its face's moments.
     """
 
     x: Numbers
@@ -81,11 +76,7 @@ class _Readings:
     z: Numbers
     w: Numbers
     weights: Numbers
-
-    def products(self) -> Numbers:
-        """Return what each reading adds to its face's moments, (n, m, 5)."""
-        x, y, w = self.x, self.y, self.w
-        return np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
+    products: Numbers
 
     def inverse(self, forms: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """Return the inverse depth of either upright face and of the horizontal one of forms (h, n, 3, 3): (h, n, m).
@@ -112,7 +103,8 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
     order = np.argsort(np.where(weights > 0, np.arctan2(y, x), np.inf), axis=1)
     places = np.where(np.arange(weights.shape[1]) < (weights > 0).sum(axis=1, keepdims=True), order, order[:, :1])
     x, y, z, w = (np.take_along_axis(each, places, 1) for each in (x, y, z, inverse))
-    readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1))
+    products = np.stack([x * x, x * y, y * y, x * w, y * w], axis=2)
+    readings = _Readings(x, y, z, w, np.take_along_axis(weights, order, 1), products)
     explanations = _explained(readings, _starts(z, w, readings.weights))
     forms, noise = _chosen(_polished(explanations, readings), readings)
     along = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
@@ -127,22 +119,22 @@ def _explained(readings: _Readings, levels: Numbers) -> Numbers:
     heights = z / np.maximum(w, _TINY)
     kappa = 1 / levels
     flat = np.where(level < 0, heights > level - LEAST_HEIGHT_M, heights < level + LEAST_HEIGHT_M)
-    shares = _shares(readings)
+    shares = shares_of(readings.products)
     pair = sums = scarce = np.empty(0, np.float32)
     for _ in range(ROUNDS):
         upright = np.where(flat, 0, trust)
         scarce = upright.sum(axis=2).reshape(-1) < _LEAST_SHARE * trust.sum(axis=2).reshape(-1)
-        sums = _summed(upright, shares)
-        pair = _pair(sums)
+        sums = moments_of_runs(upright, shares)
+        pair = pair_of(sums)
         pair[scarce] = np.nan
-        left, right, plane = readings.inverse(_forms(pair, kappa.reshape(-1)).reshape(*levels.shape, 3, 3))
+        left, right, plane = readings.inverse(forms_of(pair, kappa.reshape(-1)).reshape(*levels.shape, 3, 3))
         walls, plane = _met(np.fmin(left, right)), np.maximum(plane, 0)
         flat = plane < walls
         kappa = _refitted(kappa, z, w, np.where(flat, trust, 0), trust)
         trust = readings.trusted(np.abs(w - np.fmin(np.fmin(walls, plane), _NEAREST)), trust)
-    single = _single(sums.sum(axis=2))
+    single = single_of(sums.sum(axis=2))
     single[scarce] = np.nan
-    forms = [_forms(each, kappa.reshape(-1)) for each in (pair, single)]
+    forms = [forms_of(each, kappa.reshape(-1)) for each in (pair, single)]
     return np.concatenate(forms).reshape(-1, *levels.shape[1:], 3, 3)
 
 
@@ -180,58 +172,6 @@ def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
     return found.T
 
 
-def _shares(readings: _Readings) -> Numbers:
-    """Return what each reading adds to the moments of each of SPLITS runs of readings: (n, m, 5 * SPLITS)."""
-    products = readings.products()
-    count = products.shape[1]
-    run = np.searchsorted(np.arange(1, SPLITS + 1) * count // SPLITS, np.arange(count), side="right")
-    which = np.eye(SPLITS, dtype=np.float32)[run]
-    return (products[..., np.newaxis] * which[:, np.newaxis]).reshape(len(products), count, -1)
-
-
-def _summed(weights: Numbers, shares: Numbers) -> Numbers:
-    """Return the moments (5, h * n, SPLITS) of the runs of readings of n objects with (h, n, m) weights."""
-    count = len(shares)
-    sums = weights.transpose(1, 0, 2) @ shares
-    return sums.reshape(count, -1, 5, SPLITS).transpose(2, 1, 0, 3).reshape(5, -1, SPLITS)
-
-
-def _pair(sums: Numbers) -> Numbers:
-    """Return angle, scale of the right face and scale of the left one (n, 3) that fit best."""
-    right = sums[:, :, :-1].cumsum(axis=2)
-    left = np.ascontiguousarray(sums[:, :, :0:-1].cumsum(axis=2)[:, :, ::-1])  # exactly 0 where nothing has weight
-    angle = (-np.pi / 2 * (np.arange(TURNS) + 0.5) / TURNS).astype(np.float32)
-    (best, *_), split = _search(right, left, angle[:, None, None])
-    row = np.arange(len(best))
-    right, left = (side[:, row, split, None] for side in (right, left))
-    fine = best + np.linspace(-0.5, 0.5, 5, dtype=np.float32)[:, None] * np.float32(np.pi / 2 / TURNS)
-    return _search(right, left, np.clip(fine, np.float32(-np.pi / 2), np.float32(0))[:, :, None])[0].T
-
-
-def _search(right: Numbers, left: Numbers, angle: Numbers) -> tuple[Numbers, Indices]:
-    """Return the angles that fit best with the scales of both faces, (3, n), and at which split (n,) that is."""
-    c, s = np.cos(angle), np.sin(angle)
-    left_k, gain = _fitted(left, c, s)
-    right_k, gain_right = _fitted(right, -s, c)
-    gain = np.where((left_k > 0) & (right_k > 0), gain + gain_right, -1)
-    _, rows, splits = gain.shape
-    turn, split = np.divmod(gain.transpose(1, 0, 2).reshape(rows, -1).argmax(axis=1), splits)
-    row = np.arange(rows)
-    found = np.broadcast_to(angle, gain.shape)[turn, row, split]
-    return np.stack([found, right_k[turn, row, split], left_k[turn, row, split]]), split
-
-
-def _single(moments: Numbers) -> Numbers:
-    """Return what `_pair` does of the one face that fits best; there is no right one."""
-    xx, xy, yy, xw, yw = moments
-    det = xx * yy - xy * xy
-    flat = det <= _FLAT * xx * xx
-    with np.errstate(divide="ignore", invalid="ignore"):
-        a = np.where(flat, xw / np.maximum(xx, _TINY), (yy * xw - xy * yw) / det)
-        b = np.where(flat, 0, (xx * yw - xy * xw) / det)
-    return np.stack([np.arctan2(b, a), np.full(len(a), np.nan), np.hypot(a, b)], axis=1)
-
-
 def _seen(values: Numbers) -> Numbers:
     with np.errstate(invalid="ignore"):
         return np.where(values > _SEEN, values, np.inf)
@@ -251,16 +191,6 @@ def _inverse(forms: Numbers, directions: Numbers) -> Numbers:
 
 def _least(values: Numbers) -> Numbers:
     return np.asarray(_seen(values).min(axis=-2))
-
-
-def _forms(pair: Numbers, kappa: Numbers) -> Numbers:
-    angle, right, left = pair.T
-    c, s = np.cos(angle), np.sin(angle)
-    forms = np.zeros((len(pair), 3, 3), np.float32)
-    forms[:, 0, 0], forms[:, 0, 1] = left * c, left * s
-    forms[:, 1, 0], forms[:, 1, 1] = -right * s, right * c
-    forms[:, 2, 2] = kappa
-    return forms
 
 
 def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Numbers]:
@@ -287,37 +217,10 @@ def _polished(forms: Numbers, readings: _Readings) -> Numbers:
     on_first = first == least
     left = _moments(np.where(on_first, trust, 0), readings)
     right = _moments(np.where((second == least) > on_first, trust, 0), readings)
-    return _refined(forms.reshape(-1, 3, 3), left, right).reshape(forms.shape)
-
-
-def _refined(forms: Numbers, left: Numbers, right: Numbers) -> Numbers:
-    """Return forms (n, 3, 3) that fit the moments (5, n) of the readings of either upright face best."""
-    start = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
-    angles = start + np.linspace(-POLISH, POLISH, POLISHED, dtype=np.float32)[:, None]
-    c, s = np.cos(angles), np.sin(angles)
-    left_k, gain = _fitted(left, c, s)
-    right_k, gain_right = _fitted(right, -s, c)
-    paired = np.isfinite(forms[:, 1, 0])
-    gain = gain + np.where(paired, gain_right, 0)
-    best = np.where(np.isfinite(gain), gain, -1).argmax(axis=0)
-    rows = np.arange(len(forms))
-    left_k, right_k = left_k[best, rows], right_k[best, rows]
-    made = _forms(np.stack([angles[best, rows], right_k, left_k], axis=1), forms[:, 2, 2])
-    sound = (left_k > 0) & ((right_k > 0) | ~paired)
-    made[~paired, 1] = np.nan
-    return np.where(sound[:, None, None], made, forms)
+    return refined(forms.reshape(-1, 3, 3), left, right).reshape(forms.shape)
 
 
 def _moments(weights: Numbers, readings: _Readings) -> Numbers:
     """Return the moments (5, h * n) of readings of n objects with (h, n, m) weights."""
-    sums = weights.transpose(1, 0, 2) @ readings.products()
+    sums = weights.transpose(1, 0, 2) @ readings.products
     return sums.transpose(2, 1, 0).reshape(5, -1)
-
-
-def _fitted(moments: Numbers, c: Numbers, s: Numbers) -> tuple[Numbers, Numbers]:
-    """Return scale and gain of faces whose normals are (c, s)."""
-    xx, xy, yy, xw, yw = moments
-    above = c * xw + s * yw
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = above / (c * c * xx + 2 * c * s * xy + s * s * yy)
-    return scale, above * scale

@@ -11,7 +11,7 @@ from schemas.detections import Detections
 from schemas.header import Header
 from schemas.space import MAX_COORDINATE_M
 from services.cloud.errors import CloudError
-from services.cloud.measuring import Target
+from services.cloud.objects import Target
 from services.cloud.outlines import RegisteredView, View, factor_of
 from services.cloud.points import Points, usable
 from services.cloud.projection import ProjectedView
@@ -30,9 +30,8 @@ FIXED_FRAMES: Final = ("map", "odom")
 FARTHEST_M: Final = MAX_COORDINATE_M / 2
 """How far away a target frame may be: what is near the points is then within what messages carry."""
 
-CHECKED: Final = 1024
-CHECKED_APART: Final = 4
-"""Of so many points each so many-th with a reading says whether a cloud is registered."""
+CHECKED: Final = 256
+"""So many points, those of them with a reading, say whether a cloud is registered."""
 
 _STRAY_PIXELS: Final = 2.0
 _SAME: Final = 1e-4
@@ -122,7 +121,7 @@ def _fits(points: Points, camera: CameraModel, factor: int) -> bool:
     """Return whether points lie where their pixels look, as a registered cloud's do."""
     at = some(points.shape[0] * points.shape[1], CHECKED)
     xyz = points.take(at).xyz()
-    seen = np.flatnonzero(usable(xyz) & (xyz[2] > 0))[::CHECKED_APART]
+    seen = np.flatnonzero(usable(xyz) & (xyz[2] > 0))
     if not len(seen):
         return True
     rows, columns = np.divmod(at[seen], points.shape[1])

@@ -5,27 +5,19 @@ readings are of say where those pixels of the mask are that have none. Pure.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.outlines import Masked
-from services.cloud.points import Floats, Indices
-from services.cloud.sampling import some, spread
-from services.cloud.shape import Box, Level, box_between, fit_box
+from services.cloud.cells import Cells, Seen, cells_of
+from services.cloud.points import Indices
+from services.cloud.sampling import spread
+from services.cloud.shape import Boxes, Level, fit
 from services.cloud.surfaces import Faces, fit_faces
-from services.geometry.masks import Window
 
 Numbers = NDArray[Any]
-
-READINGS: Final = 512
-"""Of an object's readings so many at most say what its faces are."""
-
-CELLS: Final = 128
-"""In so many cells of its picture at most, of each of which the mean counts."""
 
 PIXELS: Final = 128
 """So many pixels at most say how far its faces go, and as many where the middle is of what has no reading."""
@@ -48,149 +40,50 @@ MOST_NOISE: Final = 0.002
 BEYOND: Final = 0.25
 """What has no reading is at most so much of an object's width behind what has one."""
 
-SHARES: Final = (0.02, 0.5, 0.98)
-"""Of its readings: which ones are the farthest, in the middle and the nearest."""
-
 ASIDE: Final = 0.95
 """How near, of the nearest of them, its faces may come."""
 
-_THIN: Final = 1e-12
-"""Share of the square of its trace that the determinant of what is only a line's spread has at most."""
-
-_TINY: Final = 1e-9
 _AROUND: Final = np.ones((2 * NEAR + 1, 2 * NEAR + 1), np.uint8)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """An object and its readings. at: flat places of these in the object's window, ascending. xyz: (3, n) these."""
-
-    masked: Masked
-    at: Indices
-    xyz: Floats
-
-    @property
-    def mask(self) -> Window:
-        """The object in the picture."""
-        return self.masked.mask
-
-    @property
-    def inner(self) -> Window:
-        """What is trusted of it, in the same window."""
-        return self.masked.inner
-
-
-def shapes(objects: Sequence[Seen], level: Level) -> list[tuple[Numbers, Box]]:
-    """Return centroid and box of each object; they are seen from the origin, along z."""
-    if not objects:
-        return []
-    cells = _cells(objects, np.array([level.x, level.y, level.up]))
+def shapes(objects: Sequence[Seen], level: Level) -> tuple[Numbers, Boxes]:
+    """Return the objects' centroids (n, 3) and boxes; they are seen from the origin, along z."""
+    axes = np.array([level.x, level.y, level.up])
+    cells = cells_of(objects, axes)
     faces = fit_faces(cells.directions, cells.inverse, cells.weights)
     unread, edges = zip(*(_unread_and_edge(seen) for seen in objects), strict=True)
     low, high = _extents(_pixels(objects, edges), faces, cells)
-    added = _placed(_pixels(objects, unread), faces, cells).mean(axis=2) @ np.array([level.x, level.y, level.up])
-    exact = _is_exact(cells, faces)
-    made = []
-    for number, (seen, without) in enumerate(zip(objects, unread, strict=True)):
-        centroid = _middle(seen, added[number], len(without))
-        if exact[number]:
-            made.append((centroid, fit_box(seen.xyz, level)))
-        else:
-            made.append((centroid, box_between(low[number], high[number], level, float(faces.along[number]))))
-    return made
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cells:
-    """Means of n objects' readings. directions: (3, n, CELLS), level. inverse, weights: (n, CELLS).
-
-    places: (n, 3, 3), how directions follow from (1, column, row) in the window.
-    """
-
-    directions: Numbers
-    inverse: Numbers
-    weights: Numbers
-    places: Numbers
-
-    @property
-    def depths(self) -> Numbers:
-        """Near, middle and far depths of each object's readings, (3, n)."""
-        ordered = np.sort(np.where(self.weights > 0, self.inverse, np.inf), axis=1)
-        last = (self.weights > 0).sum(axis=1) - 1
-        rows = np.arange(len(ordered))
-        return np.stack([1 / ordered[rows, (last * share).astype(np.intp)] for share in SHARES])
-
-
-def _cells(objects: Sequence[Seen], axes: Numbers) -> _Cells:
-    kept = [some(len(seen.at), READINGS) for seen in objects]
-    at = np.concatenate([seen.at[chosen] for seen, chosen in zip(objects, kept, strict=True)])
-    xyz = np.concatenate([seen.xyz.take(chosen, axis=1) for seen, chosen in zip(objects, kept, strict=True)], axis=1)
-    counts = [len(each) for each in kept]
-    sizes = np.array([(seen.mask.pixels.shape[1], *_side(*seen.mask.pixels.shape)) for seen in objects])
-    width, side, across = np.repeat(sizes, counts, axis=0).T
-    rows, columns = np.divmod(at, width)
-    key = rows // side * across + columns // side + np.repeat(np.arange(len(objects)) * CELLS, counts)
-    inverse = 1 / xyz[2]
-    size = len(objects) * CELLS
-    readings = np.bincount(key, minlength=size)
-    values = (*(axes.astype(np.float32) @ (xyz * inverse)), inverse, columns, rows)
-    means = [(np.bincount(key, each, size) / np.maximum(readings, 1)).reshape(-1, CELLS) for each in values]
-    weights = readings.reshape(-1, CELLS) * np.array(
-        [[len(seen.at) / len(at)] for seen, at in zip(objects, kept, strict=True)]
-    )
-    directions = np.stack(means[:3])
-    return _Cells(directions, means[3], weights, _places(directions, means[4], means[5], weights))
-
-
-def _side(height: int, width: int) -> tuple[int, int]:
-    """Return the side of square cells of which at most CELLS cover a window, and how many there are in a row."""
-    side = max(2, int(np.sqrt(height * width / CELLS)))
-    while -(-height // side) * -(-width // side) > CELLS:
-        side += 1
-    return side, -(-width // side)
-
-
-def _places(directions: Numbers, columns: Numbers, rows: Numbers, weights: Numbers) -> Numbers:
-    """Return how directions follow from pixels (n, 3, 3): within an object any lens is straight enough."""
-    share = weights / weights.sum(axis=1, keepdims=True)
-    pixels, aimed = np.stack([columns, rows], axis=1), directions.transpose(1, 0, 2)
-    middle, mean = pixels @ share[:, :, None], aimed @ share[:, :, None]
-    apart = pixels - middle
-    weighted = (apart * share[:, None]).transpose(0, 2, 1)
-    slope = (aimed - mean) @ weighted @ _inverted(apart @ weighted)
-    return np.concatenate([mean - slope @ middle, slope], axis=2)
-
-
-def _inverted(matrices: Numbers) -> Numbers:
-    """Return the pseudoinverses of symmetric matrices (n, 2, 2) that have no eigenvalue below 0."""
-    xx, xy, yy = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
-    trace, det = xx + yy, xx * yy - xy * xy
-    thin = det <= _THIN * trace * trace
-    adjugate = np.stack([yy, -xy, -xy, xx], axis=1).reshape(-1, 2, 2)
-    by = np.where(thin, np.maximum(trace, _TINY) ** 2, det)[:, None, None]
-    return np.asarray(np.where(thin[:, None, None], matrices, adjugate) / by)
+    angles = faces.along.astype(np.float64)
+    for number in np.flatnonzero(_is_exact(cells, faces)).tolist():
+        low[number], high[number], angles[number] = fit(objects[number].xyz, level)
+    added = _placed(_pixels(objects, unread), faces, cells).mean(axis=2) @ axes
+    return _middles(objects, added, [len(each) for each in unread]), Boxes.between(low, high, angles, level)
 
 
 def _unread_and_edge(seen: Seen) -> tuple[Indices, Indices]:
     """Return the pixels of the mask that have no reading, and those at its edge that are near one."""
-    read = np.zeros(seen.mask.pixels.shape, np.bool_)
-    read.reshape(-1)[seen.at] = True
-    unread = np.flatnonzero(seen.mask.pixels > read)
-    edge = seen.mask.pixels > seen.inner.pixels
+    window = seen.mask
+    across = np.zeros((window.pixels.shape[0], seen.width), np.bool_)
+    across.reshape(-1)[seen.at - window.top * seen.width] = True
+    read = across[:, window.left : window.left + window.pixels.shape[1]]
+    unread = (window.pixels > read).reshape(-1).nonzero()[0]
+    edge = window.pixels > seen.inner.pixels
     if len(unread):
         edge &= cv2.dilate(read.view(np.uint8), _AROUND).view(np.bool_)
-    found = np.flatnonzero(edge)
-    return unread, found if len(found) else seen.at
+    found = edge.reshape(-1).nonzero()[0]
+    return unread, found if len(found) else np.flatnonzero(read)
 
 
 def _pixels(objects: Sequence[Seen], chosen: Sequence[Indices]) -> NDArray[np.intp]:
     """Return ones, columns and rows of some of each object's chosen pixels, (n, 3, PIXELS); of none the first pixel."""
-    flat = np.stack([at.take(spread(len(at), PIXELS)) if len(at) else np.zeros(PIXELS, np.intp) for at in chosen])
+    counts = np.array([len(at) for at in chosen])
+    flat = np.zeros((len(chosen), PIXELS), np.intp)
+    flat[counts > 0] = np.concatenate(chosen).take(spread(counts[counts > 0], PIXELS))
     rows, columns = np.divmod(flat, np.array([[seen.mask.pixels.shape[1]] for seen in objects]))
     return np.stack([np.ones_like(flat), columns, rows], axis=1)
 
 
-def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells, off: float = 0.0) -> Numbers:
+def _placed(pixels: NDArray[np.intp], faces: Faces, cells: Cells, off: float = 0.0) -> Numbers:
     """Return where on their objects' faces pixels (n, 3, m) are: (n, 3, m), along the level axes.
 
     off: they may be off by so many pixels, and those that then are on a nearer face are on that.
@@ -203,7 +96,7 @@ def _placed(pixels: NDArray[np.intp], faces: Faces, cells: _Cells, off: float = 
     return np.asarray(aimed / np.clip(faces.inverse_depth(aimed, nearer), 1 / far, 1 / (ASIDE * near))[:, np.newaxis])
 
 
-def _extents(edges: NDArray[np.intp], faces: Faces, cells: _Cells) -> tuple[Numbers, Numbers]:
+def _extents(edges: NDArray[np.intp], faces: Faces, cells: Cells) -> tuple[Numbers, Numbers]:
     """Return how far objects go along their sides, the least and the greatest places, (n, 3).
 
     edges: pixels (n, 3, m). What is seen nearly from aside goes as far as it must.
@@ -216,13 +109,13 @@ def _extents(edges: NDArray[np.intp], faces: Faces, cells: _Cells) -> tuple[Numb
     return ordered[:, :, beyond], ordered[:, :, -1 - beyond]
 
 
-def _is_exact(cells: _Cells, faces: Faces) -> NDArray[np.bool_]:
+def _is_exact(cells: Cells, faces: Faces) -> NDArray[np.bool_]:
     """Return which objects are so near that their readings have little noise."""
     return np.asarray(np.minimum(faces.noise, MOST_NOISE) * cells.depths[1] ** 2 < EXACT_M)
 
 
-def _middle(seen: Seen, added: Numbers, unread: int) -> Numbers:
-    """Return the middle of readings and of so many pixels without one, whose own middle is `added`."""
-    read = len(seen.at)
-    total = seen.xyz.sum(axis=1).astype(np.float64)
-    return np.asarray((total + added * unread) / (read + unread))
+def _middles(objects: Sequence[Seen], added: Numbers, unread: Sequence[int]) -> Numbers:
+    """Return the middles (n, 3) of readings and of so many pixels without one, whose own middles are `added`."""
+    totals = np.array([seen.xyz.sum(axis=1) for seen in objects], np.float64)
+    counts = np.array([(len(seen.at), lost) for seen, lost in zip(objects, unread, strict=True)])
+    return np.asarray((totals + added * counts[:, 1:]) / counts.sum(axis=1, keepdims=True))

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections import defaultdict
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Executor
 from contextlib import suppress
 from typing import Final
@@ -14,12 +14,12 @@ from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
+from bus.sharing.tally import Tallies
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
-from schemas.status import MAX_STREAMS, WorkerStatus
-from schemas.worker_keys import WorkerAlive
+from schemas.status import WorkerStatus
 from services.cloud.account import Account
 from services.cloud.camera import Camera
 from services.cloud.sensors import Sensors
@@ -34,32 +34,23 @@ METHOD: Final = "geometry"
 
 
 class Worker:
-    """Serves the cameras that fall to it. tokens: what it says of itself. executor: cuts clouds, off the event loop."""
+    """Serves the cameras that fall to it. executor: cuts clouds, off the event loop."""
 
-    def __init__(
-        self,
-        bus: Bus,
-        settings: CloudSettings,
-        tokens: Sequence[WorkerAlive],
-        executor: Executor,
-        *,
-        join_s: float = JOIN_S,
-    ) -> None:
+    def __init__(self, bus: Bus, settings: CloudSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
         self._bus = bus
         self._settings = settings
-        self._name = tokens[0].worker
         self._executor = executor
         self._sensors = Sensors(settings.points)
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._room = Room(settings.memory_mib * MIB)
-        self._accounts: dict[CameraKey, Account] = {}
-        self._serving: set[CameraKey] = set()
+        self._accounts = Tallies(Account)
+        tokens = settings.tokens(SERVICE, settings.worker)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
         async with asyncio.TaskGroup() as group:
-            group.create_task(report(self._bus, SERVICE, self._name, self._status))
+            group.create_task(report(self._bus, SERVICE, self._settings.worker, self._status))
             for stream in (Stream.COLOR, Stream.POINTS):
                 group.create_task(self._watch(stream))
             await self._sharing.run()
@@ -73,10 +64,8 @@ class Worker:
                     self._changed.pop(sensor.camera.robot, asyncio.Event()).set()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        account = self._accounts.setdefault(key, Account(key))
         demand = SharedDemand()
-        self._serving.add(key)
-        try:
+        with self._accounts.serving(key) as account:
             async with (
                 self._bus.publisher(
                     key.stream(Stream.OBJECTS),
@@ -94,15 +83,13 @@ class Worker:
                 group.create_task(say_unwanted(demand, took_over))
                 camera = self._camera(key, account)
                 await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
-        finally:
-            self._serving.discard(key)
 
     def _camera(self, key: CameraKey, account: Account) -> Camera:
         return Camera(
             self._bus,
             key,
             account,
-            worker=self._name,
+            worker=self._settings.worker,
             executor=self._executor,
             limits=self._settings.limits,
             target_frame=self._settings.target_frame,
@@ -122,13 +109,12 @@ class Worker:
                     working.cancel()
 
     def _status(self) -> WorkerStatus:
-        accounts = list(self._accounts.items())[-MAX_STREAMS:]
         return WorkerStatus(
             service=SERVICE,
-            worker=self._name,
+            worker=self._settings.worker,
             model=METHOD,
             sent_ns=time.time_ns(),
-            cameras=[account.load(serving=key in self._serving) for key, account in accounts],
+            cameras=self._accounts.loads(),
         )
 
 

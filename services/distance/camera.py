@@ -74,24 +74,26 @@ async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: as
     codec.check_identity(seen.header, camera.account.camera)
     if not camera.account.is_new(seen.header):
         return
+    try:
+        await _measure(camera, seen, sample.received_ns, publisher, news)
+    except Exception as error:  # noqa: BLE001 - whatever is wrong with an answer, it fails alone
+        camera.account.dropped[FAILED] += 1
+        log.warning("%s: frame %d failed: %r", camera.account.camera, seen.header.seq, error)
+
+
+async def _measure(
+    camera: Camera, seen: Detections, received_ns: int, publisher: Publisher, news: asyncio.Event
+) -> None:
     moment = await _moment(camera.sensed, seen, news)
     begun_ns = time.time_ns()
     loop = asyncio.get_running_loop()
-    try:
-        objects, took_ns = await loop.run_in_executor(camera.executor, _timed, camera, seen, moment)
-    except Exception as error:  # noqa: BLE001 - whatever a frame does to the arithmetic, it fails alone
-        camera.account.dropped[FAILED] += 1
-        log.warning("%s: frame %d failed: %r", camera.account.camera, seen.header.seq, error)
-        return
+    objects, took_ns = await loop.run_in_executor(camera.executor, _timed, camera, seen, moment)
     if not publisher.wanted:
         camera.account.dropped[UNWANTED] += 1
         return
-    spans = {**seen.spans, WAITED: max(0, begun_ns - sample.received_ns), MEASURED: took_ns}
-    publisher.put(
-        codec.encode(
-            Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
-        )
-    )
+    spans = {**seen.spans, WAITED: max(0, begun_ns - received_ns), MEASURED: took_ns}
+    distances = Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
+    publisher.put(codec.encode(distances))
     camera.account.measured += 1
 
 
@@ -114,7 +116,7 @@ def _objects(camera: Camera, seen: Detections, moment: Moment) -> list[ObjectDis
     if isinstance(moment.instant, str):
         return unknown(seen.objects, moment.instant)
     try:
-        metres, model = camera.views.view(moment.instant)
-        return measure_apart(seen.objects, View(metres, seen.header.frame_id, model, moment.frames), camera.criteria)
+        depth, model = camera.views.view(moment.instant)
+        return measure_apart(seen.objects, View(depth, seen.header.frame_id, model, moment.frames), camera.criteria)
     except GeometryError as error:
         return unknown(seen.objects, str(error))

@@ -14,6 +14,7 @@ from schemas.header import MAX_LABEL
 from schemas.space import MAX_COORDINATE_M, MAX_DISTANCE_M
 from services.distance.picking import RING, Criteria, Picked, pick
 from services.geometry.camera import CameraModel
+from services.geometry.depth import Depth
 from services.geometry.errors import GeometryError, MaskError
 from services.geometry.foreground import foreground, on_surface
 from services.geometry.masks import Window, decode_all
@@ -44,12 +45,12 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Depth as the colour camera sees it: depth_m is height x width in metres, NaN for no reading.
+    """Depth as the colour camera sees it.
 
     frame_id: the camera's optical frame. camera: its model, or why there is none.
     """
 
-    depth_m: Floats
+    depth: Depth
     frame_id: str
     camera: CameraModel | str
     frames: Sequence[Frame] = ()
@@ -62,7 +63,7 @@ def measure(objects: Sequence[Detection], view: View, criteria: Criteria) -> lis
         GeometryError: the camera is calibrated for pictures of another size.
     """
     if isinstance(view.camera, CameraModel):
-        view.camera.check_size(*view.depth_m.shape)
+        view.camera.check_size(*view.depth.shape)
     measured: dict[int, ObjectDistance] = {}
     for windows in _groups(objects, measured):
         measured.update((each.index, each) for each in _measured(objects, windows, view, criteria))
@@ -123,7 +124,7 @@ def _groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance])
 def _measured(
     objects: Sequence[Detection], windows: Mapping[int, Window], view: View, criteria: Criteria
 ) -> Iterator[ObjectDistance]:
-    picked = pick(list(windows.values()), view.depth_m, criteria)
+    picked = pick(list(windows.values()), view.depth, criteria)
     known = dict(zip(picked.rows.tolist(), _known(picked, view), strict=True)) if len(picked.rows) else {}
     counts, areas = picked.counts.tolist(), picked.areas.tolist()
     for row, (index, count, area) in enumerate(zip(windows, counts, areas, strict=True)):
@@ -178,7 +179,7 @@ def _placed(
     names = [view.frame_id, *(frame.frame_id for frame in view.frames)]
     if isinstance(view.camera, str):
         return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
-    x, y = (plane.take(at) for plane in view.camera.rays(*view.depth_m.shape).reshape(2, -1))
+    x, y = (plane.take(at) for plane in view.camera.rays(*view.depth.shape).reshape(2, -1))
     if not (somewhere := np.isfinite(x)).all():
         own = own & somewhere
         solid = _else(solid & somewhere, own)

@@ -2,11 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.geometry.depth import Depth
 from services.geometry.masks import Window, eroded, surroundings
 
 Floats = NDArray[np.float32]
@@ -28,6 +31,8 @@ REACH: Final = 2
 RING: Final = 5
 """Pixels around a mask that say what is behind and before the object."""
 
+_BESIDE: Final = np.array([step for apart in range(1, REACH + 1) for step in (apart, -apart)])
+_BETWEEN: Final = np.zeros(REACH, np.bool_)
 _NUMBER_BITS: Final = np.uint64(32)
 _EVEN: Final = {count: np.arange(count, dtype=np.float64) for count in (SAMPLE, AROUND)}
 _APART: Final = {count: np.random.default_rng(0).random(count) for count in (SAMPLE, AROUND)}
@@ -59,102 +64,93 @@ class Picked:
     around: Floats
 
 
-def pick(windows: Sequence[Window], depth_m: Floats, criteria: Criteria) -> Picked:
-    """Pick readings of depth, height x width, NaN for none, in windows with a margin of RING."""
-    offsets = np.concatenate([[0], np.cumsum([window.pixels.size for window in windows])])
-    depth = np.empty(offsets[-1], np.float32)
-    for window, start, end in zip(windows, offsets[:-1], offsets[1:], strict=True):
-        depth[start:end].reshape(window.pixels.shape)[:] = depth_m[window.place]
+def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
+    """Pick readings of a depth image in windows with a margin of RING."""
+    starts = np.cumsum([0, *(window.pixels.size + REACH for window in windows)])
+    depth = np.zeros(starts[-1], np.float32)
+    for window, start in zip(windows, starts.tolist(), strict=False):
+        depth[start : start + window.pixels.size].reshape(window.pixels.shape)[:] = image.metres(window.place)
     there = depth > 0
-    masked = _Marked.of(windows, offsets, there)
-    rows = np.flatnonzero(masked.counts >= criteria.min_pixels)
-    core = _Marked.of(list(_cores(windows, offsets, there, criteria)), offsets, there) if criteria.edge else masked
+    masked = _Marked.of(windows, starts, there)
+    counts, means = masked.means(depth)
+    rows = np.flatnonzero(counts >= criteria.min_pixels)
+    core = _Marked.of(list(_cores(windows, starts, there, criteria)), starts, there) if criteria.edge else masked
     within = core.nearest(rows)
-    at = _in_image(within, [windows[row] for row in rows.tolist()], offsets[rows], depth_m.shape[1])
+    at = _in_image(within, [windows[row] for row in rows.tolist()], starts[rows], image.shape[1])
     z, at = _ascending(depth.take(within), at)
-    around = _around(windows, rows, depth, there, offsets)
-    return Picked(masked.areas, masked.counts, masked.means(depth), rows, z, at, around)
+    around = _around(windows, rows, depth, there, starts)
+    return Picked(masked.areas, counts, means, rows, z, at, around)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Marked:
-    """Pixels of n windows, one window after another. at: which are marked. inner: which of these have a reading.
+    """Pixels of n windows, one window after another, REACH pixels apart so that none is near another one's.
 
-    bounds: (n + 1,) whose marked pixels are which. read: (len(at) + 1,) how many with a reading are before each.
+    starts: (n + 1,) where windows begin. at: which pixels are marked. bounds: (n + 1,) whose these are. read: of every
+    pixel, whether it is marked and has a reading.
     """
 
+    starts: Indices
     at: Indices
-    inner: Indices
     bounds: Indices
-    read: Indices
+    read: Bools
 
     @classmethod
-    def of(cls, windows: Sequence[Window], offsets: Indices, there: Bools) -> "_Marked":
-        pixels = np.concatenate([window.pixels.reshape(-1) for window in windows])
+    def of(cls, windows: Sequence[Window], starts: Indices, there: Bools) -> "_Marked":
+        pixels = np.concatenate([part for window in windows for part in (window.pixels.reshape(-1), _BETWEEN)])
         at = pixels.nonzero()[0]
-        read = np.zeros(len(at) + 1, np.intp)
-        there.take(at).cumsum(out=read[1:])
-        inner = at if read[-1] == len(at) else (pixels & there).nonzero()[0]
-        return cls(at, inner, np.searchsorted(at, offsets), read)
+        return cls(starts, at, np.searchsorted(at, starts), pixels & there)
 
     @property
     def areas(self) -> Indices:
         return np.diff(self.bounds)
 
-    @property
-    def counts(self) -> Indices:
-        return np.diff(self.read[self.bounds])
-
-    def means(self, depth: Floats) -> NDArray[Any]:
-        """Return the mean depth of each window's readings, 0 where there are none."""
-        values = depth.take(self.inner).astype(np.float64)
-        means = np.zeros(len(self.counts))
-        some = np.flatnonzero(self.counts)
-        if len(some):
-            means[some] = np.add.reduceat(values, self.read[self.bounds[some]]) / self.counts[some]
-        return means
+    def means(self, depth: Floats) -> tuple[Indices, NDArray[Any]]:
+        """Return how many readings each window has, and their mean, 0 where there are none."""
+        readings = [depth[start:end][self.read[start:end]] for start, end in pairwise(self.starts.tolist())]
+        counts = np.array([len(each) for each in readings], np.intp)
+        return counts, np.array([cv2.mean(each)[0] if len(each) else 0.0 for each in readings])
 
     def nearest(self, rows: Indices) -> Indices:
         """Return SAMPLE pixels with readings of each of these windows, instead of some that may have none.
 
         Readings are lost at edges and in shadows: without those beside them what is there would not count.
         """
-        inner, wanted = self.inner, _spread(self.bounds[rows], self.areas[rows], SAMPLE)
-        if inner is self.at:
-            return inner.take(wanted)
-        after, wanted = self.read.take(wanted), self.at.take(wanted)
-        first, last = (self.read[self.bounds[rows + end]][:, np.newaxis] for end in (0, 1))
-        nexts, lasts = inner.take(np.minimum(after, last - 1)), inner.take(np.maximum(after - 1, first))
-        to_next, to_last = np.abs(nexts - wanted), np.abs(wanted - lasts)
-        near = np.minimum(to_next, to_last) <= REACH
-        found = np.where(to_next <= to_last, nexts, lasts)[near]
-        counts = near.sum(axis=1)
-        starts = counts.cumsum() - counts
-        if (few := counts < FILLED).any():
-            starts = np.where(few, len(found) + first[:, 0], starts)
-            counts = np.where(few, (last - first)[:, 0], counts)
-            found = np.concatenate([found, inner])
-        return np.asarray(found.take(_spread(starts, counts, SAMPLE)))
+        wanted = self.at.take(_spread(self.bounds[rows], self.areas[rows], SAMPLE))
+        near = self.read.take(wanted)
+        lost = np.nonzero(~near)
+        beside = wanted[lost][:, np.newaxis] + _BESIDE
+        met = self.read.take(beside, mode="clip")
+        wanted[lost] = beside[np.arange(len(beside)), met.argmax(axis=1)]
+        near[lost] = met.any(axis=1)
+        found, counts = wanted[near], near.sum(axis=1)
+        begins = counts.cumsum() - counts
+        for row in np.flatnonzero(counts < FILLED).tolist():
+            start, end = self.starts[rows[row] : rows[row] + 2]
+            every = start + np.flatnonzero(self.read[start:end])
+            begins[row], counts[row] = len(found), len(every)
+            found = np.concatenate([found, every])
+        return np.asarray(found.take(_spread(begins, counts, SAMPLE)))
 
 
-def _cores(windows: Sequence[Window], offsets: Indices, there: Bools, criteria: Criteria) -> Iterator[Window]:
+def _cores(windows: Sequence[Window], starts: Indices, there: Bools, criteria: Criteria) -> Iterator[Window]:
     """Return masks without their edges, where that leaves enough readings."""
-    for window, start in zip(windows, offsets, strict=False):
+    for window, start in zip(windows, starts, strict=False):
         inner = eroded(window, criteria.edge)
         read = np.count_nonzero(inner.pixels.reshape(-1) & there[start : start + inner.pixels.size])
         yield inner if read >= criteria.min_pixels else window
 
 
-def _around(windows: Sequence[Window], rows: Indices, depth: Floats, there: Bools, offsets: Indices) -> Floats:
+def _around(windows: Sequence[Window], rows: Indices, depth: Floats, there: Bools, starts: Indices) -> Floats:
     ring = np.zeros(len(depth), np.bool_)
     for row in rows.tolist():
-        ring[offsets[row] : offsets[row + 1]] = surroundings(windows[row], RING).reshape(-1)
+        ring[starts[row] : starts[row] + windows[row].pixels.size] = surroundings(windows[row], RING).reshape(-1)
     at = (ring & there).nonzero()[0]
-    bounds = np.searchsorted(at, offsets)
-    starts, counts = bounds[rows], np.diff(bounds)[rows]
+    bounds = np.searchsorted(at, starts)
+    begins, counts = bounds[rows], np.diff(bounds)[rows]
     around = np.full((len(rows), AROUND), np.nan, np.float32)
     some = counts > 0
-    around[some] = depth.take(at.take(_spread(starts[some], counts[some], AROUND)))
+    around[some] = depth.take(at.take(_spread(begins[some], counts[some], AROUND)))
     around.sort(axis=1)
     return around
 

@@ -1,14 +1,18 @@
 """The distance process: join the bus, work."""
 
+import logging
 from concurrent.futures import ThreadPoolExecutor
 
 from bus import open_bus
 from services.distance.settings import DistanceSettings
 from services.distance.worker import Worker
 
+log = logging.getLogger(__name__)
+
 
 async def run(settings: DistanceSettings) -> None:
     """Run a worker until cancelled."""
     with ThreadPoolExecutor(1, thread_name_prefix="distance") as executor:
         async with open_bus(settings) as bus:
+            log.info("distance worker %s is ready", settings.worker)
             await Worker(bus, settings, executor).run()

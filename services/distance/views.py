@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import msgspec
-import numpy as np
 from numpy.typing import NDArray
 
 from schemas.camera_info import CameraInfo
@@ -12,11 +11,10 @@ from schemas.detections import Detections
 from schemas.header import Header
 from schemas.image import ImageFrame
 from services.geometry.camera import CameraModel
-from services.geometry.depth import to_metres
+from services.geometry.depth import Depth, read_depth
 from services.geometry.errors import CalibrationError, GeometryError
 from services.geometry.registration import Registration, is_registered
 
-Floats = NDArray[np.float32]
 Transform = NDArray[Any]
 
 NO_INFO: Final = "no camera info arrived"
@@ -56,22 +54,22 @@ class Views:
         self._key: tuple[CameraModel, CameraModel, bytes] | None = None
         self._registration: Registration | None = None
 
-    def view(self, of: Instant) -> tuple[Floats, CameraModel | str]:
-        """Return metres at each pixel of the image, and the image's camera or why it is not known.
+    def view(self, of: Instant) -> tuple[Depth, CameraModel | str]:
+        """Return depth at each pixel of the image, and the image's camera or why it is not known.
 
         Raises:
             GeometryError: depth cannot be read, or not be brought to the image.
         """
-        metres = to_metres(of.depth, nearest_m=self._limits.nearest_m, farthest_m=self._limits.farthest_m)
+        image = read_depth(of.depth, nearest_m=self._limits.nearest_m, farthest_m=self._limits.farthest_m)
         size = (of.detections.height, of.detections.width)
-        color, depth = self._camera(of.info, size), self._camera(of.depth_info, metres.shape)
-        alike = metres.shape == size and of.depth.header.frame_id == of.detections.header.frame_id
+        color, depth = self._camera(of.info, size), self._camera(of.depth_info, image.shape)
+        alike = image.shape == size and of.depth.header.frame_id == of.detections.header.frame_id
         if of.info is None and alike:
-            return metres, depth
+            return image, depth
         if isinstance(color, CameraModel) and isinstance(depth, CameraModel):
-            return self._registered(metres, depth, color, of.color_from_depth), color
+            return self._registered(image, depth, color, of.color_from_depth), color
         if alike and of.depth_info is None:
-            return metres, color
+            return image, color
         what, reason = ("colour", color) if isinstance(color, str) else ("depth", depth)
         raise CalibrationError(f"depth cannot be registered to colour: of {what} {reason}")
 
@@ -95,8 +93,8 @@ class Views:
         return self._models[calibration]
 
     def _registered(
-        self, metres: Floats, depth: CameraModel, color: CameraModel, color_from_depth: Transform | str
-    ) -> Floats:
+        self, image: Depth, depth: CameraModel, color: CameraModel, color_from_depth: Transform | str
+    ) -> Depth:
         if isinstance(color_from_depth, str):
             raise GeometryError(f"depth cannot be registered to colour: {color_from_depth}")
         key = (depth, color, color_from_depth.tobytes())
@@ -104,4 +102,4 @@ class Views:
             fits = is_registered(depth, color, color_from_depth)
             self._registration = None if fits else Registration(depth, color, color_from_depth)
             self._key = key
-        return metres if self._registration is None else self._registration.apply(metres)
+        return image if self._registration is None else Depth(self._registration.apply(image.metres()))

@@ -11,10 +11,11 @@ from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
+from bus.sharing.tally import Tallies
 from schemas import codec
 from schemas.distances import Distances
 from schemas.keys import CameraKey, Stream
-from schemas.status import MAX_STREAMS, WorkerStatus
+from schemas.status import WorkerStatus
 from services.distance.account import Account
 from services.distance.camera import Camera, work
 from services.distance.sensed import DEPTH_IMAGE, Sensed
@@ -35,8 +36,7 @@ class Worker:
         self._settings = settings
         self._executor = executor
         self._room = Room(settings.memory_mib * MIB)
-        self._accounts: dict[CameraKey, Account] = {}
-        self._serving: set[CameraKey] = set()
+        self._accounts = Tallies(Account)
         tokens = settings.tokens(SERVICE, settings.worker)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
@@ -48,9 +48,7 @@ class Worker:
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
         demand = SharedDemand()
-        account = self._accounts.setdefault(key, Account(key))
-        self._serving.add(key)
-        try:
+        with self._accounts.serving(key) as account:
             async with (
                 self._bus.publisher(
                     key.stream(Stream.DISTANCES),
@@ -62,8 +60,6 @@ class Worker:
             ):
                 group.create_task(say_unwanted(demand, took_over))
                 await while_wanted(demand, lambda: work(self._bus, self._camera(account), publisher, took_over))
-        finally:
-            self._serving.discard(key)
 
     def _camera(self, account: Account) -> Camera:
         return Camera(
@@ -80,11 +76,10 @@ class Worker:
         )
 
     def _status(self) -> WorkerStatus:
-        accounts = list(self._accounts.items())[-MAX_STREAMS:]
         return WorkerStatus(
             service=SERVICE,
             worker=self._settings.worker,
             model="",
             sent_ns=time.time_ns(),
-            cameras=[account.load(serving=key in self._serving) for key, account in accounts],
+            cameras=self._accounts.loads(),
         )

@@ -1,5 +1,7 @@
 """Depth images in metres, whatever they were sent as."""
 
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import cv2
@@ -17,10 +19,39 @@ _MILLIMETRES: Final = np.float32(1000)
 """Of a metre; divided by, so that what is exact in millimetres is rounded once."""
 
 _LIMITS: Final = np.finfo(np.float32)
+_NUMBERS: Final = np.arange(1 << 16, dtype=np.uint16)
+_EVERYWHERE: Final = (slice(None), slice(None))
 
 
-def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Floats:
-    """Return metres along the optical axis, height x width; NaN where there is no reading or one beyond the limits.
+@dataclass(frozen=True, slots=True, eq=False)
+class Depth:
+    """A depth image, height x width, that becomes metres where these are asked for.
+
+    numbers: of its pixels. table: the metres that each number of 16 bits stands for, None where numbers are metres
+    themselves; NaN for no reading.
+    """
+
+    numbers: NDArray[Any]
+    table: Floats | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width."""
+        height, width = self.numbers.shape
+        return height, width
+
+    def metres(self, place: tuple[slice, slice] = _EVERYWHERE) -> Floats:
+        """Return metres along the optical axis in those rows and columns, NaN for no reading. Read only."""
+        numbers = self.numbers[place]
+        if self.table is None:
+            return numbers
+        if not numbers.size:
+            return np.empty(numbers.shape, np.float32)
+        return np.asarray(cv2.LUT(np.ascontiguousarray(numbers, np.uint16), self.table))
+
+
+def read_depth(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Depth:
+    """Read a depth image; what is beyond the limits is no reading.
 
     Unit and missing readings are what the encoding says: 16UC1 is millimetres with 0 for none, 32FC1 metres. 0 and what
     is negative or infinite is never a reading.
@@ -32,24 +63,30 @@ def to_metres(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = 
     if frame.encoding not in DEPTH_ENCODINGS:
         raise DepthError(f"an image in {frame.encoding[:32]}, which is no depth")
     values = _decoded(frame) if frame.format not in {RAW, ZSTD} else _values(frame)
-    metres = _metres(values, frame)
+    if values.dtype.itemsize == _NUMBERS.itemsize:
+        return Depth(values, _metres_of_numbers(frame.inverse_depth, nearest_m, farthest_m))
+    return Depth(_within(values.astype(np.float32), nearest_m, farthest_m))
+
+
+@lru_cache(maxsize=8)
+def _metres_of_numbers(inverse_depth: tuple[float, float] | None, nearest_m: float, farthest_m: float) -> Floats:
+    """Return the metres that each number of 16 bits stands for."""
+    if inverse_depth is None:
+        return _within(_NUMBERS.astype(np.float32) / _MILLIMETRES, nearest_m, farthest_m)
+    scale, offset = inverse_depth
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        metres = (scale / (_NUMBERS.astype(np.float64) - offset)).astype(np.float32)
+    metres[0] = np.nan
+    return _within(metres, nearest_m, farthest_m)
+
+
+def _within(metres: Floats, nearest_m: float, farthest_m: float) -> Floats:
+    """Put NaN where there is no reading or one beyond the limits."""
     near, far = max(np.float32(nearest_m), _LIMITS.tiny), min(np.float32(farthest_m), _LIMITS.max)
     beyond = metres < near
     beyond |= metres > far
     np.copyto(metres, np.nan, where=beyond)
     return metres
-
-
-def _metres(values: NDArray[Any], frame: ImageFrame) -> Floats:
-    if frame.inverse_depth is not None:
-        scale, offset = frame.inverse_depth
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            metres = (scale / (values.astype(np.float64) - offset)).astype(np.float32)
-        metres[values == 0] = np.nan
-        return metres
-    if frame.encoding == "16UC1":
-        return np.asarray(np.divide(values, _MILLIMETRES, dtype=np.float32))
-    return values.astype(np.float32)
 
 
 def _values(frame: ImageFrame) -> NDArray[Any]:

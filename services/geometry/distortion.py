@@ -5,6 +5,7 @@ Points are of the plane at distance 1 before the camera, x / z and y / z, in arr
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -158,7 +159,7 @@ class Equidistant:
 
 
 def distortion_of(model: str, coefficients: Sequence[float]) -> Distortion:
-    """Return the lens that a CameraInfo's `distortion_model` and `d` describe; none at all is a straight one.
+    """Return the lens that `distortion_model` and `d` of a CameraInfo describe, made once; of none a straight one.
 
     Raises:
         CalibrationError: an unknown model, or not as many coefficients as it has.
@@ -166,6 +167,11 @@ def distortion_of(model: str, coefficients: Sequence[float]) -> Distortion:
     d = tuple(float(number) for number in coefficients)
     if not np.isfinite(d).all():
         raise CalibrationError(f"distortion of {model[:64]!r} that is not finite")
+    return _lens(model, d)
+
+
+@lru_cache(maxsize=64)
+def _lens(model: str, d: tuple[float, ...]) -> Distortion:
     if model in EQUIDISTANT:
         if len(d) != 4:
             raise CalibrationError(f"{len(d)} coefficients for distortion model {model!r}, which has 4")

@@ -126,8 +126,7 @@ class TransformTree:
         if met is None:
             raise UnconnectedError(f"no transform leads from {source[:80]} to {target[:80]}")
         here = self._climb(ups[: ups.index(met)], stamp_ns)
-        there = self._climb(downs[: downs.index(met)], stamp_ns)
-        return inverse_of(there) @ here
+        return here if met == target else inverse_of(self._climb(downs[: downs.index(met)], stamp_ns)) @ here
 
     def _check_known(self, name: str) -> None:
         if name not in self._edges and all(edge.parent != name for edge in self._edges.values()):

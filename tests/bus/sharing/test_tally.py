@@ -1,8 +1,9 @@
 from collections import Counter
+from contextlib import ExitStack
 
-from bus.sharing.tally import Tally
+from bus.sharing.tally import Tallies, Tally
 from schemas.keys import CameraKey
-from schemas.status import CameraLoad
+from schemas.status import MAX_STREAMS, CameraLoad
 
 
 def test_what_is_added_is_named_and_forgotten_where_it_was_counted() -> None:
@@ -14,3 +15,42 @@ def test_what_is_added_is_named_and_forgotten_where_it_was_counted() -> None:
     assert tally.load(serving=True) == CameraLoad(
         robot="r1", camera="front", inferred=3, dropped={"points: too old": 3}, serving=True
     )
+
+
+def test_the_tallies_of_cameras_that_were_served_longest_ago_make_room() -> None:
+    tallies = Tallies(Tally, most=2)
+    first, second, third, fourth = (CameraKey("r1", f"c{number}") for number in range(4))
+    with tallies.serving(first) as tally:
+        tally.measured = 3
+        with tallies.serving(second):
+            pass
+        assert loads(tallies) == {"c0": (3, True), "c1": (0, False)}
+        with tallies.serving(third):
+            assert loads(tallies) == {"c0": (3, True), "c2": (0, True)}
+            with tallies.serving(fourth):
+                assert loads(tallies) == {"c0": (3, True), "c2": (0, True), "c3": (0, True)}
+    with tallies.serving(second):
+        assert loads(tallies) == {"c3": (0, False), "c1": (0, True)}
+
+
+def test_a_camera_that_is_served_again_goes_on_from_where_it_was() -> None:
+    tallies = Tallies(Tally, most=2)
+    first, second, third = (CameraKey("r1", f"c{number}") for number in range(3))
+    for camera in (first, second, first, third):
+        with tallies.serving(camera) as tally:
+            tally.measured += 1
+    assert loads(tallies) == {"c0": (2, False), "c2": (1, False)}
+
+
+def test_no_more_are_said_than_a_status_holds() -> None:
+    tallies = Tallies(Tally)
+    with ExitStack() as stack:
+        for number in range(MAX_STREAMS + 1):
+            stack.enter_context(tallies.serving(CameraKey("r1", f"c{number}")))
+        assert [load.camera for load in tallies.loads()] == [f"c{number}" for number in range(1, MAX_STREAMS + 1)]
+    with tallies.serving(CameraKey("r1", "another")):
+        assert len(tallies.loads()) == MAX_STREAMS
+
+
+def loads(tallies: Tallies[Tally]) -> dict[str, tuple[int, bool]]:
+    return {load.camera: (load.inferred, load.serving) for load in tallies.loads()}

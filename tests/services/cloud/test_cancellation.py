@@ -9,7 +9,7 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import Stream
 from services.cloud.settings import CloudSettings
-from services.cloud.worker import SERVICE, Worker
+from services.cloud.worker import Worker
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered
@@ -29,7 +29,7 @@ async def test_a_worker_with_a_wanted_camera() -> None:
         async def life() -> None:
             before = objects.counts.received
             async with network.open_bus() as ours, asyncio.TaskGroup() as group:
-                worker = Worker(ours, settings, settings.tokens(SERVICE, "w1"), executor, join_s=0)
+                worker = Worker(ours, settings, executor, join_s=0)
                 working = group.create_task(worker.run())
                 sent = False
                 while objects.counts.received == before:  # each turn of the loop is a suspension

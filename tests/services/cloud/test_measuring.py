@@ -10,7 +10,8 @@ from schemas import codec
 from schemas.detections import Detections, Mask
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
-from services.cloud.measuring import NO_MASK, Limits, Target, measure
+from services.cloud.measuring import NO_MASK, Limits, measure
+from services.cloud.objects import Target
 from services.cloud.outlines import RegisteredView
 from services.cloud.points import Points
 from services.cloud.projection import ProjectedView
@@ -33,9 +34,7 @@ COLOUR = (10, 200, 30)
 
 def measured(cloud: PointCloud, found: Detections, *, target: Target = BASE, **limits: Any) -> ObjectClouds:
     points = Points.of(cloud)
-    made = measure(
-        found, points, RegisteredView(points), of=cloud.header, target=target, limits=Limits(**limits), worker="w"
-    )
+    made = measure(found, RegisteredView(points), of=cloud.header, target=target, limits=Limits(**limits), worker="w")
     return codec.decode(ObjectClouds, codec.encode(made), codec.encoding(ObjectClouds))
 
 
@@ -176,7 +175,7 @@ def test_a_lidars_points_become_the_same_boxes() -> None:
     seen = Points.of(cloud)
     view = ProjectedView(seen, CAMERA, np.linalg.inv(OPTICAL_IN_BASE) @ in_base)
     made = measure(
-        of_boxes(shown), seen, view, of=cloud.header, target=Target("base_link", in_base), limits=Limits(), worker="w"
+        of_boxes(shown), view, of=cloud.header, target=Target("base_link", in_base), limits=Limits(), worker="w"
     )
     assert made.unmeasured == {}
     for number, (box, found) in enumerate(zip(BOXES, made.objects, strict=True), start=1):
@@ -205,7 +204,7 @@ def test_one_bad_object_fails_alone() -> None:
     alone = measured(cloud, good)
     seen = Points.of(broken)
     found = msgspec.structs.replace(good, objects=[bad[0], good.objects[0], *bad[1:], good.objects[1]])
-    made = measure(found, seen, RegisteredView(seen), of=cloud.header, target=BASE, limits=Limits(), worker="w")
+    made = measure(found, RegisteredView(seen), of=cloud.header, target=BASE, limits=Limits(), worker="w")
     assert [each.index for each in made.objects] == [1, 4]
     assert sorted(made.unmeasured) == [0, 2, 3]
     for one, same in zip(made.objects, alone.objects, strict=True):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.cloud.outlines import NEAR_M, RING, Candidates, Masked, RegisteredView, factor_of, trusted
+from services.cloud.outlines import NEAR_M, RING, Candidates, Masked, RegisteredView, factor_of, trusted, widths_of
 from services.cloud.points import Points
 from services.geometry.masks import Window
 from tests.services.cloud.clouds import xyz_cloud
@@ -21,13 +21,13 @@ def within(points: Points, window: Window, factor: int = 1) -> Candidates:
 
 def places(found: Candidates) -> list[tuple[int, int]]:
     """Return the rows and columns of points."""
-    return [(int(y), int(x)) for x, y, _ in found.xyz.T]
+    return [(int(y), int(x)) for x, y, _ in found.points.xyz.T]
 
 
 def test_the_points_of_a_mask_are_those_of_its_pixels() -> None:
     found = within(numbered(5, 7), Window(2, 3, np.array([[True, False], [True, True]])))
     assert places(found) == [(2, 3), (3, 3), (3, 4)]
-    assert found.at.tolist() == [17, 24, 25]
+    assert found.points.at.tolist() == [17, 24, 25]
     assert found.depth.tolist() == [2, 2, 2]
     assert found.width == 0.5
     assert found.around.tolist() == [2] * (5 * 7 - 3)
@@ -59,19 +59,19 @@ def test_what_has_no_reading_or_is_behind_the_camera_is_no_candidate() -> None:
     nan = float("nan")
     points = Points.of(xyz_cloud(np.array([[[1, 1, 2], [nan, nan, nan]], [[0, 0, 0], [0, 0, -1]]])))
     found = within(points, Window(0, 0, np.ones((2, 2), np.bool_)))
-    assert found.at.tolist() == [0]
+    assert found.points.at.tolist() == [0]
 
 
 def test_what_a_sensor_leaves_in_its_memory_is_too_near_to_be_a_candidate() -> None:
     beyond = np.nextafter(np.float32(NEAR_M), np.float32(1))
     points = Points.of(xyz_cloud(np.array([[[1, 1, 1e-42], [1, 1, 1e-9]], [[1, 1, NEAR_M], [1, 1, beyond]]])))
     found = within(points, Window(0, 0, np.ones((2, 2), np.bool_)))
-    assert found.at.tolist() == [3]
+    assert found.points.at.tolist() == [3]
 
 
 def test_an_empty_mask_has_no_points() -> None:
     found = within(numbered(4, 4), Window(0, 0, np.zeros((0, 0), np.bool_)), 2)
-    assert (found.at.size, found.xyz.shape) == (0, (3, 0))
+    assert (found.points.at.size, found.points.xyz.shape) == (0, (3, 0))
 
 
 def blob(height: int, width: int) -> NDArray[np.bool_]:
@@ -99,3 +99,10 @@ def test_the_edge_of_a_mask_is_not_trusted_unless_it_is_mostly_edge() -> None:
 def test_how_many_pixels_there_are_for_a_point(picture: tuple[int, int], cloud: tuple[int, int], factor: int) -> None:
     points = Points.of(xyz_cloud(np.zeros((*cloud, 3), np.float32)))
     assert factor_of(*picture, points) == factor
+
+
+def test_objects_are_as_wide_as_they_look_from_the_camera_and_nothing_is_not_wide() -> None:
+    points = np.array([[0, 1, -1, 0, 5], [0, 0, 0, 2, 5], [1, 2, 2, 4, 5]], np.float32)
+    assert widths_of(points, np.array([0, 0, 3, 4, 4, 5])).tolist() == [0, 1, 0, 0, 0]
+    assert widths_of(points[:, :2], np.array([0, 2])).tolist() == [0.5]
+    assert widths_of(points[:, :0], np.array([0, 0])).tolist() == [0]

@@ -37,9 +37,20 @@ def test_points_are_seen_where_the_camera_model_puts_them() -> None:
     points = picture.reshape(-1, 3)
     for number in (1, 2):
         (found,) = seen(points, np.identity(4), Window(0, 0, owners == number))
-        assert found.at.tolist() == np.flatnonzero(owners.ravel() == number).tolist()
-        assert found.xyz == pytest.approx(points[found.at].T)
-        assert found.depth == pytest.approx(points[found.at, 2])
+        assert found.points.at.tolist() == np.flatnonzero(owners.ravel() == number).tolist()
+        assert found.points.xyz == pytest.approx(points[found.points.at].T)
+        assert found.depth == pytest.approx(points[found.points.at, 2])
+
+
+def test_colours_stay_with_their_points_whoevers_they_are() -> None:
+    picture, owners = camera_view((NEAR, FAR))
+    rgb = np.random.default_rng(2).integers(0, 256, picture.shape, np.uint8)
+    view = ProjectedView(Points.of(xyz_cloud(picture, rgb)), CAMERA, np.identity(4))
+    for found in view.within([masked(Window(0, 0, owners == number)) for number in (2, 1)]):
+        assert found.points.rgb is not None
+        assert found.points.at.size
+        assert np.array_equal(found.points.rgb, rgb.reshape(-1, 3)[found.points.at])
+        assert np.array_equal(found.points.xyz, picture.reshape(-1, 3)[found.points.at].T)
 
 
 def test_what_is_just_around_an_object_is_told_with_it() -> None:
@@ -66,9 +77,9 @@ def test_any_lens_is_honoured(lens: tuple[str, list[float]]) -> None:
     view = ProjectedView(Points.of(xyz_cloud(np.concatenate([points, outside])[None])), bent, np.identity(4))
     for number, (column, row) in enumerate(pixels[::17]):
         (found,) = view.within([masked(Window(int(row), int(column), np.ones((1, 1), np.bool_)))])
-        assert found.at.tolist() == [17 * number]
+        assert found.points.at.tolist() == [17 * number]
     (everything,) = view.within([masked(Window(0, 0, np.ones((48, 64), np.bool_)))])
-    assert everything.at.tolist() == list(range(len(pixels)))
+    assert everything.points.at.tolist() == list(range(len(pixels)))
 
 
 def test_a_lidar_that_sees_over_an_object_gives_it_nothing_from_behind_it() -> None:
@@ -77,7 +88,7 @@ def test_a_lidar_that_sees_over_an_object_gives_it_nothing_from_behind_it() -> N
     _, shown = camera_view((NEAR, FAR))
     windows = [Window(0, 0, shown == number) for number in (1, 2)]
     for number, found in enumerate(seen(points, lidar_at(*origin), *windows), start=1):
-        mine = owners[found.at] == number
+        mine = owners[found.points.at] == number
         assert mine.sum() > 50
         assert mine.mean() > 0.9
         assert (found.depth[~mine] < 7.0).all()  # the wall behind, which the lidar sees over the box, is hidden
@@ -86,23 +97,23 @@ def test_a_lidar_that_sees_over_an_object_gives_it_nothing_from_behind_it() -> N
 def test_what_the_lidar_sees_beside_the_camera_is_not_seen() -> None:
     points = np.array([[[2, 0, 1], [-2, 0, 1], [2, 5, 1], [2, 0, 9], [0.01, 0, 1]]], np.float32)[0]
     (found,) = seen(points, lidar_at(0, 0, 0), WHOLE)
-    assert found.at.tolist() == [0]
+    assert found.points.at.tolist() == [0]
 
 
 def test_no_reading_is_no_point() -> None:
     nan, inf = float("nan"), float("inf")
     points = np.array([[nan, 0, 1], [2, 0, nan], [inf, 0, 0], [2, 0, inf], [0, 0, 0], [2, 0, 1]], np.float32)
     (found,) = seen(points, lidar_at(3, 0, 1), WHOLE)
-    assert found.at.tolist() == [5]
+    assert found.points.at.tolist() == [5]
 
 
 def test_where_masks_overlap_the_first_one_has_the_points() -> None:
     points = np.array([[2, 0, 1]], np.float32)
     first, second, third = seen(points, lidar_at(0, 0, 0), Window(0, 0, np.zeros((0, 0), np.bool_)), WHOLE, WHOLE)
-    assert (first.at.size, second.at.tolist(), third.at.size) == (0, [0], 0)
+    assert (first.points.at.size, second.points.at.tolist(), third.points.at.size) == (0, [0], 0)
 
 
 def test_no_masks_and_no_points_are_no_candidates() -> None:
     assert seen(np.ones((3, 3), np.float32), np.identity(4)) == []
     (found,) = seen(np.zeros((0, 3), np.float32), np.identity(4), WHOLE)
-    assert found.at.size == 0
+    assert found.points.at.size == 0

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.cloud.shape import Level, fit_box
+from services.cloud.shape import Boxes, Level
+from tests.services.cloud.boxes import each, fit_box
 
 RNG = np.random.default_rng(5)
 Z_UP = Level.of(np.array([0.0, 0.0, 1.0]))
@@ -49,7 +50,7 @@ def test_the_box_of_the_sides_that_are_seen_is_that_of_the_whole(
 ) -> None:
     box = fit_box(cuboid(size, yaw, (2, -1, 0.5), sides=sides), Z_UP)
     if 2 in sides or sides == (0, 1):
-        assert apart(Z_UP.yaw(box.along), yaw) < math.radians(2)
+        assert apart(box.yaw, yaw) < math.radians(2)
         assert box.size[:2] == pytest.approx(size[:2], rel=0.06, abs=0.03)
     assert box.centre[:2] == pytest.approx([2, -1], abs=0.06)
 
@@ -57,13 +58,13 @@ def test_the_box_of_the_sides_that_are_seen_is_that_of_the_whole(
 def test_an_l_is_turned_as_its_sides_are() -> None:
     for yaw in np.linspace(-1.5, 1.5, 13):
         box = fit_box(cuboid((1.0, 0.7, 0.5), yaw, (0, 0, 0), sides=(0, 1), noise=0.005), Z_UP)
-        assert apart(Z_UP.yaw(box.along), yaw) < math.radians(3)
+        assert apart(box.yaw, yaw) < math.radians(3)
 
 
 def test_one_side_is_a_thin_box() -> None:
     box = fit_box(cuboid((0.6, 0.4, 0.3), 0.3, (1, 1, 1), sides=(1,)), Z_UP)
     assert box.size == pytest.approx([0.6, 0.0, 0.3], abs=0.02)
-    assert Z_UP.yaw(box.along) == pytest.approx(0.3, abs=0.03)
+    assert box.yaw == pytest.approx(0.3, abs=0.03)
 
 
 def test_in_an_optical_frame_a_box_stands_on_the_ground_too() -> None:
@@ -72,13 +73,13 @@ def test_in_an_optical_frame_a_box_stands_on_the_ground_too() -> None:
     box = fit_box(optical, Y_DOWN)
     assert box.size == pytest.approx([1.2, 0.8, 0.4], rel=0.03)
     # From a view's right to its left by way of ahead is 0.5 more than from its front to its left.
-    assert apart(Y_DOWN.yaw(box.along), 0.5 + math.pi / 2) < math.radians(2)
+    assert apart(box.yaw, 0.5 + math.pi / 2) < math.radians(2)
 
 
 def test_the_length_is_the_longer_level_side() -> None:
     box = fit_box(cuboid((0.4, 1.2, 2.0), 0.0, (0, 0, 0)), Z_UP)
     assert box.size == pytest.approx([1.2, 0.4, 2.0], rel=0.03)
-    assert abs(Z_UP.yaw(box.along)) == pytest.approx(math.pi / 2, abs=0.03)
+    assert abs(box.yaw) == pytest.approx(math.pi / 2, abs=0.03)
 
 
 @pytest.mark.parametrize("count", [1, 2, 10])
@@ -104,7 +105,14 @@ def test_level_axes_are_level_and_right_handed_whatever_is_up() -> None:
 
 
 def test_yaw_is_counter_clockwise_from_x_and_a_line_has_no_direction() -> None:
-    assert Z_UP.yaw(np.array([1.0, 1.0, 0.0])) == pytest.approx(math.pi / 4)
-    assert Z_UP.yaw(np.array([-1.0, -1.0, 0.0])) == pytest.approx(math.pi / 4)
-    assert Z_UP.yaw(np.array([0.0, 1.0, 0.0])) == pytest.approx(math.pi / 2)
-    assert Z_UP.yaw(np.array([1.0, -1.0, 0.0])) == pytest.approx(-math.pi / 4)
+    along = np.array([[1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [0.0, 1.0, 0.0], [1.0, -1.0, 0.0]])
+    assert Z_UP.yaws(along) == pytest.approx(np.array([1, 1, 2, -1]) * math.pi / 4)
+
+
+def test_boxes_go_from_place_to_place_along_their_sides() -> None:
+    low, high = np.array([[0.0, 0, 0], [1, -1, 0]]), np.array([[2.0, 1, 3], [2, 3, 4]])
+    first, second = each(Boxes.between(low, high, np.array([math.pi / 2, 0.0]), Z_UP), Z_UP)
+    assert first.centre == pytest.approx([-0.5, 1, 1.5])
+    assert second.centre == pytest.approx([1.5, 1, 2])
+    assert (first.size.tolist(), second.size.tolist()) == ([2, 1, 3], [4, 1, 4])
+    assert [first.yaw, second.yaw] == pytest.approx([math.pi / 2] * 2)

@@ -8,10 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.cloud.outlines import Masked, in_window
-from services.cloud.shape import Box, Level, fit_box
-from services.cloud.visible import Seen, shapes
+from services.cloud.cells import Seen
+from services.cloud.outlines import Masked
+from services.cloud.shape import Level
+from services.cloud.visible import shapes
 from services.geometry.masks import Window
+from tests.services.cloud.boxes import Box, each, fit_box
 from tests.services.cloud.scenes import WIDTH, Cuboid, camera_view
 
 LEVEL = Level.of(np.array([0.0, -1.0, 0.0]))
@@ -32,11 +34,16 @@ def seen_of(picture: NDArray[Any], mask: NDArray[np.bool_], read: NDArray[np.boo
     window = Window(top, left, mask[top : rows.max() + 1, left : columns.max() + 1])
     at = np.flatnonzero(read)
     xyz = picture.reshape(-1, 3)[at].T.astype(np.float32)
-    return Seen(Masked.of(window), in_window(at, WIDTH, window), xyz)
+    return Seen(Masked.of(window), WIDTH, at, xyz)
+
+
+def shapes_of(*seen: Seen) -> list[tuple[NDArray[Any], Box]]:
+    centroids, boxes = shapes(seen, LEVEL)
+    return list(zip(centroids, each(boxes, LEVEL), strict=True))
 
 
 def shape(picture: NDArray[Any], mask: NDArray[np.bool_], read: NDArray[np.bool_]) -> tuple[NDArray[Any], Box]:
-    ((centroid, box),) = shapes([seen_of(picture, mask, read)], LEVEL)
+    ((centroid, box),) = shapes_of(seen_of(picture, mask, read))
     return centroid, box
 
 
@@ -108,8 +115,8 @@ def test_an_objects_shape_is_the_same_whatever_else_is_in_the_picture() -> None:
     for true, noise in ((FAR, NOISE), (Cuboid((3.5, 0.2), (0.5, 0.4, 0.6), yaw=0.5), 0.0)):
         picture, mask = view(true, noise=noise)
         made.append(seen_of(picture, mask, mask))
-    for together, one in zip(shapes(made, LEVEL), made, strict=True):
-        ((centroid, box),) = shapes([one], LEVEL)
+    for together, one in zip(shapes_of(*made), made, strict=True):
+        ((centroid, box),) = shapes_of(one)
         assert together[0] == pytest.approx(centroid, abs=1e-4)
         assert together[1].size == pytest.approx(box.size, abs=1e-3)
 
@@ -142,7 +149,3 @@ def test_a_line_of_pixels_has_its_place_and_its_length(axis: int) -> None:
     assert centroid == pytest.approx(exact[line].mean(axis=0), abs=0.1)
     assert np.isfinite([*box.size, *box.centre]).all()
     assert np.linalg.norm(box.size) == pytest.approx(np.linalg.norm(np.ptp(exact[line], axis=0)), rel=0.3)
-
-
-def test_no_objects_have_no_shapes() -> None:
-    assert shapes([], LEVEL) == []

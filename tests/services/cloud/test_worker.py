@@ -120,7 +120,7 @@ async def rig() -> AsyncIterator[Rig]:
         theirs = await stack.enter_async_context(network.open_bus())
         ours = await stack.enter_async_context(network.open_bus())
         group = await stack.enter_async_context(asyncio.TaskGroup())
-        worker = Worker(ours, settings, settings.tokens(SERVICE, "w1"), executor, join_s=0)
+        worker = Worker(ours, settings, executor, join_s=0)
         working = group.create_task(worker.run())
         yield Rig(theirs, await stack.enter_async_context(AsyncExitStack()))
         working.cancel()

@@ -3,6 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.distance.picking import AROUND, RING, SAMPLE, Criteria, Picked, pick
+from services.geometry.depth import Depth
 from services.geometry.masks import Window, decode
 from tests.schemas.masks import coco_mask
 
@@ -18,7 +19,7 @@ def windows_of(*places: tuple[slice, slice]) -> list[Window]:
 
 
 def picked(depth_m: NDArray[np.float32], *, edge: int = 0) -> Picked:
-    return pick(windows_of((NEAR, NEAR), (NEAR, FAR), (slice(0, 4), slice(0, 5))), depth_m, Criteria(30, edge))
+    return pick(windows_of((NEAR, NEAR), (NEAR, FAR), (slice(0, 4), slice(0, 5))), Depth(depth_m), Criteria(30, edge))
 
 
 def ramp() -> NDArray[np.float32]:
@@ -76,7 +77,7 @@ def test_an_edge_is_taken_off_where_enough_is_left() -> None:
 def test_readings_are_from_all_over_a_mask_whatever_its_shape(height: int) -> None:
     mask = np.zeros((height + 20, WIDTH), np.bool_)
     mask[10:-10, FAR] = True
-    found = pick([decode(coco_mask(mask), margin=RING)], np.ones(mask.shape, np.float32), Criteria())
+    found = pick([decode(coco_mask(mask), margin=RING)], Depth(np.ones(mask.shape, np.float32)), Criteria())
     rows, columns = np.divmod(found.at[0], WIDTH)
     assert len(set(columns.tolist())) >= 15
     assert np.bincount(columns).max() < 2.5 * SAMPLE / 20
@@ -87,3 +88,17 @@ def test_where_no_object_has_enough_there_is_nothing() -> None:
     found = picked(np.full((HEIGHT, WIDTH), np.nan, np.float32))
     assert found.counts.tolist() == [0, 0, 0]
     assert found.z.shape == (0, SAMPLE)
+
+
+def test_an_objects_readings_are_never_those_of_the_next_one() -> None:
+    depth_m = np.full((HEIGHT, WIDTH), 2, np.float32)
+    first, second = (slice(20, HEIGHT), slice(40, WIDTH)), (slice(0, 20), slice(0, 20))
+    depth_m[HEIGHT - 1, WIDTH - 2 :] = np.nan  # the last of the first one's pixels; the second begins with readings
+    depth_m[second] = 5
+    found = pick(windows_of(first, second), Depth(depth_m), Criteria())
+    assert found.rows.tolist() == [0, 1]
+    assert found.z[0].tolist() == [2] * SAMPLE
+    assert found.z[1].tolist() == [5] * SAMPLE
+    rows, columns = np.divmod(found.at[0], WIDTH)
+    assert rows.min() >= 20
+    assert columns.min() >= 40

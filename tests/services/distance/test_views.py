@@ -23,8 +23,8 @@ def instant(of_depth: Any, color: CameraInfo | None, depth_info: CameraInfo | No
 
 def test_depth_of_the_colour_camera_is_taken_as_it_is() -> None:
     views = Views(Limits())
-    metres, camera = views.view(instant(depth(wall(2.0)), COLOR, COLOR))
-    assert (metres == 2).all()
+    image, camera = views.view(instant(depth(wall(2.0)), COLOR, COLOR))
+    assert (image.metres() == 2).all()
     assert isinstance(camera, CameraModel)
     assert views.view(instant(depth(wall(2.0)), COLOR, COLOR))[1] is camera
 
@@ -33,29 +33,29 @@ def test_depth_of_the_colour_camera_is_taken_as_it_is() -> None:
 def test_one_calibration_is_enough_for_images_of_one_size_and_frame(
     color: CameraInfo | None, depth_info: CameraInfo | None
 ) -> None:
-    metres, camera = Views(Limits()).view(instant(depth(wall(2.0)), color, depth_info))
-    assert (metres == 2).all()
+    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), color, depth_info))
+    assert (image.metres() == 2).all()
     assert isinstance(camera, CameraModel)
 
 
 def test_without_any_calibration_images_of_one_size_and_frame_are_taken_for_registered() -> None:
-    metres, camera = Views(Limits()).view(instant(depth(wall(2.0)), None, None))
-    assert (metres == 2).all()
+    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), None, None))
+    assert (image.metres() == 2).all()
     assert camera == NO_INFO
 
 
 def test_depth_of_another_size_is_registered() -> None:
-    metres, _ = Views(Limits()).view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
-    assert metres.shape == (48, 64)
-    assert np.nanmax(metres) == np.nanmin(metres) == 2
-    assert np.isnan(metres).mean() < 0.1
+    image, _ = Views(Limits()).view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
+    assert image.shape == (48, 64)
+    assert np.nanmax(image.metres()) == np.nanmin(image.metres()) == 2
+    assert np.isnan(image.metres()).mean() < 0.1
 
 
 def test_depth_from_beside_is_registered_by_the_transform() -> None:
     seen = instant(depth(wall(2.0), frame_id="camera_depth_optical_frame"), COLOR, COLOR, BESIDE)
-    metres, _ = Views(Limits()).view(seen)
-    assert np.isnan(metres[:, -10:]).all()
-    assert (metres[:, :-10] == 2).all()
+    image, _ = Views(Limits()).view(seen)
+    assert np.isnan(image.metres()[:, -10:]).all()
+    assert (image.metres()[:, :-10] == 2).all()
 
 
 def test_a_new_calibration_counts_from_then_on() -> None:
@@ -64,8 +64,8 @@ def test_a_new_calibration_counts_from_then_on() -> None:
     narrow = msgspec.structs.replace(COARSE, k=info(height=24, width=32, focal=50.0).k)
     second = views.view(instant(depth(wall(2.0)[:24, :32]), COLOR, narrow))
     again = views.view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
-    assert np.array_equal(first[0], again[0], equal_nan=True)
-    assert not np.array_equal(first[0], second[0], equal_nan=True)
+    assert np.array_equal(first[0].metres(), again[0].metres(), equal_nan=True)
+    assert not np.array_equal(first[0].metres(), second[0].metres(), equal_nan=True)
 
 
 def test_many_calibrations_are_not_all_kept() -> None:
@@ -102,15 +102,15 @@ def test_why_depth_cannot_be_brought_to_the_image(seen: Instant, reason: str) ->
 
 
 def test_a_calibration_of_another_picture_leaves_depth_of_the_same_camera_readable() -> None:
-    metres, camera = Views(Limits()).view(instant(depth(wall(2.0)), COARSE, None))
-    assert (metres == 2).all()
+    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), COARSE, None))
+    assert (image.metres() == 2).all()
     assert camera == "calibrated for 32x24 pixels, the image has 64x48"
 
 
 def test_limits_and_what_is_no_depth() -> None:
-    image = depth(np.where(np.arange(64) < 32, wall(0.5), wall(6.0)))
-    metres, _ = Views(Limits(nearest_m=1.0, farthest_m=5.0)).view(instant(image, COLOR, None))
-    assert np.isnan(metres).all()
-    grey = msgspec.structs.replace(image, encoding="mono16")
+    sent = depth(np.where(np.arange(64) < 32, wall(0.5), wall(6.0)))
+    image, _ = Views(Limits(nearest_m=1.0, farthest_m=5.0)).view(instant(sent, COLOR, None))
+    assert np.isnan(image.metres()).all()
+    grey = msgspec.structs.replace(sent, encoding="mono16")
     with pytest.raises(DepthError, match="mono16"):
         Views(Limits()).view(instant(grey, COLOR, None))

@@ -6,7 +6,7 @@ from backports import zstd
 from numpy.typing import NDArray
 
 from schemas.image import ImageFrame
-from services.geometry.depth import to_metres
+from services.geometry.depth import Depth, read_depth
 from services.geometry.errors import DepthError, PayloadError
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
@@ -14,6 +14,10 @@ from tests.schemas.pictures import compressed, file_of
 NAN = float("nan")
 MILLIMETRES = np.array([[0, 1, 2310], [65535, 500, 8000]], np.uint16)
 METRES = [[NAN, 0.001, 2.31], [65.535, 0.5, 8.0]]
+
+
+def to_metres(image: ImageFrame, **limits: float) -> NDArray[np.float32]:
+    return read_depth(image, **limits).metres()
 
 
 def frame(values: NDArray[Any], encoding: str, *, padding: int = 0, **more: Any) -> ImageFrame:
@@ -40,6 +44,14 @@ def test_millimetres_in_either_byte_order_and_with_padded_rows(padding: int) -> 
     assert same(to_metres(frame(MILLIMETRES, "16UC1", padding=padding)), METRES)
     swapped = frame(MILLIMETRES.byteswap(), "16UC1", padding=padding, is_bigendian=True)
     assert same(to_metres(swapped), METRES)
+
+
+def test_every_number_of_millimetres_is_rounded_once() -> None:
+    numbers = np.arange(1 << 16, dtype=np.uint16).reshape(256, 256)
+    found = to_metres(frame(numbers, "16UC1"), nearest_m=0.1, farthest_m=20.0)
+    expected = np.where((numbers >= 100) & (numbers <= 20_000), numbers / np.float32(1000), np.float32(NAN))
+    assert np.array_equal(found, expected.astype(np.float32), equal_nan=True)
+    assert found[0, 1] != to_metres(frame(numbers, "16UC1"))[0, 1] == np.float32(0.001)
 
 
 def test_metres_and_what_is_no_reading() -> None:
@@ -86,3 +98,13 @@ def test_damaged_data_is_said_to_be() -> None:
     held = zstd.compress(MILLIMETRES.tobytes())
     with pytest.raises(PayloadError):
         to_metres(compressed(held[:-2], "16UC1", 6, kind="zstd", height=2, width=3))
+
+
+def test_metres_are_those_of_the_place_that_is_asked_for() -> None:
+    for values, encoding in ((MILLIMETRES, "16UC1"), (MILLIMETRES / np.float32(1000), "32FC1")):
+        image = read_depth(frame(values, encoding))
+        assert image.shape == (2, 3)
+        assert same(image.metres((slice(1, 2), slice(0, 2))), [[65.535, 0.5]])
+        assert image.metres((slice(0, 0), slice(0, 0))).shape == (0, 0)
+    already = np.ones((2, 2), np.float32)
+    assert Depth(already).metres().tolist() == already.tolist()

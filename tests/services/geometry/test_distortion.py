@@ -32,6 +32,12 @@ def test_the_axis_stays_where_it_is() -> None:
             assert (x[0], y[0]) == (0, 0)
 
 
+def test_a_lens_is_made_once_for_as_long_as_it_is_the_same() -> None:
+    model, d = PLUMB_BOB
+    assert distortion_of(model, d) is distortion_of(model, tuple(d))
+    assert distortion_of(model, [2 * number for number in d]) != distortion_of(model, d)
+
+
 def test_no_coefficients_that_bend_are_a_straight_lens() -> None:
     for model, d in (("plumb_bob", [0.0] * 5), ("plumb_bob", []), ("", []), ("", [0.0] * 5)):
         assert isinstance(distortion_of(model, d), Straight)

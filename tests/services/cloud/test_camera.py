@@ -1,0 +1,83 @@
+import asyncio
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import AsyncExitStack
+from functools import partial
+
+import pytest
+
+from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.keys import Stream
+from schemas.objects import ObjectClouds
+from services.cloud.account import FAILED, Account
+from services.cloud.camera import Camera
+from services.cloud.measuring import Limits
+from services.geometry.room import Room
+from tests.gateway.ros1.waiting import until
+from tests.services.cloud.test_worker import FRONT, Rig, found, registered
+
+
+class Publisher:
+    """Takes what is published, after so many failures."""
+
+    def __init__(self, failures: int = 0) -> None:
+        self.taken: list[ObjectClouds] = []
+        self._failures = failures
+
+    def put(self, clouds: ObjectClouds) -> None:
+        if self._failures:
+            self._failures -= 1
+            raise ValueError("no message")
+        self.taken.append(clouds)
+
+
+def answered(account: Account, count: int) -> bool:
+    return account.measured + account.dropped[FAILED] == count
+
+
+async def answers(publisher: Publisher, executor: Executor, frames: int) -> Account:
+    """Return the account of a camera whose objects are cut out that often."""
+    network, account = FakeNetwork(), Account(FRONT)
+    async with AsyncExitStack() as stack:
+        theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
+        front = await Rig(theirs, stack).camera(FRONT, Stream.POINTS, Stream.DETECTIONS)
+        camera = Camera(
+            ours,
+            FRONT,
+            account,
+            worker="w1",
+            executor=executor,
+            limits=Limits(),
+            target_frame="",
+            tolerance_ns=None,
+            room=Room(),
+        )
+        async with asyncio.TaskGroup() as group:
+            working = group.create_task(camera.run(FRONT, publisher.put))
+            await until(lambda: all(each.wanted for each in front.values()), "all is wanted")
+            for seq in range(1, frames + 1):
+                front[Stream.POINTS].put(codec.encode(registered(seq)))
+                front[Stream.DETECTIONS].put(codec.encode(found(seq)))
+                await until(partial(answered, account, seq), f"{seq} were answered")
+            working.cancel()
+    return account
+
+
+async def test_clouds_that_cannot_be_published_are_the_only_ones_that_fail(caplog: pytest.LogCaptureFixture) -> None:
+    publisher = Publisher(failures=1)
+    with ThreadPoolExecutor(1) as executor:
+        account = await answers(publisher, executor, 2)
+    failed, made = publisher.taken
+    assert (failed.header.seq, failed.objects, failed.unmeasured) == (1, [], {0: "it failed"})
+    assert (made.header.seq, len(made.objects), made.unmeasured) == (2, 1, {})
+    assert (account.measured, account.load(serving=True).dropped) == (1, {FAILED: 1})
+    assert "r1/front: frame 1 failed: ValueError('no message')" in caplog.text
+
+
+async def test_clouds_that_cannot_be_worked_out_are_said_to_have_failed() -> None:
+    publisher = Publisher()
+    with ThreadPoolExecutor(1) as executor:
+        executor.shutdown()
+        account = await answers(publisher, executor, 1)
+    assert [each.unmeasured for each in publisher.taken] == [{0: "it failed"}]
+    assert (account.measured, account.load(serving=True).dropped) == (0, {FAILED: 1})

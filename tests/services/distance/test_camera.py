@@ -1,0 +1,80 @@
+import asyncio
+from concurrent.futures import Executor, ThreadPoolExecutor
+
+import pytest
+
+from bus import BusClosedError
+from bus.api import PublisherCounts
+from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.distances import Distances
+from schemas.keys import Stream
+from services.distance.account import FAILED, Account
+from services.distance.camera import Camera, work
+from services.distance.picking import Criteria
+from services.distance.sensed import DEPTH_IMAGE, Sensed
+from services.distance.views import Limits, Views
+from services.geometry.joining import Joiner
+from tests.services.distance.rig import FRONT, only, robot
+from tests.services.distance.scenes import depth, detections, found, mask, wall
+
+BOX = found(mask(slice(10, 30), slice(20, 50)))
+
+
+class Faltering:
+    """A publisher whose first message fails."""
+
+    wanted = True
+
+    def __init__(self) -> None:
+        self.taken: list[Distances] = []
+        self._put = 0
+
+    @property
+    def counts(self) -> PublisherCounts:
+        return PublisherCounts(self._put, 0)
+
+    def put(self, payload: bytes | bytearray) -> None:
+        self._put += 1
+        if self._put == 1:
+            raise BusClosedError("the link is gone")
+        self.taken.append(codec.decode(Distances, bytes(payload), codec.encoding(Distances)))
+
+
+async def answers(publisher: Faltering, executor: Executor, frames: int) -> Account:
+    """Return the account of a camera that is measured that often."""
+    network, account, done = FakeNetwork(), Account(FRONT), asyncio.Event()
+    camera = Camera(account, Sensed((), Joiner(DEPTH_IMAGE)), Views(Limits()), Criteria(), "w1", executor)
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        robot(theirs) as front,
+        asyncio.TaskGroup() as group,
+    ):
+        working = group.create_task(work(ours, camera, publisher, done.set))
+        await front.until_wanted()
+        for seq in range(frames):
+            front.send(Stream.DEPTH, depth(wall(2.0), seq))
+            front.send(Stream.DETECTIONS, detections(BOX, seq))
+            async with asyncio.timeout(60):
+                await done.wait()
+            done.clear()
+        working.cancel()
+    return account
+
+
+async def test_an_answer_that_cannot_be_published_is_the_only_one_that_fails(caplog: pytest.LogCaptureFixture) -> None:
+    publisher = Faltering()
+    with ThreadPoolExecutor(1) as executor:
+        account = await answers(publisher, executor, 3)
+    assert [(seen.header.seq, only(seen)) for seen in publisher.taken] == [(1, (2.0, "")), (2, (2.0, ""))]
+    assert (account.measured, account.load(serving=True).dropped) == (2, {FAILED: 1})
+    assert "r1/front: frame 0 failed: BusClosedError('the link is gone')" in caplog.text
+
+
+async def test_an_answer_that_cannot_be_worked_out_is_counted() -> None:
+    publisher = Faltering()
+    with ThreadPoolExecutor(1) as executor:
+        executor.shutdown()
+        account = await answers(publisher, executor, 2)
+    assert (account.measured, account.load(serving=True).dropped) == (0, {FAILED: 2})
