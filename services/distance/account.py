@@ -8,6 +8,7 @@ from schemas.keys import CameraKey
 
 DOUBLE: Final = "the same detections again"
 REPLACED: Final = "replaced by newer detections"
+UNJOINED: Final = "no depth image of the same instant"
 UNWANTED: Final = "no longer wanted"
 FAILED: Final = "failed while measuring"
 STAMPLESS: Final = "without a stamp"
@@ -15,7 +16,7 @@ TOO_MANY: Final = "too many at once"
 
 
 class Account(Tally):
-    """Counts every image whose objects were detected once: measured (also as unknown), or dropped for a reason."""
+    """Counts every image whose objects were detected once: measured, or dropped for a reason, which is said too."""
 
     def __init__(self, camera: CameraKey) -> None:
         super().__init__(camera)

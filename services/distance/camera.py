@@ -16,7 +16,7 @@ from schemas.detections import Detections
 from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
 from schemas.keys import Stream, StreamKey, Wanted
-from services.distance.account import FAILED, REPLACED, UNWANTED, Account
+from services.distance.account import FAILED, REPLACED, UNJOINED, UNWANTED, Account
 from services.distance.measuring import View, measure_apart, unknown
 from services.distance.picking import Criteria
 from services.distance.sensed import Moment, Sensed
@@ -94,7 +94,10 @@ async def _measure(
     spans = {**seen.spans, WAITED: max(0, begun_ns - received_ns), MEASURED: took_ns}
     distances = Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
     publisher.put(codec.encode(distances))
-    camera.account.measured += 1
+    if isinstance(moment.instant, str):
+        camera.account.dropped[UNJOINED] += 1
+    else:
+        camera.account.measured += 1
 
 
 async def _moment(sensed: Sensed, seen: Detections, news: asyncio.Event) -> Moment:

@@ -16,7 +16,7 @@ from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from services.cloud.account import MALFORMED_POINTS
 from services.cloud.settings import CloudSettings
-from services.cloud.worker import SERVICE, Worker
+from services.cloud.worker import Worker
 from services.geometry.joining import FLUSHED
 from services.geometry.room import CROWDED
 from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, found, load_when, placed, receive, registered, until
@@ -34,7 +34,7 @@ async def working(**settings: object) -> AsyncIterator[Rig]:
         theirs = await stack.enter_async_context(network.open_bus())
         ours = await stack.enter_async_context(network.open_bus())
         group = await stack.enter_async_context(asyncio.TaskGroup())
-        running = group.create_task(Worker(ours, made, made.tokens(SERVICE, "w1"), executor, join_s=0).run())
+        running = group.create_task(Worker(ours, made, executor, join_s=0).run())
         yield Rig(theirs, await stack.enter_async_context(AsyncExitStack()))
         running.cancel()
 

@@ -142,8 +142,9 @@ async def test_stamps_that_are_not_there_join_nothing(rig: Rig) -> None:
         rig.robot.send(Stream.DEPTH, depth(wall(2.0), 1, stamp_ns=0))
         rig.robot.send(Stream.DETECTIONS, detections(BOX, 1, stamp_ns=0))
         assert only(await receive(distances, Distances)) == (None, "the image has no stamp")
-        account = await load(rig.bus, lambda of: of.inferred == 1)
-    assert account.dropped == {"depth image: without a stamp": 1}
+        account = await load(rig.bus, lambda of: sum(of.dropped.values()) == 2)
+    assert account.dropped == {"depth image: without a stamp": 1, "no depth image of the same instant": 1}
+    assert account.inferred == 0
 
 
 async def test_an_empty_view_is_news_too(rig: Rig) -> None:

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Final, Literal, get_args
 
 from schemas.alerts import Alert
+from schemas.status import GatewayStatus
 from services.monitor.history.acts import Act
 from services.monitor.history.errors import HistoryError
 from services.monitor.inventory.inventory import Entry
@@ -15,9 +16,9 @@ from services.monitor.picture import CameraLine, RobotLine, WorkerLine
 from services.monitor.recent import Recent
 from services.monitor.turns import in_turns
 from services.monitor.web.api.bodies import camera_body, encoded, robot_body, sighting_body
-from services.monitor.web.api.models import alert_answer, moment, worker_answer
+from services.monitor.web.api.models import alert_answer, gateway_answer, moment, worker_answer
 
-Topic = Literal["robots", "cameras", "inventory", "alerts", "workers"]
+Topic = Literal["robots", "cameras", "inventory", "alerts", "workers", "gateways"]
 TOPICS: Final[tuple[Topic, ...]] = get_args(Topic)
 
 RENEW_S: Final = 10.0
@@ -28,7 +29,7 @@ Name = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Item:
-    """One robot, camera, sighting, alert or worker. state: what makes it news. body: JSON, as the API answers it."""
+    """One thing of a topic. state: what makes it news. body: JSON, as the API answers it."""
 
     state: Hashable
     body: str
@@ -76,6 +77,9 @@ class Feed:
                 return self._of_alerts(await self._monitor.current_alerts())
             case "workers":
                 return map(_of_worker, self._monitor.workers().lines)
+            case "gateways":
+                robots = (await self._monitor.picture()).robots
+                return (_of_gateway(robot, robot.gateway) for robot in robots if robot.gateway is not None)
 
     def _of_alerts(self, alerts: Iterable[Alert]) -> Iterator[Found]:
         for alert in alerts:
@@ -119,6 +123,18 @@ def _of_worker(worker: WorkerLine) -> Found:
     state = (worker.online, status.model, loads, tuple(status.remarks))
     name = (status.service, status.worker)
     return name, state, "", lambda: worker_answer(worker).model_dump_json(by_alias=True)
+
+
+def _of_gateway(robot: RobotLine, of: GatewayStatus) -> Found:
+    streams = tuple((each.name, each.topic, each.wanted, each.publishers, each.problem) for each in of.streams)
+    returns = tuple((each.camera, each.stream, each.wanted) for each in of.returns)
+    state = (robot.online, of.waiting_for, of.clock_jumps, streams, returns)
+    return (
+        (of.robot,),
+        state,
+        of.robot,
+        lambda: gateway_answer(of, robot.last_ns, online=robot.online).model_dump_json(by_alias=True),
+    )
 
 
 def _counts(dropped: Mapping[str, int]) -> Hashable:
