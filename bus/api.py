@@ -204,7 +204,7 @@ class Bus(Protocol):
         """
 
     def subscribe(
-        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1
+        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1, few: bool = False
     ) -> AbstractAsyncContextManager[Subscription]:
         """Subscribe to a key expression.
 
@@ -213,13 +213,15 @@ class Bus(Protocol):
 
         recover: how many of each publisher come so, in order, as far as it kept them; with more than one, what got
         lost on the way is asked for again too.
+        few: so few publishers match that each sample is taken in as it comes; else those of a queue are fetched
+        together, which takes a thread that wakes ten times a second.
         """
 
     def announce(self, key: str, /) -> AbstractAsyncContextManager[None]:
         """Be present under a key, which is this process's alone, until leaving or until the process is gone."""
 
-    def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
-        """See who is present under a key expression."""
+    def watch(self, key_expr: str, /, *, few: bool = False) -> AbstractAsyncContextManager[Watch]:
+        """See who is present under a key expression. few: see `subscribe`."""
 
     def serve(
         self, key_expr: str, handler: Handler, /, *, at_once: int = 1, waiting: int = 16

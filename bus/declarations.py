@@ -67,7 +67,7 @@ class ZenohPublisher(MessageWriter):
         shared_memory: bool,
     ) -> None:
         self._lane = lanes.of(qos)
-        super().__init__(key, demand, lambda payload: self._lane.offer(self, payload))
+        super().__init__(key, demand, partial(self._lane.offer, self))
         self._qos = qos
         self._encoding = encoding
         self._kept = kept
@@ -132,11 +132,11 @@ class ZenohSubscription(SampleReader):
     """A subscription. What many publish and nobody may miss is fetched in batches."""
 
     def __init__(
-        self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool, recover: int
+        self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool, recover: int, few: bool
     ) -> None:
         super().__init__(keep, loop)
         self._key_expr = key_expr
-        self._gathers = isinstance(keep, Queue) and "*" in key_expr
+        self._gathers = isinstance(keep, Queue) and "*" in key_expr and not few
         self._history = history
         self._recover = recover
         self._declared = ExitStack()
@@ -183,16 +183,18 @@ class ZenohSubscription(SampleReader):
 class ZenohWatch(PresenceReader):
     """A watch: all of a large fleet come at once, so they are fetched in batches."""
 
-    def __init__(self, key_expr: str, loop: AbstractEventLoop) -> None:
+    def __init__(self, key_expr: str, loop: AbstractEventLoop, *, few: bool) -> None:
         super().__init__(loop)
         self._key_expr = key_expr
+        self._few = few
         self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
-        channel: Any = FifoChannel(ROOM)
-        subscriber = session.liveliness().declare_subscriber(self._key_expr, channel, history=True)
-        self._declared.callback(Gathering(subscriber.handler, self._on_changes).join, STOP_GRACE_S)
+        handler: Any = Callback(self._on_change, indirect=False) if self._few else FifoChannel(ROOM)
+        subscriber: Any = session.liveliness().declare_subscriber(self._key_expr, handler, history=True)
+        if not self._few:
+            self._declared.callback(Gathering(subscriber.handler, self._on_changes).join, STOP_GRACE_S)
         self._declared.callback(subscriber.undeclare)
 
     def undeclare(self) -> None:
@@ -201,7 +203,10 @@ class ZenohWatch(PresenceReader):
 
     def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
         for sample in samples:
-            self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
+            self._on_change(sample)
+
+    def _on_change(self, sample: zenoh.Sample) -> None:
+        self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
 
 
 class ZenohToken:

@@ -159,12 +159,25 @@ class _FakeBus:
         return self._held(lambda: _FakePublisher(single_key(key), qos, encoding, demand, self._network, kept=kept))
 
     def subscribe(
-        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1
+        self,
+        key_expr: str,
+        keep: Latest | Queue,
+        /,
+        *,
+        history: bool = True,
+        recover: int = 1,
+        few: bool = False,  # noqa: ARG002 - everything comes at once here
     ) -> AbstractAsyncContextManager[Subscription]:
         last = recover if history else 0
         return self._held(lambda: _FakeSubscription(key_expression(key_expr), keep, self._loop, history=last))
 
-    def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
+    def watch(
+        self,
+        key_expr: str,
+        /,
+        *,
+        few: bool = False,  # noqa: ARG002 - everything comes at once here
+    ) -> AbstractAsyncContextManager[Watch]:
         return self._held(lambda: _FakeWatch(key_expression(key_expr), self._loop))
 
     @asynccontextmanager

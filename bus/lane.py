@@ -42,6 +42,7 @@ class Lane:
         self._lock = threading.Lock()
         self._queued = threading.Condition(self._lock)
         self._written = threading.Condition(self._lock)
+        self._retiring = 0
         self._held: PerKey[Writer, bytes | bytearray] = PerKey(depth)
         self._ready: PerKey[Writer, bytes | bytearray] = PerKey(depth)
         self._quick_writes: dict[Writer, int] = {}
@@ -90,7 +91,9 @@ class Lane:
         """Wait up to `grace_s` until a publisher's queue is written, drop the rest; then it is not written to again."""
         with self._lock:
             if writer in self._quick_writes:
+                self._retiring += 1
                 self._written.wait_for(lambda: writer not in self._ready and writer not in self._writing, grace_s)
+                self._retiring -= 1
             self._quick_writes.pop(writer, None)
             rest = len(self._held.discard(writer)) + len(self._ready.discard(writer))
         if rest:
@@ -131,5 +134,6 @@ class Lane:
             self._writing.discard(writer)
             if writer in self._quick_writes:
                 self._quick_writes[writer] = self._quick_writes[writer] + 1 if quick else 0
-            self._written.notify_all()
+            if self._retiring:
+                self._written.notify_all()
         return quick

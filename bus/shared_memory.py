@@ -75,7 +75,10 @@ class SharedFrames:
 def _allocated(provider: ShmProvider, size: int) -> ZShmMut | None:
     # Zenoh's own policies (1.10) give up where no single piece that came back is large enough.
     provider.garbage_collect()
-    provider.defragment()
+    try:
+        return provider.alloc(size)
+    except zenoh.ZError:
+        provider.defragment()
     try:
         return provider.alloc(size)
     except zenoh.ZError:

@@ -108,16 +108,18 @@ class ZenohBus:
         )
 
     def subscribe(
-        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1
+        self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1, few: bool = False
     ) -> AbstractAsyncContextManager[Subscription]:
         """See `bus.api.Bus.subscribe`."""
         return self._held(
-            lambda: ZenohSubscription(key_expression(key_expr), keep, self._loop, history=history, recover=recover)
+            lambda: ZenohSubscription(
+                key_expression(key_expr), keep, self._loop, history=history, recover=recover, few=few
+            )
         )
 
-    def watch(self, key_expr: str, /) -> AbstractAsyncContextManager[Watch]:
+    def watch(self, key_expr: str, /, *, few: bool = False) -> AbstractAsyncContextManager[Watch]:
         """See `bus.api.Bus.watch`."""
-        return self._held(lambda: ZenohWatch(key_expression(key_expr), self._loop))
+        return self._held(lambda: ZenohWatch(key_expression(key_expr), self._loop, few=few))
 
     @asynccontextmanager
     async def serve(

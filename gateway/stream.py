@@ -30,6 +30,8 @@ MALFORMED: Final = "malformed"
 MISMATCH: Final = "of a type that the stream cannot carry"
 UNWANTED: Final = "no longer wanted"
 
+_THINNED: Final = (ImageFrame, PointCloud, RawMessage)
+
 
 class StreamForward:
     """Turns a topic's messages into the fleet's own.
@@ -102,7 +104,7 @@ class StreamForward:
 
     def _one_too_many(self, message: codec.Message, now_ns: int) -> str:
         """Return why a message is left out, or nothing."""
-        if self.thinning is None or not isinstance(message, ImageFrame | PointCloud | RawMessage):
+        if self.thinning is None or not isinstance(message, _THINNED):
             return ""
         if not self.thinning.passes(message.header.stamp_ns, now_ns):
             return THINNED

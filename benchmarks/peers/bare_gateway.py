@@ -7,19 +7,12 @@ import socket
 import struct
 import sys
 
-import zenoh
-
 from benchmarks.peers.camera import IMAGE
 from benchmarks.peers.frames import SIZE
 from benchmarks.peers.tcpros_subscriber import connect
+from benchmarks.peers.zenoh_sender import sender
 
-with zenoh.open(zenoh.Config.from_json5(sys.argv[1])) as session:
-    publisher = session.declare_publisher(
-        sys.argv[2],
-        congestion_control=zenoh.CongestionControl.DROP,
-        priority=zenoh.Priority.DATA_LOW,
-        reliability=zenoh.Reliability.BEST_EFFORT,
-    )
+with sender(sys.argv[1], sys.argv[2]) as publisher:
     connection = connect(sys.argv[3])
     frame = bytearray(struct.calcsize("<I") + len(IMAGE) + SIZE)
     while connection.recv_into(frame, 0, socket.MSG_WAITALL):

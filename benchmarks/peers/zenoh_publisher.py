@@ -2,16 +2,9 @@
 
 import sys
 
-import zenoh
-
 from benchmarks.peers.frames import frames
+from benchmarks.peers.zenoh_sender import sender
 
-with zenoh.open(zenoh.Config.from_json5(sys.argv[1])) as session:
-    publisher = session.declare_publisher(
-        sys.argv[2],
-        congestion_control=zenoh.CongestionControl.DROP,
-        priority=zenoh.Priority.DATA_LOW,
-        reliability=zenoh.Reliability.BEST_EFFORT,
-    )
+with sender(sys.argv[1], sys.argv[2]) as publisher:
     for frame in frames(hz=float(sys.argv[3])):
         publisher.put(frame)

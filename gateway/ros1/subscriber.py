@@ -260,15 +260,15 @@ class _Sink:
 
     def __call__(self, event: SubscriberEvent) -> None:
         match event:
+            case MessageReceived(data) if self._publisher is not None:
+                self._counters.messages += 1
+                self._counters.bytes += len(data)
+                self._subscription.deliver(Message(data, self._uri, self._publisher))
             case PublisherAccepted():
                 self._subscription.accept(event.type)
                 self._publisher = event
                 self._counters.connected = True
                 self._counters.problem = ""
-            case MessageReceived(data) if self._publisher is not None:
-                self._counters.messages += 1
-                self._counters.bytes += len(data)
-                self._subscription.deliver(Message(data, self._uri, self._publisher))
 
 
 def _failure_of(error: Ros1Error) -> LinkFailure:

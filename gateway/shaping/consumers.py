@@ -38,7 +38,8 @@ class Consumers:
 
         now_ns: nanoseconds since the epoch.
         """
-        return self._budgets.passes(key, self._known.get(key, ()), now_ns)
+        known = self._known.get(key)
+        return known is None or self._budgets.passes(key, known, now_ns)
 
     def all_here(self, key: StreamKey) -> bool:
         """Return whether everybody who says to subscribe to the stream is on this machine, and somebody does."""
@@ -78,12 +79,12 @@ class Consumers:
             group.create_task(self._follow_budgets(bus))
 
     async def _follow_tokens(self, bus: Bus) -> None:
-        async with bus.watch(keys.every_wanted(self._robot)) as watch:
+        async with bus.watch(keys.every_wanted(self._robot), few=True) as watch:
             async for presence in watch:
                 self.note(presence)
 
     async def _follow_budgets(self, bus: Bus) -> None:
-        async with bus.subscribe(keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING)) as budgets:
+        async with bus.subscribe(keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING), few=True) as budgets:
             async for sample in budgets:
                 self.note_budget(sample)
 

@@ -17,9 +17,8 @@ from gateway.sparing_log import SparingLog
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.header import Header
-from schemas.image import ImageFrame
+from schemas.image import RAW, ImageFrame
 from schemas.keys import SensorKey, Stream
-from schemas.points import PointCloud
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
 
 log = logging.getLogger(__name__)
@@ -74,7 +73,7 @@ class Outlet:
 
     def put(self, message: codec.Message) -> None:
         """Send a message, now or when it is shaped and the uplink's budget allows it."""
-        if isinstance(message, ImageFrame | PointCloud):
+        if isinstance(message, Frame):
             self._put_frame(message)
             return
         if isinstance(message, CameraInfo) and self._plan.factor > 1:
@@ -85,8 +84,8 @@ class Outlet:
         factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
         method = self._plan.method_now()
         moment = None if self._pacer is None else self._plan.moment_of(frame.header)
-        busy = self._workshop is not None and self._workshop.is_busy_for(self)
-        if self._workshop is None or (method == NONE and factor == 1 and not busy):
+        as_it_is = method.format == RAW and factor == 1
+        if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
             self._compression = frame.format
             self._pass_on(codec.encode(frame), moment)
             return

@@ -1,4 +1,7 @@
-"""What a robot installs, the gateway and the command line without extras, stays small."""
+"""What a robot installs, the gateway and the command line without extras, stays small.
+
+As deploy/fleetsight-gateway.service says: pip compiles nothing and is not left there.
+"""
 
 import tomllib
 from collections.abc import Iterator
@@ -11,6 +14,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 MAX_BYTES = 120_000_000
 COMPILED = ".pyc"
+UNIT = ROOT / "deploy" / "fleetsight-gateway.service"
 
 
 def installed_with(requirement: Requirement, done: set[tuple[str, frozenset[str]]]) -> Iterator[str]:
@@ -45,3 +49,14 @@ def test_what_a_robot_installs_is_small() -> None:
     assert {"numpy", "pydantic-core"} < sizes.keys()
     assert min(sizes.values()) > 0
     assert sum(sizes.values()) <= MAX_BYTES, sorted(sizes.items(), key=lambda item: -item[1])
+
+
+def test_it_is_installed_without_what_is_not_counted() -> None:
+    (made, installed, removed) = (
+        line.removeprefix("#").split()
+        for line in UNIT.read_text(encoding="utf-8").splitlines()
+        if "/opt/fleetsight" in line and line.startswith("#   ")
+    )
+    assert made == ["python3", "-m", "venv", "--clear", "/opt/fleetsight"]
+    assert installed[1:] == ["install", "--no-compile", "-c", "constraints.txt", "."]
+    assert removed[1:] == ["uninstall", "--yes", "pip", "setuptools"]

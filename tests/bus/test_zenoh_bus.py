@@ -177,3 +177,11 @@ async def test_a_router_that_comes_and_goes_is_told() -> None:
                 assert there.link_problem == ""
             await until(lambda: bool(bus.link_problem))
     assert bus.link_problem == "the bus is closed"
+
+
+async def test_what_few_send_takes_no_thread() -> None:
+    async with open_bus(BusSettings(mode="peer", connect=[])) as bus:
+        async with bus.watch("fleet/r1/**", few=True), bus.subscribe("fleet/r1/**", QUEUE(9), few=True):
+            assert "bus-gathering" not in bus_threads()
+        async with bus.watch("fleet/**"), bus.subscribe("fleet/**", QUEUE(9)):
+            assert bus_threads().count("bus-gathering") == 2

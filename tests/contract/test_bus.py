@@ -268,18 +268,20 @@ async def test_put_does_not_wait_for_a_reader_that_does_not_read(buses: tuple[Bu
         assert (await next_of(stuck)).key == IMAGE_KEY
 
 
-async def test_what_was_put_before_leaving_arrives(buses: tuple[Bus, Bus]) -> None:
+@pytest.mark.parametrize("few", [False, True])
+async def test_what_was_put_before_leaving_arrives(buses: tuple[Bus, Bus], few: bool) -> None:  # noqa: FBT001
     here, there = buses
-    async with here.subscribe("fleet/**", QUEUE(9)) as subscription:
+    async with here.subscribe("fleet/**", QUEUE(9), few=few) as subscription:
         async with there.publisher(KEY, QoS.RESULT) as out:
             await until(lambda: out.wanted)
             out.put(b"goodbye")
         assert (await next_of(subscription)).payload == b"goodbye"
 
 
-async def test_presence_there_already_appearing_vanishing(buses: tuple[Bus, Bus]) -> None:
+@pytest.mark.parametrize("few", [False, True])
+async def test_presence_there_already_appearing_vanishing(buses: tuple[Bus, Bus], few: bool) -> None:  # noqa: FBT001
     here, there = buses
-    async with there.announce("workers/w1/alive"), here.watch("workers/*/alive") as watch:
+    async with there.announce("workers/w1/alive"), here.watch("workers/*/alive", few=few) as watch:
         assert await next_of(watch) == Presence("workers/w1/alive", alive=True)
         async with here.announce("workers/w2/alive"):
             assert await next_of(watch) == Presence("workers/w2/alive", alive=True)

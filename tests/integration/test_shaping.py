@@ -8,6 +8,7 @@ import pytest
 from backports import zstd
 
 from bus import Subscription
+from schemas.compression import picture_of
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted
@@ -58,6 +59,19 @@ async def test_colour_and_depth_are_thinned_to_the_same_instants_and_compressed(
     assert numbers == sorted(set(numbers))
     assert status.dropped[THINNED] > status.forwarded
     assert status.bytes < status.forwarded * 10_000
+
+
+@pytest.mark.timeout(120)
+async def test_what_patterns_leave_is_scaled_and_sent_as_png(ros: RosEnvironment, rig: FleetRig) -> None:
+    await (await ros.script(SCRIPT)).until_output("camera up")
+    patterns = ("--allow", "/front/.*", "--deny", ".*/depth/.*")
+    await rig.gateway("r1", ros.master_uri, {}, *patterns, "--scale", "*/color=1/2", "--compression", "*/color=png")
+    found = await rig.stream_topics("r1", bool)
+    assert found == {"front/color": CAMERAS["front"]}
+    async with rig.subscribed(FRONT.stream(Stream.COLOR)) as samples:
+        frame = await receive(samples, ImageFrame)
+    assert (frame.format, frame.encoding, frame.height, frame.width, frame.step) == ("png", "rgb8", 120, 160, 480)
+    assert picture_of(frame.data).format == "png"
 
 
 @pytest.mark.timeout(180)

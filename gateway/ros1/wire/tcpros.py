@@ -81,6 +81,9 @@ class SubscriberConnection:
     """The subscriber's side: send `opening`, receive into `get_buffer`, take events until there is none.
 
     An error ends the connection; the events before it have been given by then, however the stream is cut.
+
+    get_buffer: returns where the next received bytes belong; never empty once `next_event` has returned None.
+    buffer_updated: takes so many bytes written to the start of the last `get_buffer`.
     """
 
     def __init__(
@@ -106,14 +109,8 @@ class SubscriberConnection:
         self._max_message_bytes = max_message_bytes
         self._accepted = False
         self._frames = FrameReceiver(MAX_HEADER_BYTES, budget)
-
-    def get_buffer(self) -> memoryview:
-        """Return where the next received bytes belong; never empty once `next_event` has returned None."""
-        return self._frames.get_buffer()
-
-    def buffer_updated(self, count: int) -> None:
-        """Take `count` bytes written to the start of the last `get_buffer`."""
-        self._frames.buffer_updated(count)
+        self.get_buffer = self._frames.get_buffer
+        self.buffer_updated = self._frames.buffer_updated
 
     @property
     def message_under_way(self) -> int | None:

@@ -1,4 +1,4 @@
-"""Bytes of a real rospy; see golden/README.md."""
+"""Bytes of a real rospy and of real masters; see golden/README.md."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ SERVICE_FAILURE = (GOLDEN / "service-failure.bin").read_bytes()
 SERVICE_REFUSAL = (GOLDEN / "service-refusal.bin").read_bytes()
 IMAGE = (GOLDEN / "image.bin").read_bytes()
 REGISTER_PUBLISHER = (GOLDEN / "registerPublisher.xml").read_bytes()
+PYTHON2_SUBSCRIBED = (GOLDEN / "python2-registerSubscriber-answer.http").read_bytes()
+PYTHON2_STATE = (GOLDEN / "python2-getSystemState-answer.http").read_bytes()
+PYTHON2_UNSET = (GOLDEN / "python2-getParam-answer.http").read_bytes()
+PYTHON2_UPDATE = (GOLDEN / "python2-publisherUpdate.http").read_bytes()
 REGISTER_PUBLISHER_RESPONSE = (GOLDEN / "registerPublisher-response.xml").read_bytes()
 
 IMAGE_MD5 = "060021388200f6f0f447d0fcd9c64743"

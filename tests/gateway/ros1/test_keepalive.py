@@ -39,6 +39,11 @@ def test_a_peer_is_gone_when_it_is_asked_again_and_again_in_vain(
     assert acknowledgement.is_overdue == overdue
 
 
+def test_a_kernel_that_tells_nothing_makes_nobody_gone() -> None:
+    assert Acknowledgement.read(bytes(2) + b"\x09\x09" + bytes(52) + b"\xff" * 4).is_overdue
+    assert not Acknowledgement.read(b"\xff" * 4).is_overdue
+
+
 async def test_a_peer_that_takes_nothing_answers_probes() -> None:
     with (
         socket.create_server(("127.0.0.1", 0)) as listener,

@@ -8,6 +8,7 @@ import pytest
 from gateway.ros1.errors import HttpError, XmlRpcError
 from gateway.ros1.wire.http import MAX_HEAD_BYTES, ClientExchange, ServerExchange
 from gateway.ros1.wire.xmlrpc import MethodCall, MethodResponse, encode
+from tests.gateway.ros1.goldens import PYTHON2_STATE, PYTHON2_SUBSCRIBED, PYTHON2_UNSET, PYTHON2_UPDATE, TOPIC
 
 CALL = MethodCall("getPid", ("/ours",))
 BODY = encode(CALL)
@@ -37,6 +38,28 @@ def test_however_it_is_split() -> None:
     answers = [ours.receive_data(answer[i : i + 1]) for i in range(len(answer))]
     assert calls == [None] * (len(opening) - 1) + [CALL]
     assert answers == [None] * (len(answer) - 1) + [ANSWER]
+
+
+FIRST, SECOND = "http://127.0.0.1:45454/", "http://127.0.0.1:45456/"
+
+
+@pytest.mark.parametrize(
+    ("answer", "value"),
+    [
+        (PYTHON2_SUBSCRIBED, [1, f"Subscribed to [{TOPIC}]", [FIRST]]),
+        (
+            PYTHON2_STATE,
+            [1, "current system state", [[[TOPIC, ["/camera", "/camera2"]]], [[TOPIC, ["/gateway"]]], []]],
+        ),
+        (PYTHON2_UNSET, [-1, "Parameter [/use_sim_time] is not set", 0]),
+    ],
+)
+def test_a_master_under_python_2_is_understood(answer: bytes, value: list[object]) -> None:
+    assert client().receive_data(answer) == MethodResponse(value)
+
+
+def test_a_master_under_python_2_tells_of_publishers() -> None:
+    assert server().receive_data(PYTHON2_UPDATE) == MethodCall("publisherUpdate", ("/master", TOPIC, [FIRST, SECOND]))
 
 
 # As xmlrpc.client of Python 3, xmlrpcpp and HTTP/1.0 clients send it.

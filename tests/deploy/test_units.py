@@ -1,0 +1,43 @@
+"""What systemd itself says of the units."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.missing import require_debian
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+ANALYZE = "/usr/bin/systemd-analyze"
+SYSTEM = Path("/usr/lib/systemd/system")
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A system that has the units, the program that they start, and what systemd brings with it."""
+    units = tmp_path / SYSTEM.relative_to("/")
+    units.mkdir(parents=True)
+    for unit in (*SYSTEM.glob("*.target"), *DEPLOY.glob("*.service")):
+        shutil.copy(unit, units)
+    program = tmp_path / "opt/fleetsight/bin/fleetsight"
+    program.parent.mkdir(parents=True)
+    program.touch(mode=0o755)
+    return tmp_path
+
+
+@pytest.mark.parametrize("unit", ["fleetsight-gateway", "fleetsight-space@distance", "fleetsight-space@cloud"])
+def test_systemd_has_nothing_to_say_against_the_units(root: Path, unit: str) -> None:
+    require_debian("systemd", [ANALYZE], how="tests/integration/install-ros.sh installs it")
+    command = [ANALYZE, "verify", "--man=no", f"--root={root}", f"{unit}.service"]
+    said = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
+
+
+def test_a_setting_that_systemd_does_not_know_is_told(root: Path) -> None:
+    require_debian("systemd", [ANALYZE], how="tests/integration/install-ros.sh installs it")
+    unit = root / SYSTEM.relative_to("/") / "fleetsight-gateway.service"
+    unit.write_text(unit.read_text(encoding="utf-8").replace("ProtectClock=", "ProtectClocks="), encoding="utf-8")
+    command = [ANALYZE, "verify", "--man=no", f"--root={root}", unit.name]
+    said = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "ProtectClocks" in said.stderr
