@@ -34,7 +34,7 @@ def add_overview(shared: Shared, monitor: Monitor) -> None:
 
     @page_at(FLEET.path)
     async def overview() -> None:
-        with page_frame(monitor, "Fleet", FLEET):
+        async with page_frame(monitor, "Fleet", FLEET):
             await _Overview(monitor, shared).refresh()
 
 
