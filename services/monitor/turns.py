@@ -10,11 +10,11 @@ AT_ONCE: Final = 100
 T = TypeVar("T")
 
 
-async def in_turns(items: Iterable[T]) -> AsyncIterator[T]:
-    """Yield items; whatever else waits on the event loop gets its turn after each AT_ONCE."""
+async def in_turns(items: Iterable[T], at_once: int = AT_ONCE) -> AsyncIterator[T]:
+    """Yield items; whatever else waits on the event loop gets its turn after each `at_once`."""
     for number, item in enumerate(items, 1):
         yield item
-        if number % AT_ONCE == 0:
+        if number % at_once == 0:
             await asyncio.sleep(0)
 
 

@@ -12,7 +12,7 @@ from sqlalchemy.engine import Dialect
 
 @dataclass(frozen=True, slots=True)
 class Upsert:
-    """What writes rows of one table, or other columns where a row is there. values: of a row, as the statement has them."""
+    """What writes rows of a table, over those that are there. values: of a row, as the statement has them."""
 
     statement: str
     values: Callable[[Mapping[str, Any]], tuple[Any, ...]]

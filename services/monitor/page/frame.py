@@ -87,6 +87,7 @@ async def page_frame(monitor: Monitor, title: str, here: Place | None = None) ->
     await asyncio.sleep(0)
     yield visitor
     visit.made = True
+    await asyncio.sleep(0)
 
 
 class _Banners:
