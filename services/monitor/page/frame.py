@@ -1,6 +1,5 @@
 """What every page has around it: where to go, who is there, and what is wrong with the monitor itself."""
 
-import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.page.instead import TooManyPagesError
 from services.monitor.page.links import Links, Place, icon_of, still
 from services.monitor.page.visits import Visits
+from services.monitor.turns import pause
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
 REFRESH_S: Final = 1.0
@@ -67,7 +67,7 @@ async def page_frame(monitor: Monitor, title: str, here: Place | None = None) ->
     ui.page_title(f"{title} \N{MIDDLE DOT} fleetsight")
     ui.add_css(STYLE)
     links = [_bar(visitor, here)]
-    await asyncio.sleep(0)
+    await pause()
     with ui.footer(elevated=False).classes("fs-footer"):
         links.append(Links(here))
     banners = _Banners(monitor)
@@ -84,10 +84,10 @@ async def page_frame(monitor: Monitor, title: str, here: Place | None = None) ->
                 each.count(alerts)
 
     ui.timer(REFRESH_S, refresh)
-    await asyncio.sleep(0)
+    await pause()
     yield visitor
     visit.made = True
-    await asyncio.sleep(0)
+    await pause()
 
 
 class _Banners:

@@ -1,11 +1,12 @@
 """A table of which only the rows that are looked at are sent, so that thousands cost no more than a screenful."""
 
-import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from nicegui import events, ui
+
+from services.monitor.turns import pause
 
 ROWS: Final = 25
 CHOICES: Final = (10, 25, 50, 100)
@@ -72,7 +73,7 @@ class LiveTable:
         size, page = self._pagination["rowsPerPage"], self._pagination["page"]
         sort, descending = self._pagination["sortBy"] or "", self._pagination["descending"]
         rows, count = await self._load(Window(sort, descending, (page - 1) * size, page * size))
-        await asyncio.sleep(0)
+        await pause()
         if not rows and page > 1:
             self._pagination["page"] = max(1, -(-count // size))
             return await self.refresh()

@@ -1,6 +1,5 @@
 """The fleet: every robot, how it is, and what its cameras see."""
 
-import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from functools import partial
@@ -18,6 +17,7 @@ from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.tiles import Tile
+from services.monitor.turns import pause
 
 COLUMNS: Final = (
     Column("state", "State"),
@@ -38,9 +38,9 @@ def add_overview(shared: Shared, monitor: Monitor) -> None:
     async def overview() -> None:
         async with page_frame(monitor, "Fleet", FLEET):
             figures = _Figures()
-            await asyncio.sleep(0)
+            await pause()
             shown = _Overview(monitor, shared, figures)
-            await asyncio.sleep(0)
+            await pause()
             await shown.refresh()
 
 
