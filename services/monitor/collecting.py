@@ -18,7 +18,7 @@ MIDDLE: Final = 1
 
 NEVER: Final = 1_000_000_000
 FULL_AFTER: Final = 50
-"""After how many of those what is old is looked at: a tenth of a second, after some hundred pages."""
+"""After how many of those what is old is looked at: a tenth of a second, after more than a hundred pages."""
 
 
 async def keep_collections_short(size: Callable[[], int], *, period_s: float = PERIOD_S) -> None:
