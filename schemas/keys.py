@@ -10,6 +10,8 @@ from enum import StrEnum
 from functools import lru_cache
 from typing import Final
 
+import msgspec
+
 from schemas.errors import SchemaError
 
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}")
@@ -62,8 +64,7 @@ class Stream(StrEnum):
     OBJECTS = "objects"
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class CameraKey:
+class CameraKey(msgspec.Struct, frozen=True, order=True, gc=False, cache_hash=True):
     """One camera of one robot.
 
     Raises:

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+import msgspec
+
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances
 from schemas.header import Header
@@ -22,16 +24,14 @@ MAX_LAG_NS: Final = 3_600_000_000_000
 """A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
 
 
-@dataclass(frozen=True, slots=True)
-class Age:
+class Age(msgspec.Struct, frozen=True, gc=False):
     """How old a view is; a lower bound, without the way here, while nobody knows how far the robot's clock is off."""
 
     seconds: float
     exact: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(msgspec.Struct, frozen=True, gc=False):
     """One camera as an operator reads it. Fields are None until the first class list is there."""
 
     key: CameraKey
@@ -48,11 +48,23 @@ class Row:
 
 @dataclass(slots=True)
 class _Camera:
-    latest: ClassList | None = None
+    classes: list[ClassCount] | None = None
     arrived_s: float = 0.0
     lag_s: float | None = None
     lists: int = 0
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=64))
+
+    def take(self, seen: Sequence[ClassCount]) -> bool:
+        """Take what was seen; return whether it counts something else than before.
+
+        The list stays the same one: collections would look at all that are new.
+        """
+        if self.classes is None:
+            self.classes = list(seen)
+            return True
+        same = _same(self.classes, seen)
+        self.classes[:] = seen
+        return not same
 
     def rate_hz(self, now_s: float) -> float:
         recent = self.arrivals
@@ -128,9 +140,9 @@ class Fleet:
         camera = self._camera(key)
         if self.first_list_s is None:
             self.first_list_s = now_s
-        if camera.latest is None or not _same(camera.latest.classes, seen.classes):
+        if camera.take(seen.classes):
             self._changed.add(key)
-        camera.latest, camera.arrived_s = seen, now_s
+        camera.arrived_s = now_s
         camera.lists += 1
         camera.arrivals.append(now_s)
         camera.lag_s = None if lag_ns is None else lag_ns / 1e9
@@ -179,7 +191,7 @@ class Fleet:
         return Row(
             key=key,
             online=self.inventory.online(key),
-            classes=tuple(camera.latest.classes) if camera.latest else None,
+            classes=None if camera.classes is None else tuple(camera.classes),
             age=_age(camera, now_s),
             rate_hz=camera.rate_hz(now_s),
         )
@@ -208,7 +220,7 @@ class Fleet:
 
 
 def _age(camera: _Camera, now_s: float) -> Age | None:
-    if camera.latest is None:
+    if camera.classes is None:
         return None
     return Age(now_s - camera.arrived_s + (camera.lag_s or 0.0), exact=camera.lag_s is not None)
 

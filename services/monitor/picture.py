@@ -3,13 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import msgspec
+
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Row
 
 
-@dataclass(frozen=True, slots=True)
-class CameraLine:
+class CameraLine(msgspec.Struct, frozen=True, gc=False):
     """One camera. last_ns: when its newest class list came, 0 before the first. dropped: frames, by place and reason.
 
     served_by: the workers that look after it, as service/worker.

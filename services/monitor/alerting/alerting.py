@@ -19,7 +19,7 @@ from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
 from services.monitor.inventory.sighting import Change
 from services.monitor.inventory.speaking import Speaking
 from services.monitor.rules.conditions import Look
-from services.monitor.rules.engine import Effect, RuleEngine, UnknownAlertError
+from services.monitor.rules.engine import MAX_SUBJECTS, Effect, RuleEngine, UnknownAlertError
 from services.monitor.rules.model import RobotAction
 from services.monitor.turns import in_turns
 
@@ -30,14 +30,28 @@ SWEEP_S: Final = 0.2
 SETTLE_S: Final = 3.0
 """How long after the start it is not known yet who is there."""
 
+OFFER_S: Final = 10.0
+"""How often it is looked whether there is room for what too many rules and cameras left none for."""
+
 
 class Alerting:
     """What becomes of rules, and what people do with alerts."""
 
-    def __init__(self, rules: RuleFile, inventory: Inventory, *, settle_s: float = SETTLE_S) -> None:
+    def __init__(
+        self,
+        rules: RuleFile,
+        inventory: Inventory,
+        *,
+        settle_s: float = SETTLE_S,
+        offer_s: float = OFFER_S,
+        most_subjects: int = MAX_SUBJECTS,
+    ) -> None:
         self._rules = rules
         self._inventory = inventory
         self._settled_s = time.monotonic() + settle_s
+        self._offer_s = offer_s
+        self._offered_s = time.monotonic()
+        self._most_subjects = most_subjects
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
         self._news = inventory.follow()
@@ -51,7 +65,7 @@ class Alerting:
     def lead(self, alerts: Sequence[Alert]) -> None:
         """Begin to raise alerts, with those that another monitor, or this one before, left unresolved."""
         if self._engine is None:
-            self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex)
+            self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex, most=self._most_subjects)
         self._engine.restore(alerts, time.time_ns())
         self._look_at_all = True
 
@@ -111,13 +125,20 @@ class Alerting:
                 self._look_at_all = True
             if time.monotonic() >= max(self._settled_s, swept_s + SWEEP_S):
                 swept_s = time.monotonic()
+                self._offer_again(engine)
                 await self._sweep(engine)
             for effect in engine.due(time.time_ns()):
                 keep(effect.alert)
                 self._tell(effect, engine)
 
+    def _offer_again(self, engine: RuleEngine) -> None:
+        """Have everything looked at if there is room by now for what there was none for."""
+        if time.monotonic() >= self._offered_s + self._offer_s:
+            self._offered_s = time.monotonic()
+            self._look_at_all = self._look_at_all or engine.has_room_again()
+
     async def _sweep(self, engine: RuleEngine) -> None:
-        """Look at every camera that changed, began to speak or fell silent; at all of them after the rules changed."""
+        """Look at every camera that changed, began to speak or fell silent; at all if they are due."""
         everything, self._look_at_all = self._look_at_all, False
         robots, cameras = self._take_news()
         turned = self._speaking.advance(time.time_ns(), self._views(cameras))

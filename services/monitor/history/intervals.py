@@ -1,8 +1,10 @@
 """Intervals, and the ledger that makes them of what changes in the inventory. Pure."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from typing import Final
+
+import msgspec
+from msgspec.structs import replace
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
@@ -13,8 +15,7 @@ MAX_PENDING: Final = 200_000
 Place = tuple[CameraKey, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
+class Interval(msgspec.Struct, frozen=True, gc=False):
     """As long as one class was in view of one camera with one count. Times are epoch nanoseconds, ours.
 
     open: it goes on. first_ns: when the class came into view, with whatever count.

@@ -3,14 +3,13 @@
 import asyncio
 import fcntl
 import os
-from collections.abc import AsyncIterator, Iterable, Sequence
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
 from sqlalchemy import ColumnElement, Table, delete, func, select
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
@@ -27,6 +26,7 @@ from services.monitor.history.rows import (
     row_of_interval,
 )
 from services.monitor.history.tables import acts, alerts, heartbeat, intervals, metadata, open_intervals
+from services.monitor.history.upsert import Upsert, upsert_of
 from services.monitor.inventory.settling import NS
 
 LOCK: Final = 0x666C656574
@@ -58,6 +58,7 @@ class Store:
         self._connection = connection
         self._file = file
         self._lock: int | None = None
+        self._upserts: dict[Table, Upsert] = {}
 
     @classmethod
     async def open(cls, url: str) -> Self:
@@ -169,10 +170,9 @@ class Store:
         self._lock = descriptor
         return True
 
-    async def _put(self, table: Table, rows: Sequence[dict[str, Any]]) -> None:
-        if not rows:
-            return
-        statement = (postgresql.insert if self._file is None else sqlite.insert)(table)
-        keys = [column.name for column in table.primary_key]
-        others = {column.name: statement.excluded[column.name] for column in table.columns if column.name not in keys}
-        await self._connection.execute(statement.on_conflict_do_update(index_elements=keys, set_=others), rows)
+    async def _put(self, table: Table, rows: Iterable[Mapping[str, Any]]) -> None:
+        upsert = self._upserts.get(table)
+        if upsert is None:
+            upsert = self._upserts[table] = upsert_of(table, self._engine.dialect)
+        if values := [upsert.values(row) for row in rows]:
+            await self._connection.exec_driver_sql(upsert.statement, values)

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from itertools import islice, takewhile
 from typing import Final
 
+import msgspec
+
 from schemas.detections import ClassList
 from schemas.distances import Distances
 from schemas.keys import CameraKey, camera_key
@@ -35,8 +37,7 @@ class Limits:
     lost_ns: int = 60 * NS
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(msgspec.Struct, frozen=True, gc=False):
     """A sighting, and whether what it says can be relied on now: its robot is online and its camera speaks."""
 
     sighting: Sighting

@@ -1,13 +1,13 @@
 """A sighting: one class in view of one camera, from when it was seen first to when it was seen last."""
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from schemas.keys import CameraKey
 
 
-@dataclass(frozen=True, slots=True)
-class Sighting:
+class Sighting(msgspec.Struct, frozen=True, gc=False):
     """One class in view of one camera, without a gap. Times are nanoseconds since the epoch on the monitor's clock.
 
     count: how many now, since since_ns; 0 when it went out of view. score: best one of the newest list that had it.
@@ -38,8 +38,7 @@ class ChangeKind(StrEnum):
     """Nobody says any more whether it is still there."""
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
+class Change(msgspec.Struct, frozen=True, gc=False):
     """What became of a sighting when.
 
     first_look: it was there when somebody began to look, nobody saw it come. closest_m: the nearest that any came while

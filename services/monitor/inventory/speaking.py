@@ -10,6 +10,10 @@ from services.monitor.inventory.inventory import Inventory
 
 MAX_NS: Final = 2**63 - 1
 
+AT_ONCE: Final = 500
+PARTS: Final = 5
+"""However many cameras there are, so many looks, or this part of all, hold up nobody for long."""
+
 Speaks = Callable[[CameraView, int], bool]
 """Whether a camera speaks at a time; one that does goes on until `stale_ns` after its newest list, unless told of."""
 
@@ -53,9 +57,12 @@ class Speaking:
             self._wait(view, now_ns)
 
     def _due(self, now_ns: int) -> Iterator[CameraView]:
-        """Take out whose time has come; everybody's has if the clock was set back."""
-        until_ns, self._now_ns = now_ns if now_ns >= self._now_ns else MAX_NS, now_ns
-        while self._deadlines and self._deadlines[0][0] <= until_ns:
+        """Take out whose time has come, some at once and the rest next time; everybody if the clock was set back."""
+        was_set_back, self._now_ns = now_ns < self._now_ns, now_ns
+        until_ns = MAX_NS if was_set_back else now_ns
+        most = len(self._deadlines) if was_set_back else max(AT_ONCE, len(self._deadlines) // PARTS)
+        while most and self._deadlines and self._deadlines[0][0] <= until_ns:
+            most -= 1
             view = heapq.heappop(self._deadlines)[2]
             self._waiting.discard(view)
             yield view

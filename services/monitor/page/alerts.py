@@ -52,8 +52,8 @@ def add_alerts(monitor: Monitor, kept: KeptAlerts) -> None:
     """Add the page."""
 
     @page_at(ALERTS.path)
-    def alerts() -> None:
-        with page_frame(monitor, "Alerts", ALERTS) as visitor:
+    async def alerts() -> None:
+        async with page_frame(monitor, "Alerts", ALERTS) as visitor:
             _Alerts(monitor, kept, visitor)
 
 

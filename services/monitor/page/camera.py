@@ -37,7 +37,7 @@ def add_camera(monitor: Monitor, views: Views) -> None:
 
     @page_at(PATH)
     async def camera_page(robot: str, camera: str) -> None:
-        with page_frame(monitor, f"{robot}/{camera}", FLEET):
+        async with page_frame(monitor, f"{robot}/{camera}", FLEET):
             ui.add_css(VIEW_STYLE)
             key = camera_key(robot, camera)
             if key is None:

@@ -49,7 +49,7 @@ def add_health(shared: Shared, monitor: Monitor) -> None:
 
     @page_at(HEALTH.path)
     async def health() -> None:
-        with page_frame(monitor, "Health", HEALTH):
+        async with page_frame(monitor, "Health", HEALTH):
             await _Health(shared, monitor).refresh()
 
 

@@ -76,7 +76,7 @@ def gateway_row(robot: Robot, now_ns: int) -> dict[str, Any]:
         "why": robot.why,
         "seen": ago(robot.line.last_ns, now_ns),
         "live": live,
-        "streams": [_stream(stream, served, live=live) for stream in streams[:MAX_SHOWN]],
+        "streams": tuple(_stream(stream, served, live=live) for stream in streams[:MAX_SHOWN]),
         "more": f"and {len(streams) - MAX_SHOWN} more streams" if len(streams) > MAX_SHOWN else "",
     }
 
@@ -84,7 +84,7 @@ def gateway_row(robot: Robot, now_ns: int) -> dict[str, Any]:
 def dropped_cells(dropped: Mapping[str, int]) -> dict[str, Any]:
     """Return drops as the templates take them: their sum, and each reason, the most first."""
     reasons = sorted(((count, reason) for reason, count in dropped.items() if count), reverse=True)
-    return {"dropped": brief(sum(count for count, _ in reasons)) if reasons else "", "reasons": [*map(list, reasons)]}
+    return {"dropped": brief(sum(count for count, _ in reasons)) if reasons else "", "reasons": tuple(reasons)}
 
 
 def _stream(stream: StreamStatus, served: Mapping[str, tuple[str, ...]], *, live: bool) -> dict[str, Any]:

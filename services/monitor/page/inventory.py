@@ -43,7 +43,7 @@ def add_inventory(shared: Shared, charts: Charts, monitor: Monitor) -> None:
 
     @page_at(INVENTORY.path)
     async def inventory() -> None:
-        with page_frame(monitor, "Inventory", INVENTORY):
+        async with page_frame(monitor, "Inventory", INVENTORY):
             await _Inventory(shared, charts, monitor).refresh()
 
 

@@ -6,6 +6,8 @@ from typing import Any, Final
 
 from nicegui import events, ui
 
+from services.monitor.turns import pause
+
 ROWS: Final = 25
 CHOICES: Final = (10, 25, 50, 100)
 
@@ -71,6 +73,7 @@ class LiveTable:
         size, page = self._pagination["rowsPerPage"], self._pagination["page"]
         sort, descending = self._pagination["sortBy"] or "", self._pagination["descending"]
         rows, count = await self._load(Window(sort, descending, (page - 1) * size, page * size))
+        await pause()
         if not rows and page > 1:
             self._pagination["page"] = max(1, -(-count // size))
             return await self.refresh()

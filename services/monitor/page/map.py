@@ -34,7 +34,7 @@ def add_map(monitor: Monitor, views: Views) -> None:
 
     @page_at(MAP.path)
     async def map_page() -> None:
-        with page_frame(monitor, "Map", MAP):
+        async with page_frame(monitor, "Map", MAP):
             ui.add_css(VIEW_STYLE)
             shown = _Map(monitor, views.last_poses)
             gaze = Gaze()

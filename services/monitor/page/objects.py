@@ -53,7 +53,7 @@ def add_objects(monitor: Monitor, views: Views) -> None:
 
     @page_at(PATH)
     async def objects_page(robot: str, camera: str) -> None:
-        with page_frame(monitor, f"{robot}/{camera} in 3D", FLEET):
+        async with page_frame(monitor, f"{robot}/{camera} in 3D", FLEET):
             ui.add_css(VIEW_STYLE)
             key = camera_key(robot, camera)
             if key is None:

@@ -1,5 +1,6 @@
 """The fleet: every robot, how it is, and what its cameras see."""
 
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -16,6 +17,7 @@ from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.tiles import Tile
+from services.monitor.turns import pause
 
 COLUMNS: Final = (
     Column("state", "State"),
@@ -34,23 +36,49 @@ def add_overview(shared: Shared, monitor: Monitor) -> None:
 
     @page_at(FLEET.path)
     async def overview() -> None:
-        with page_frame(monitor, "Fleet", FLEET):
-            await _Overview(monitor, shared).refresh()
+        async with page_frame(monitor, "Fleet", FLEET):
+            figures = _Figures()
+            await pause()
+            shown = _Overview(monitor, shared, figures)
+            await pause()
+            await shown.refresh()
+
+
+class _Figures:
+    """How many robots there are of each state. chosen: is called with a state that somebody clicks at."""
+
+    def __init__(self) -> None:
+        self.chosen: Callable[[RobotState], Awaitable[None]] | None = None
+        with ui.element("div").classes("fs-tiles"):
+            self._tiles = {
+                state: Tile(state.capitalize(), dot=state, on_click=partial(self._click, state))
+                for state in reversed(RobotState)
+            }
+            self._cameras = Tile("Cameras live")
+            self._rate = Tile("Class lists")
+
+    async def _click(self, state: RobotState) -> None:
+        if self.chosen is not None:
+            await self.chosen(state)
+
+    def show(self, survey: Survey, chosen: RobotState | None) -> None:
+        """Show them as they are now."""
+        every = survey.size
+        for state, tile in self._tiles.items():
+            count = survey.counts.get(state, 0)
+            tile.show(f"{count:,}", f"of {every:,}" if state is RobotState.ONLINE else "", on=chosen is state)
+            tile.color({RobotState.OFFLINE: "fs-bad", RobotState.ONLINE: ""}.get(state, "fs-warn") if count else "")
+        self._cameras.show(f"{survey.live_cameras:,}", f"of {survey.cameras:,}")
+        self._rate.show(f"{survey.rate_hz:,.0f}", "/s")
 
 
 class _Overview:
     """One browser's view of the fleet."""
 
-    def __init__(self, monitor: Monitor, shared: Shared) -> None:
-        self._monitor, self._shared = monitor, shared
+    def __init__(self, monitor: Monitor, shared: Shared, figures: _Figures) -> None:
+        self._monitor, self._shared, self._figures = monitor, shared, figures
         self._wanted = Wanted()
-        with ui.element("div").classes("fs-tiles"):
-            self._tiles = {
-                state: Tile(state.capitalize(), dot=state, on_click=partial(self._only, state))
-                for state in reversed(RobotState)
-            }
-            self._cameras = Tile("Cameras live")
-            self._rate = Tile("Class lists")
+        figures.chosen = self._only
         with ui.element("div").classes("fs-panel"):
             with ui.element("div").classes("fs-panel-head"):
                 self._search = ui.input(placeholder="Robot, camera or class", on_change=self._look_for)
@@ -85,14 +113,7 @@ class _Overview:
 
     def _count(self, survey: Survey, found: int) -> None:
         every = survey.size
-        for state, tile in self._tiles.items():
-            count = survey.counts.get(state, 0)
-            tile.show(
-                f"{count:,}", f"of {every:,}" if state is RobotState.ONLINE else "", on=self._wanted.state is state
-            )
-            tile.color({RobotState.OFFLINE: "fs-bad", RobotState.ONLINE: ""}.get(state, "fs-warn") if count else "")
-        self._cameras.show(f"{survey.live_cameras:,}", f"of {survey.cameras:,}")
-        self._rate.show(f"{survey.rate_hz:,.0f}", "/s")
+        self._figures.show(survey, self._wanted.state)
         self._found.set_text(f"{found:,} of {every:,} robots" if found != every else "")
         self._nobody.set_visibility(not every)
         self._none.set_visibility(bool(every) and not found)

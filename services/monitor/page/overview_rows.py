@@ -12,7 +12,7 @@ MAX_CAMERAS: Final = 8
 
 
 def robot_row(robot: Robot, now_ns: int) -> dict[str, Any]:
-    """Return a robot as the overview's templates take it."""
+    """Return a robot as the overview's templates take it. Tuples: nicegui would watch whatever is in a list."""
     line, more = robot.line, len(robot.cameras) - MAX_CAMERAS
     return {
         "robot": line.name,
@@ -20,7 +20,7 @@ def robot_row(robot: Robot, now_ns: int) -> dict[str, Any]:
         "why": robot.why,
         "seen": "now" if robot.state in (RobotState.ONLINE, RobotState.TROUBLE) else ago(line.last_ns, now_ns),
         "seen_at": iso(line.last_ns) if robot.state in (RobotState.OFFLINE, RobotState.SILENT) else "",
-        "cameras": [_camera(camera) for camera in robot.cameras[:MAX_CAMERAS]],
+        "cameras": tuple(_camera(camera) for camera in robot.cameras[:MAX_CAMERAS]),
         "more": f"and {plural(more, 'camera')} more" if more > 0 else "",
         **dropped_cells(line.dropped),
     }

@@ -1,7 +1,7 @@
 """How robots are, at a glance for all of them, and painted for those that are shown. Pure."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
@@ -57,9 +57,7 @@ class Standing(NamedTuple):
 
 def standings_of(glance: Glance) -> Iterator[Standing]:
     """Yield how each robot is, by name as people sort names."""
-    of_robot = defaultdict[str, list[CameraKey]](list)
-    for key in glance.cameras:
-        of_robot[key.robot].append(key)
+    of_robot = by_robot(glance.cameras)
     for name in in_natural_order(glance.robots):
         keys = of_robot.get(name, ())
         rows = [glance.row(key) for key in keys]
@@ -71,6 +69,15 @@ def standings_of(glance: Glance) -> Iterator[Standing]:
         age_s = min((row.age.seconds for row in rows if row.age is not None), default=float("inf"))
         live = sum(not row.stale for row in rows)
         yield Standing(name, state, last_ns, age_s, sum(row.rate_hz for row in rows), live)
+
+
+@lru_cache(maxsize=2)
+def by_robot(cameras: tuple[CameraKey, ...]) -> Mapping[str, Sequence[CameraKey]]:
+    """Return each robot's cameras; those of a fleet are the same for hours."""
+    of_robot = defaultdict[str, list[CameraKey]](list)
+    for key in cameras:
+        of_robot[key.robot].append(key)
+    return dict(of_robot)
 
 
 @lru_cache(maxsize=2)

@@ -1,8 +1,9 @@
 """What rules say about what is known of a camera now. Pure."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import assert_never
+
+import msgspec
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind
@@ -18,8 +19,7 @@ from services.monitor.rules.model import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+class Look(msgspec.Struct, frozen=True, gc=False):
     """What is known of one camera. speaks: it is so now; else it was so when the camera was heard last.
 
     counts: by class, of those that were ever in view. nearest: metres by class, where known.
@@ -28,13 +28,12 @@ class Look:
 
     key: CameraKey
     speaks: bool
-    counts: Mapping[str, int] = field(default_factory=dict)
-    nearest: Mapping[str, float] = field(default_factory=dict)
-    disagreements: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    counts: Mapping[str, int] = {}
+    nearest: Mapping[str, float] = {}
+    disagreements: Mapping[str, tuple[int, int]] = {}
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True, gc=False):
     """Whether what a rule is about is so for a class, and in words."""
 
     name: str

@@ -51,12 +51,13 @@ class _Subject:
 class RuleEngine:
     """Applies a rule book to what changes. Times are epoch nanoseconds of the monitor's clock.
 
-    new_id: names alerts. left_out: subjects that were not followed because there were too many.
+    new_id: names alerts. most: subjects that are followed. left_out: how often one was not, as there were too many.
     What comes out is to be fetched with `due` after everything that went in.
     """
 
-    def __init__(self, book: RuleBook, new_id: Callable[[], str]) -> None:
+    def __init__(self, book: RuleBook, new_id: Callable[[], str], *, most: int = MAX_SUBJECTS) -> None:
         self._new_id = new_id
+        self._most = most
         self._book = book
         self._subjects: dict[str, dict[Place, _Subject]] = {rule.name: {} for rule in book.rules}
         self._waiting: dict[tuple[str, Place], _Subject] = {}
@@ -66,6 +67,7 @@ class RuleEngine:
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
         self._robots: dict[str, list[SilentRule]] = {}
         self._full = False
+        self._refused = False
         self.left_out = 0
 
     @property
@@ -90,7 +92,7 @@ class RuleEngine:
         self._next_ns = 0
         self._cameras.clear()
         self._robots.clear()
-        self._full = False
+        self._full = self._refused = False
 
     def restore(self, alerts: Iterable[Alert], now_ns: int) -> None:
         """Go on with the alerts of a monitor that ran before; those of rules that are gone, or double, resolve."""
@@ -137,6 +139,13 @@ class RuleEngine:
                 self._robots[robot] = rules
         for rule in rules:
             self._find(rule, (robot, "", ""), Finding("", not alive, f"{robot} is silent"), now_ns)
+
+    def has_room_again(self) -> bool:
+        """Whether there is room by now for what was left out, once: everything is to be offered again then."""
+        if not self._refused or not self._has_room():
+            return False
+        self._refused = False
+        return True
 
     def next_ns(self) -> int | None:
         """Return when something that is waited for may be due first, None if nothing is."""
@@ -234,19 +243,20 @@ class RuleEngine:
         if place not in subjects:
             if not self._has_room():
                 self.left_out += 1
+                self._refused = True
                 return None
             subjects[place] = _Subject()
         return subjects[place]
 
     def _has_room(self) -> bool:
         """Whether one more can be followed; once between two `due` what is remembered for its cooldown makes room."""
-        if sum(map(len, self._subjects.values())) < MAX_SUBJECTS:
+        if sum(map(len, self._subjects.values())) < self._most:
             return True
         if self._full:
             return False
         for name, subjects in self._subjects.items():
             self._subjects[name] = {place: subject for place, subject in subjects.items() if subject.holds}
-        self._full = sum(map(len, self._subjects.values())) >= MAX_SUBJECTS
+        self._full = sum(map(len, self._subjects.values())) >= self._most
         return not self._full
 
     def _due_ns(self, rule: AnyRule, subject: _Subject) -> int:

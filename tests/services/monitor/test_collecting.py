@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TypeVar
 
-from services.monitor.collecting import LEAST, keep_collections_short
+from services.monitor.collecting import FULL_AFTER, LEAST, YOUNG, keep_collections_short
 
 T = TypeVar("T")
 
@@ -58,3 +58,20 @@ async def test_garbage_that_was_left_out_goes_when_there_is_twice_as_much() -> N
         return remains() is not None
 
     assert await looked_at([1, LEAST * 3 // 2, 2 * LEAST - 1, 2 * LEAST], is_there) == [True, True, True, True, False]
+
+
+async def test_what_is_old_is_looked_at_after_so_many_looks_at_what_is_new() -> None:
+    usual = gc.get_threshold()
+    remains: list[weakref.ref[Knot]] = []
+
+    def is_there() -> bool:
+        if gc.get_freeze_count() and not remains:
+            assert gc.get_threshold()[0] == YOUNG
+            knot = Knot()
+            remains.append(weakref.ref(knot))
+            for _ in range(FULL_AFTER):
+                gc.collect(1)
+        return any(each() is not None for each in remains)
+
+    assert await looked_at([LEAST] * 3, is_there) == [False, True, False, False]
+    assert gc.get_threshold() == usual

@@ -56,6 +56,18 @@ def test_a_class_list_fills_the_row_and_ages_from_the_gateways_receive_time() ->
     assert list(fleet.ages_s) == [0.25]
 
 
+def test_a_row_has_the_scores_of_the_newest_list_whatever_it_counts() -> None:
+    fleet = online_fleet()
+    fleet.see(seen(1), 10.0, 0)
+    list(fleet.take_changed(10.0))
+    before = only(fleet, 10.0)
+    surer = msgspec.structs.replace(seen(2), classes=[ClassCount("box", 1, 0.95)])
+    assert fleet.see(surer, 11.0, 0) is not None
+    assert only(fleet, 11.0).classes == (ClassCount("box", 1, 0.95),)
+    assert before.classes == (ClassCount("box", 1, 0.9),)
+    assert list(fleet.take_changed(11.0)) == []
+
+
 def test_another_machines_clock_gives_a_lower_bound_only() -> None:
     fleet = online_fleet()
     fleet.gateway_status(status("another machine"), 0)

@@ -9,6 +9,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.picture import WorkerLine
+from services.monitor.turns import in_turns
 from services.monitor.web.api.bodies import camera_body, page_response, robot_body, sighting_body
 from services.monitor.web.api.models import (
     CameraAnswer,
@@ -25,6 +26,8 @@ from services.monitor.web.api.paging import After, ClassName, Limit, Name, first
 from services.monitor.web.api.stock import Asked, some_entries
 
 DEFAULT_LIMIT: Final = 200
+AT_ONCE: Final = 50
+"""Items until other things get their turn."""
 
 
 def fleet_routes(monitor: Monitor) -> APIRouter:
@@ -50,7 +53,7 @@ def fleet_routes(monitor: Monitor) -> APIRouter:
         now_ns = time.time_ns()
         found = await some_entries(monitor.fleet.inventory, asked, limit + 1, now_ns)
         items, mark = first_of(found, _entry_place, limit)
-        return page_response(now_ns, [sighting_body(each) for each in items], mark)
+        return page_response(now_ns, [sighting_body(each) async for each in in_turns(items, AT_ONCE)], mark)
 
     return router
 
@@ -66,7 +69,8 @@ def _member_routes(monitor: Monitor) -> APIRouter:
         names, mark = page_of(
             glance.robots, _name_place, limit, after, 1, wanted=lambda each: online in (None, there(each))
         )
-        return page_response(glance.now_ns, [robot_body(glance.robot(each)) for each in names], mark)
+        bodies = [robot_body(glance.robot(each)) async for each in in_turns(names, AT_ONCE)]
+        return page_response(glance.now_ns, bodies, mark)
 
     @router.get("/cameras", response_model=Page[CameraAnswer])
     async def cameras(
@@ -77,7 +81,8 @@ def _member_routes(monitor: Monitor) -> APIRouter:
         there = monitor.fleet.inventory.online
         every = glance.cameras_of(robot) if robot else glance.cameras
         keys, mark = page_of(every, _camera_place, limit, after, 2, wanted=lambda each: online in (None, there(each)))
-        return page_response(glance.now_ns, [camera_body(glance.camera(each)) for each in keys], mark)
+        bodies = [camera_body(glance.camera(each)) async for each in in_turns(keys, AT_ONCE)]
+        return page_response(glance.now_ns, bodies, mark)
 
     return router
 

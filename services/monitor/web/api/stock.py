@@ -1,6 +1,5 @@
 """Some of what is in view, found without listing all of it."""
 
-import asyncio
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from typing import Final
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry, Inventory
+from services.monitor.turns import pause
 
 AT_ONCE: Final = 100
 """Cameras until other things get their turn."""
@@ -46,7 +46,7 @@ async def some_entries(inventory: Inventory, asked: Asked, most: int, now_ns: in
         if asked.camera in ("", key.camera):
             found += _entries_of(inventory, key, asked, now_ns)
         if number % AT_ONCE == 0:
-            await asyncio.sleep(0)
+            await pause()
     return found[:most]
 
 

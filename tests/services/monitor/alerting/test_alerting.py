@@ -11,11 +11,11 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.alerts import Action, Alert, AlertState
 from schemas.keys import ACTIONS, ALERTS, RobotStreamKey
-from services.monitor.alerting.alerting import Alerting, look_at
+from services.monitor.alerting.alerting import OFFER_S, Alerting, look_at
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.inventory import Inventory, Limits
 from services.monitor.inventory.settling import Debounce
-from services.monitor.rules.engine import UnknownAlertError
+from services.monitor.rules.engine import MAX_SUBJECTS, UnknownAlertError
 from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known
@@ -49,14 +49,14 @@ class Rig:
         return [(each.rule, each.state) for each in self.kept]
 
 
-@pytest.fixture
-async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+@asynccontextmanager
+async def rigged(tmp_path: Path, offer_s: float = OFFER_S, most_subjects: int = MAX_SUBJECTS) -> AsyncIterator[Rig]:
     path = tmp_path / "rules.yaml"
     path.write_text(RULES, encoding="utf-8")
     rules = RuleFile(path)
     await rules.load()
     inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
-    alerting = Alerting(rules, inventory, settle_s=0)
+    alerting = Alerting(rules, inventory, settle_s=0, offer_s=offer_s, most_subjects=most_subjects)
     network = FakeNetwork()
     async with network.open_bus() as ours, network.open_bus() as theirs:
         made = Rig(alerting, rules, inventory, theirs)
@@ -69,6 +69,12 @@ async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
         finally:
             running.cancel()
             await asyncio.wait([running])
+
+
+@pytest.fixture
+async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+    async with rigged(tmp_path) as made:
+        yield made
 
 
 @asynccontextmanager
@@ -119,6 +125,20 @@ async def test_distances_and_silence_are_alerted(rig: Rig) -> None:
     await until(lambda: ("lost", AlertState.RAISED) in rig.states())
     rig.inventory.robot_presence("r1", alive=True)
     await until(lambda: ("lost", AlertState.RESOLVED) in rig.states())
+
+
+async def test_what_there_was_no_room_for_is_alerted_once_there_is(tmp_path: Path) -> None:
+    async with rigged(tmp_path, offer_s=0, most_subjects=1) as rig:
+        for robot in ("r1", "r2"):
+            rig.inventory.robot_presence(robot, alive=True)
+            rig.inventory.robot_presence(robot, alive=False)
+        await until(lambda: len(rig.kept) == 1)
+        await asyncio.sleep(0.5)
+        assert [each.state for each in rig.kept] == [AlertState.RAISED]
+        rig.inventory.robot_presence(rig.kept[0].robot, alive=True)
+        await until(lambda: len(rig.kept) == 3)
+        assert [each.state for each in rig.kept[1:]] == [AlertState.RESOLVED, AlertState.RAISED]
+        assert {each.robot for each in rig.alerting.alerts()} == {"r1", "r2"} - {rig.kept[0].robot}
 
 
 async def test_a_rule_that_goes_with_its_webhook_resolves_its_alert(rig: Rig) -> None:

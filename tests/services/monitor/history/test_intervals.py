@@ -1,6 +1,5 @@
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from schemas.keys import CameraKey
 from services.monitor.history import intervals as module

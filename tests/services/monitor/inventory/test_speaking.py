@@ -4,7 +4,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, Limits
 from services.monitor.inventory.settling import Debounce
-from services.monitor.inventory.speaking import Speaking
+from services.monitor.inventory.speaking import AT_ONCE, PARTS, Speaking
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 STALE_NS = Limits().stale_ns
@@ -87,3 +87,25 @@ def test_what_came_before_the_clock_was_set_back_covers_no_silence_after_it() ->
     assert watched.turned(10 * S) == []
     watched.see(11 * S)
     assert watched.turned(11 * S + STALE_NS + 1) == [FRONT]
+
+
+@pytest.mark.parametrize(("cameras", "at_once"), [(AT_ONCE + 1, AT_ONCE), (PARTS * (AT_ONCE + 1), AT_ONCE + 1)])
+def test_of_many_whose_time_is_over_some_are_looked_at_and_the_rest_next_time(cameras: int, at_once: int) -> None:
+    inventory = Inventory()
+    for number in range(cameras):
+        inventory.see(seen(1, {}, key=CameraKey("r1", f"c{number}")), S)
+    speaking = Speaking(inventory, lambda camera, now_ns: camera.last_ns >= now_ns - STALE_NS, speaks=True)
+    assert speaking.advance(2 * S, inventory.cameras()) == []
+    silent = [len(speaking.advance(9 * S)) for _ in range(PARTS + 1)]
+    assert (silent[0], sum(silent)) == (at_once, cameras)
+
+
+def test_when_the_clock_was_set_back_all_are_looked_at() -> None:
+    inventory = Inventory()
+    for number in range(AT_ONCE + 1):
+        inventory.see(seen(1, {}, key=CameraKey("r1", f"c{number}")), S)
+    silent = False
+    speaking = Speaking(inventory, lambda *_: not silent, speaks=True)
+    speaking.advance(9 * S, inventory.cameras())
+    silent = True
+    assert len(speaking.advance(8 * S)) == AT_ONCE + 1

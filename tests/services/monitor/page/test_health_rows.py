@@ -30,7 +30,7 @@ def test_a_worker_says_whom_it_serves_and_what_it_lost() -> None:
     assert len(row["serves"]) == MAX_SHOWN
     assert (row["count"], row["more"]) == (MAX_SHOWN + 2, "and 2 more")
     assert row["serves"][0] == "r1/c0 at 5/s"
-    assert (row["frames"], row["dropped"], row["reasons"]) == ("1.4k", "28", [[28, "late"]])
+    assert (row["frames"], row["dropped"], row["reasons"]) == ("1.4k", "28", ((28, "late"),))
 
 
 def test_a_worker_that_is_gone_serves_nobody() -> None:
@@ -41,7 +41,7 @@ def test_a_worker_that_is_gone_serves_nobody() -> None:
 def test_a_gateway_shows_its_streams_and_who_looks_after_them() -> None:
     (stream,) = gateway_row(shown(robot(streams=[COLOR]), camera()), NOW)["streams"]
     assert (stream["in"], stream["out"], stream["served"]) == ("30.0/s", "2.0/s", "detector/gpu-1")
-    assert (stream["dropped"], stream["reasons"]) == ("4", [[4, "late"]])
+    assert (stream["dropped"], stream["reasons"]) == ("4", ((4, "late"),))
 
 
 def test_what_a_gateway_that_is_gone_said_last_is_not_of_now() -> None:

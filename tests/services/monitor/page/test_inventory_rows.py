@@ -1,8 +1,8 @@
 import csv
 import io
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry

@@ -13,7 +13,7 @@ def test_what_is_in_view_is_told_from_nothing_and_from_not_known_yet() -> None:
     cameras = [camera(name="a"), camera(name="b", classes=()), camera(name="c", age_s=None)]
     row = robot_row(shown(robot(), *cameras), NOW)
     assert [each["classes"] for each in row["cameras"]] == [[[2, "box"]], [], None]
-    assert (row["dropped"], row["reasons"][0]) == ("1.2k", [1_200, "gateway: thinned"])
+    assert (row["dropped"], row["reasons"][0]) == ("1.2k", (1_200, "gateway: thinned"))
 
 
 def test_no_more_cameras_are_sent_than_are_shown() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.rules.conditions import Look
-from services.monitor.rules.engine import RuleEngine
+from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.model import RuleBook
 from tests.services.monitor.inventory.seeing import FRONT, S
 
@@ -20,9 +20,9 @@ def book(*rules: dict[str, Any], **more: Any) -> RuleBook:
 class Ruling:
     """An engine, and what it made of what it was told: rule, state and place of each alert that changed."""
 
-    def __init__(self, *rules: dict[str, Any]) -> None:
+    def __init__(self, *rules: dict[str, Any], most: int = MAX_SUBJECTS) -> None:
         numbers = count(1)
-        self.engine = RuleEngine(book(*rules), lambda: str(next(numbers)))
+        self.engine = RuleEngine(book(*rules), lambda: str(next(numbers)), most=most)
 
     def changed(self, at_s: float, kind: ChangeKind, name: str = "box", *, first_look: bool = False) -> list[str]:
         at_ns = round(at_s * S)

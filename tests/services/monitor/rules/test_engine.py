@@ -6,7 +6,6 @@ import pytest
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import ChangeKind
-from services.monitor.rules import engine as module
 from services.monitor.rules.engine import UnknownAlertError
 from tests.schemas.results import alert
 from tests.services.monitor.inventory.seeing import S
@@ -196,13 +195,14 @@ def test_alerts_of_a_monitor_that_ran_before_go_on() -> None:
     assert ruling.due(11) == ["gone resolved"]
 
 
-def test_subjects_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MAX_SUBJECTS", 1)
-    ruling = Ruling({**OVER, "cooldown_s": 60})
+def test_subjects_are_bounded() -> None:
+    ruling = Ruling({**OVER, "cooldown_s": 60}, most=1)
     assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
     assert ruling.look(0, counts={"box": 3}, key=REAR) == []
     assert ruling.engine.left_out == 1
+    assert not ruling.engine.has_room_again()
     assert ruling.look(0, counts={"box": 3}, key=REAR) == []
     assert ruling.engine.left_out == 2
     assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
+    assert [ruling.engine.has_room_again() for _ in range(2)] == [True, False]
     assert ruling.look(1, counts={"box": 3}, key=REAR) == ["2 raised"]

@@ -1,8 +1,8 @@
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
