@@ -22,8 +22,8 @@ _PNG_START: Final = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR"
 _PNG_SIZE: Final = struct.Struct(">IIBB")
 _PNG_ENCODINGS: Final = {(8, 0): "mono8", (16, 0): "mono16", (8, 2): "rgb8", (8, 3): "rgb8", (8, 6): "rgba8"}
 MAX_SCANS: Final = 100
-"""Passes over all of its pixels that a progressive JPEG file may ask for: encoders make about ten. Each takes few bytes
-and, of a large picture, some milliseconds to decode."""
+"""Passes over all of its pixels that a JPEG file, progressive or not, may ask for: encoders make about ten. Each takes
+few bytes and, of a large picture, some milliseconds to decode."""
 
 _SEGMENT: Final = struct.Struct(">BBH")
 _FILL: Final = 0xFF
@@ -31,7 +31,6 @@ _WITHOUT_LENGTH: Final = frozenset({0x00, 0x01, *range(0xD0, 0xDA)})
 """Markers after which a decoder does not skip a segment: it would find another size than we do."""
 _FRAME: Final = struct.Struct(">BHHB")
 _FRAME_MARKERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_PROGRESSIVE_MARKERS: Final = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 _SCAN: Final = b"\xff\xda"
 _JPEG_ENCODINGS: Final = {1: "mono8", 3: "rgb8"}
 _ZSTD_START: Final = b"\x28\xb5\x2f\xfd"
@@ -88,7 +87,7 @@ def _jpeg(data: memoryview) -> Picture:
             _, height, width, channels = _FRAME.unpack_from(data, at + _SEGMENT.size)
             if channels not in _JPEG_ENCODINGS:
                 raise SchemaError(f"a JPEG file with {channels} channels")
-            if marker in _PROGRESSIVE_MARKERS and (scans := bytes(data).count(_SCAN)) > MAX_SCANS:
+            if (scans := bytes(data).count(_SCAN)) > MAX_SCANS:
                 raise SchemaError(f"a JPEG file of {scans} scans, at most {MAX_SCANS} are decoded")
             return Picture(JPEG, height, width, _JPEG_ENCODINGS[channels])
         at += 2 + length

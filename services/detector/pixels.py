@@ -1,5 +1,6 @@
 """ROS image encodings to the arrays that models expect."""
 
+from io import BytesIO
 from typing import Any, Final
 
 import cv2
@@ -7,6 +8,7 @@ import msgspec
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
+from PIL import Image
 
 from schemas.compression import JPEG, ZSTD
 from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
@@ -30,7 +32,7 @@ _TO_BGR: Final = {
 _SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
 _COLOURS: Final = frozenset({"rgb8", "rgba8"})
 _DAMAGE: Final = ("remature end", "bad Huffman code", "bad arithmetic code", "instead of RST")
-"""What libjpeg says where pixels are missing or wrong. Some cameras always write files that it warns of otherwise."""
+"""Of what libjpeg says, what no whole file causes. Some cameras always write files that it warns of otherwise."""
 
 
 class PictureError(ValueError):
@@ -104,17 +106,27 @@ def _decoded(frame: ImageFrame) -> NDArray[Any]:
     return pixels
 
 
-def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0, strict: bool = True) -> NDArray[np.uint8]:
+def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0) -> NDArray[np.uint8]:
     """Return a JPEG file's pixels, height x width x channels, as it lies, whatever it says of up and down.
 
-    min_width: pixels that are enough: a smaller picture is less work. 0 for all there are. strict: refuse _DAMAGE.
+    min_width: pixels that are enough: a smaller picture is less work. 0 for all there are.
     """
     try:
-        read = simplejpeg.decode_jpeg(frame.data, colorspace=colours, min_width=min_width, strict=strict)
-        return np.asarray(read, np.uint8)
+        return np.asarray(simplejpeg.decode_jpeg(frame.data, colorspace=colours, min_width=min_width), np.uint8)
     except ValueError as error:
-        if strict and not any(sign in str(error) for sign in _DAMAGE):
-            return _jpeg(frame, colours, min_width=min_width, strict=False)
+        if any(sign in str(error) for sign in _DAMAGE):
+            raise PictureError(f"a jpeg that cannot be decoded: {error}") from error
+        return _odd_jpeg(frame, in_colour=colours == "BGR")
+
+
+def _odd_jpeg(frame: ImageFrame, *, in_colour: bool) -> NDArray[np.uint8]:
+    """Return the pixels of a file that libjpeg warns of: Pillow lets warnings pass, but no file that was cut off."""
+    try:
+        with Image.open(BytesIO(frame.data), formats=["JPEG"]) as picture:
+            if in_colour:
+                return np.ascontiguousarray(np.asarray(picture.convert("RGB"))[..., ::-1])
+            return np.asarray(picture.convert("L"))[..., None]
+    except (OSError, SyntaxError, ValueError) as error:
         raise PictureError(f"a jpeg that cannot be decoded: {error}") from error
 
 

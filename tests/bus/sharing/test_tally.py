@@ -52,5 +52,17 @@ def test_no_more_are_said_than_a_status_holds() -> None:
         assert len(tallies.loads()) == MAX_STREAMS
 
 
+def test_cameras_that_are_served_are_said_before_those_that_were() -> None:
+    tallies = Tallies(Tally)
+    first, *others = (CameraKey("r1", f"c{number}") for number in range(MAX_STREAMS + 1))
+    with tallies.serving(first):
+        with ExitStack() as stack:
+            for camera in others:
+                stack.enter_context(tallies.serving(camera))
+        said = loads(tallies)
+    assert len(said) == MAX_STREAMS
+    assert said["c0"] == (0, True)
+
+
 def loads(tallies: Tallies[Tally]) -> dict[str, tuple[int, bool]]:
     return {load.camera: (load.inferred, load.serving) for load in tallies.loads()}

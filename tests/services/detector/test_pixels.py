@@ -194,27 +194,43 @@ def jpeg(data: bytes) -> ImageFrame:
     return compressed(data, "rgb8", 192, kind="jpeg", height=48, width=64)
 
 
-def test_files_that_some_cameras_write_are_read_all_the_same(capfd: pytest.CaptureFixture[str]) -> None:
+def odd_files() -> dict[str, bytes]:
+    """Whole files of the same picture that libjpeg warns of, and what it says."""
     file = file_of(scene(), ".jpeg")
-    scan = file.index(b"\xff\xda")
+    scan, tables, version = file.index(b"\xff\xda"), file.index(b"\xff\xc4"), file.index(b"JFIF\0") + 5
     spectral = scan + 2 + file[scan + 3] - 3  # the last three bytes of the scan's header
-    padded, not_sequential = file[:-2] + bytes(9) + file[-2:], file[:spectral] + bytes(3) + file[spectral + 3 :]
-    for odd in (padded, not_sequential):
-        with pytest.raises(ValueError, match=r"extraneous bytes|Invalid SOS parameters"):
-            simplejpeg.decode_jpeg(odd)
-        assert np.array_equal(to_bgr(jpeg(odd)), to_bgr(jpeg(file)))
-        assert np.array_equal(glance(jpeg(odd), 8), glance(jpeg(file), 8))
+    adobe = b"\xff\xee\x00\x0eAdobe\x00\x64" + bytes(4) + b"\x02"
+    return {
+        "9 extraneous bytes before marker 0xc4": file[:tables] + bytes(9) + file[tables:],
+        "8 extraneous bytes before marker 0xd9": file[:-2] + bytes(9) + file[-2:],
+        "Invalid SOS parameters": file[:spectral] + bytes(3) + file[spectral + 3 :],
+        "unknown JFIF revision": file[:version] + b"\x02" + file[version + 1 :],
+        "Unknown Adobe color transform": file[:2] + adobe + file[version + 9 :],
+    }
+
+
+@pytest.mark.parametrize("warning", odd_files())
+def test_files_that_some_cameras_write_are_read_all_the_same(warning: str, capfd: pytest.CaptureFixture[str]) -> None:
+    file, odd = file_of(scene(), ".jpeg"), odd_files()[warning]
+    with pytest.raises(ValueError, match=warning):
+        simplejpeg.decode_jpeg(odd)
+    assert np.array_equal(to_bgr(jpeg(odd)), to_bgr(jpeg(file)))
+    seen, wanted = glance(jpeg(odd), 8).astype(int), glance(jpeg(file), 8)
+    assert seen.shape == wanted.shape == (6, 8)
+    assert np.abs(seen - wanted).mean() < 2
+    for cut in (odd[:-60], odd[: len(odd) * 3 // 4]):
+        with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
+            to_bgr(jpeg(cut))
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(capfd: pytest.CaptureFixture[str]) -> None:
     file = file_of(np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8), ".jpeg")
-    middle, tables = len(file) // 2, file.index(b"\xff\xc4")
+    middle = len(file) // 2
     for damaged in (
         file[:-2],
         file[:middle],
         file[:middle] + b"\xff\x01" + file[middle:],
-        file[:tables] + bytes(9) + file[tables:],
     ):
         with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
             to_bgr(jpeg(damaged))
