@@ -64,6 +64,6 @@ class Tallies(Generic[T]):
             self._served.discard(camera)
 
     def loads(self) -> list[CameraLoad]:
-        """Return the counts of each camera as a message: of those that are or were served last, if a status holds no more."""
+        """Return each camera's counts as a message; of more than a status holds, of those served now or last."""
         by_use = sorted(self._tallies.items(), key=lambda each: each[0] in self._served)
         return [tally.load(serving=camera in self._served) for camera, tally in by_use[-MAX_STREAMS:]]
