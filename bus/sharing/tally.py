@@ -1,7 +1,7 @@
 """What became of one camera's work at a worker, and of all of them. Pure."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from typing import Generic, TypeVar
 
@@ -34,7 +34,23 @@ class Tally:
         )
 
 
+K = TypeVar("K")
 T = TypeVar("T", bound=Tally)
+
+
+def opened(
+    kept: dict[CameraKey, K], camera: CameraKey, in_use: Container[CameraKey], most: int, new: Callable[[CameraKey], K]
+) -> K:
+    """Return what is kept of a camera, a new one if nothing is, from now on the last of all.
+
+    The first that are not in use make room for it where there would be more than `most`.
+    """
+    one = kept.pop(camera) if camera in kept else new(camera)
+    kept[camera] = one
+    unused = [each for each in kept if each not in in_use and each != camera]
+    for each in unused[: max(0, len(kept) - most)]:
+        del kept[each]
+    return one
 
 
 class Tallies(Generic[T]):
@@ -52,12 +68,8 @@ class Tallies(Generic[T]):
     @contextmanager
     def serving(self, camera: CameraKey) -> Iterator[T]:
         """Serve a camera; its tally goes on from where it was, unless too many others were served since."""
-        tally = self._tallies.pop(camera) if camera in self._tallies else self._new(camera)
-        self._tallies[camera] = tally
+        tally = opened(self._tallies, camera, self._served, self._most, self._new)
         self._served.add(camera)
-        left = [each for each in self._tallies if each not in self._served]
-        for each in left[: max(0, len(self._tallies) - self._most)]:
-            del self._tallies[each]
         try:
             yield tally
         finally:

@@ -1,7 +1,6 @@
 """What became of one camera's frames. Pure."""
 
 from collections import Counter
-from collections.abc import Container
 from typing import Final
 
 from schemas.header import Header
@@ -68,18 +67,3 @@ class Account:
             serving=serving,
             budget_hz=budget_hz,
         )
-
-
-def open_account(
-    accounts: dict[CameraKey, Account], camera: CameraKey, in_use: Container[CameraKey], most: int
-) -> Account:
-    """Return a camera's account, from now on the last of them.
-
-    The first that are not in use make room for it where there would be more than `most`.
-    """
-    account = accounts.pop(camera) if camera in accounts else Account(camera)
-    accounts[camera] = account
-    unused = [each for each in accounts if each not in in_use and each != camera]
-    for each in unused[: max(0, len(accounts) - most)]:
-        del accounts[each]
-    return account

@@ -12,11 +12,12 @@ from bus.sharing import Pace, Sharing
 from bus.sharing.asking import Asked
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
+from bus.sharing.tally import opened
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_STREAMS, WorkerStatus
 from schemas.worker_keys import WorkerAlive
-from services.detector.account import Account, open_account
+from services.detector.account import Account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
@@ -85,7 +86,7 @@ class Worker:
             self._painters.shutdown(wait=False, cancel_futures=True)
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        account = open_account(self._accounts, key, self._asked, MAX_STREAMS)
+        account = opened(self._accounts, key, self._asked, MAX_STREAMS, Account)
         asked = self._asked[key] = Asked()
         self._took_over[key] = took_over
         try:

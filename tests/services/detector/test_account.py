@@ -1,9 +1,10 @@
 import msgspec
 
+from bus.sharing.tally import opened
 from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
-from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, STALE, Account, open_account
+from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, STALE, Account
 from tests.schemas.frames import header
 
 
@@ -78,10 +79,10 @@ def test_the_account_says_whether_the_camera_is_served_and_what_was_asked_for() 
 def test_the_accounts_of_cameras_that_left_longest_ago_make_room() -> None:
     accounts: dict[CameraKey, Account] = {}
     first, second, third, fourth = (CameraKey("r1", f"c{number}") for number in range(4))
-    kept = open_account(accounts, first, [], most=2)
-    open_account(accounts, second, [first], most=2)
-    assert open_account(accounts, first, [], most=2) is kept
-    open_account(accounts, third, [first], most=2)
+    kept = opened(accounts, first, [], 2, Account)
+    opened(accounts, second, [first], 2, Account)
+    assert opened(accounts, first, [], 2, Account) is kept
+    opened(accounts, third, [first], 2, Account)
     assert list(accounts) == [first, third]
-    open_account(accounts, fourth, [first, third], most=2)
+    opened(accounts, fourth, [first, third], 2, Account)
     assert list(accounts) == [first, third, fourth]

@@ -14,6 +14,7 @@ from bus.fake import FakeNetwork
 from schemas.distances import Distances
 from schemas.keys import TF, TF_STATIC, CameraKey, Stream, StreamKey, Wanted
 from services.distance.camera import WAITED
+from services.geometry.joining import FLUSHED
 from tests.gateway.ros1.waiting import until
 from tests.services.distance.rig import FRONT, Robot, load, only, receive, robot, working
 from tests.services.distance.scenes import (
@@ -29,6 +30,7 @@ from tests.services.distance.scenes import (
     wall,
 )
 
+HOUR_NS = 3_600 * 10**9
 BOX = found(mask(slice(10, 30), slice(20, 50)))
 
 
@@ -263,6 +265,20 @@ async def test_all_cameras_depth_together_has_one_bound_and_what_it_costs_is_cou
             assert account.dropped == {"depth image: no room for more": 3}
             account = await load(theirs, lambda of: of.robot == "r1")
             assert account.dropped == {}
+
+
+async def test_depth_from_the_future_is_joined_with_nothing_and_does_not_stay_in_the_way(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        rig.robot.send(Stream.DEPTH, depth(wall(9.0), 1, stamp_ns=stamp_of(1) + HOUR_NS))
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 1))
+        axial_m, reason = only(await receive(distances, Distances))
+        assert axial_m is None
+        assert reason == "no depth image of its instant: the nearest is 3600.000 s after it"
+        for seq in (2, 3):
+            rig.frame(seq)
+            assert only(await receive(distances, Distances)) == (2.0, "")
+        account = await load(rig.bus, lambda of: of.inferred == 2)
+    assert account.dropped == {f"depth image: {FLUSHED}": 1, "no depth image of the same instant": 1}
 
 
 async def test_only_the_robots_it_is_told_are_served() -> None:
