@@ -50,7 +50,8 @@ class Pace:
     """The rate for all of a worker's cameras together that keeps it busy while few frames are sent in vain.
 
     There is none until frames are lost; it then follows what gets done, down when frames are lost, up when there is
-    time left, and ends when the cameras send much less than they might.
+    time left, and ends when the cameras send much less than they might. It falls no lower than what gets done: frames
+    that another consumer asked for are lost here whatever the limit.
     """
 
     def __init__(self) -> None:
@@ -85,7 +86,7 @@ class Pace:
 
 def _next(limit: float, done_hz: float, lost: float, idle: float) -> float | None:
     if lost > SOME_LOST and idle < MUCH_IDLE:
-        return limit * (1 - lost / 2)
+        return max(limit * (1 - lost / 2), done_hz * HEADROOM)
     if idle > MUCH_IDLE or (idle > IDLE and lost < SOME_LOST / 2):
         return None if done_hz < limit * UNUSED else limit * (1 + idle / 2)
     return limit

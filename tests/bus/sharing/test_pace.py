@@ -46,6 +46,14 @@ def test_down_while_frames_are_lost_by_half_of_what_is_lost() -> None:
     assert made.limit_hz == 20 * HEADROOM * (1 - 0.1 / 2)
 
 
+def test_frames_that_another_consumer_asked_for_do_not_push_it_below_what_gets_done() -> None:
+    made = flooded()
+    for second in range(2, 3_000):
+        made.look(Totals(done=10 * second, lost=90 * second, busy_s=second), 4, second)
+    assert made.limit_hz is not None
+    assert round(made.limit_hz, 6) == 10 * HEADROOM
+
+
 def test_up_while_there_is_time_left() -> None:
     made = flooded()
     made.look(Totals(done=36, lost=20, busy_s=1.75), 4, 2)
