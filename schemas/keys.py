@@ -58,6 +58,7 @@ class Stream(StrEnum):
     POINTS = "points"
     DETECTIONS = "detections"
     CLASSES = "classes"
+    OPINION = "opinion"
     OVERLAY_DETECTION = "overlay/detection"
     OVERLAY_SEGMENTATION = "overlay/segmentation"
     DISTANCES = "distances"

@@ -9,7 +9,8 @@ from bus import BusSettings, open_bus
 from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
 from services.detector.model import Found, Outcome, Request
-from services.detector.worker import SERVICE, Worker
+from services.detector.role import DETECTOR
+from services.detector.worker import Worker
 from services.toolbox.process import run
 
 
@@ -42,7 +43,7 @@ class StandIn:
 async def work(router: str, name: str, frame_s: float) -> None:
     """Work until cancelled."""
     async with open_bus(BusSettings(connect=[router], shared_memory=False)) as bus:
-        await Worker(bus, StandIn(frame_s), [WorkerAlive(SERVICE, name)]).run()
+        await Worker(bus, StandIn(frame_s), [WorkerAlive(DETECTOR.service, name)]).run()
 
 
 if __name__ == "__main__":

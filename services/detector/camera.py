@@ -14,30 +14,35 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector.account import Account
 from services.detector.drawing import MASKS, Overlays, drawing
+from services.detector.role import DETECTOR, Role
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A camera's results and the demand for them."""
+    """A camera's results and the demand for them. detections: None where class lists are all that is made."""
 
     key: CameraKey
     account: Account
     demand: SharedDemand
-    detections: Publisher
+    detections: Publisher | None
     classes: Publisher
     overlays: Overlays
 
     @property
     def wants_masks(self) -> bool:
         """Whether somebody has a use for masks."""
-        return self.detections.wanted or self.overlays.wants_masks
+        return self._wants_detections or self.overlays.wants_masks
 
     @property
     def wants_tracks(self) -> bool:
         """Whether somebody has a use for the numbers of tracks."""
-        return self.detections.wanted or self.overlays.wanted
+        return self._wants_detections or self.overlays.wanted
+
+    @property
+    def _wants_detections(self) -> bool:
+        return self.detections is not None and self.detections.wanted
 
     def publish_classes(self, found: Detections) -> None:
         """Publish the list of classes if somebody wants it."""
@@ -46,18 +51,24 @@ class Camera:
 
     def publish_objects(self, found: Detections, frame: ImageFrame) -> None:
         """Publish what somebody wants of the objects; the overlays follow when they are drawn."""
-        if self.detections.wanted:
+        if self.detections is not None and self.detections.wanted:
             self.detections.put(codec.encode(found))
         self.overlays.offer(found, frame)
 
 
 @asynccontextmanager
 async def serving(
-    bus: Bus, key: CameraKey, account: Account, *, segments: bool = True, painters: Executor | None = None
+    bus: Bus,
+    key: CameraKey,
+    account: Account,
+    *,
+    role: Role = DETECTOR,
+    segments: bool = True,
+    painters: Executor | None = None,
 ) -> AsyncIterator[Camera]:
     """Declare a camera's result streams for as long as the context lasts.
 
-    segments: whether there are masks to draw. painters: see `drawing`.
+    role: says which there are. segments: whether there are masks to draw. painters: see `drawing`.
     """
     demand = SharedDemand()
 
@@ -68,12 +79,16 @@ async def serving(
         return bus.publisher(key.stream(stream), qos, encoding=encoding, kept=kept, on_demand=demand.of(stream))
 
     async with AsyncExitStack() as stack:
-        detections = await stack.enter_async_context(declare(Stream.DETECTIONS, QoS.RESULT, Detections))
-        classes = await stack.enter_async_context(declare(Stream.CLASSES, QoS.RESULT, ClassList, kept=KEPT_LISTS))
+        classes = await stack.enter_async_context(declare(role.lists, QoS.RESULT, ClassList, kept=KEPT_LISTS))
+        detections = (
+            None
+            if role.lists_only
+            else await stack.enter_async_context(declare(Stream.DETECTIONS, QoS.RESULT, Detections))
+        )
         publishers = {
             stream: await stack.enter_async_context(declare(stream, QoS.IMAGE, ImageFrame))
             for stream, masks in MASKS.items()
-            if segments or not masks
+            if not role.lists_only and (segments or not masks)
         }
         overlays = await stack.enter_async_context(drawing(publishers, painters))
         yield Camera(key, account, demand, detections, classes, overlays)

@@ -12,9 +12,10 @@ from typing import Final
 from bus import open_bus
 from services.detector.model import Model, ModelError
 from services.detector.requests import answering
+from services.detector.role import DETECTOR, OPINION
 from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
-from services.detector.worker import SERVICE, Worker
+from services.detector.worker import Worker
 
 log = logging.getLogger(__name__)
 
@@ -44,11 +45,12 @@ async def run(settings: DetectorSettings) -> int:
 
 async def work(settings: DetectorSettings, model: Model) -> int:
     """Serve with a model that works until cancelled; when it works no longer, log why and return the exit code."""
-    tokens = settings.tokens(SERVICE, settings.worker)
-    following = tracking(settings.tracker)
+    role = OPINION if settings.opinion else DETECTOR
+    tokens = settings.tokens(role.service, settings.worker)
+    following = None if role.lists_only else tracking(settings.tracker)
     try:
-        async with open_bus(settings) as bus, answering(bus, model, settings.worker):
-            await Worker(bus, model, tokens, tracking=following, max_age_s=settings.max_age_s).run()
+        async with open_bus(settings) as bus, answering(bus, model, settings.worker, role):
+            await Worker(bus, model, tokens, role=role, tracking=following, max_age_s=settings.max_age_s).run()
     except* ModelError as failed:
         log.error("%s", _first(failed))  # noqa: TRY400 - the reason is known: no stack says more
     finally:

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Final
 
 from bus import Bus, RefusedError, Reply
@@ -14,11 +14,11 @@ from schemas.errors import SchemaError
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
 from services.detector.model import Failed, Model, ModelError, Request, TuningError
+from services.detector.role import DETECTOR, Role
 from services.detector.stills import ROBOT, StillError, frame_of
 
 log = logging.getLogger(__name__)
 
-SERVICE: Final = "detector"
 WAITING: Final = 2
 """Images that may wait; whoever asks for one more is told that this worker is busy, and asks another."""
 
@@ -26,8 +26,8 @@ STILL: Final = CameraKey(ROBOT, "image")
 
 
 @asynccontextmanager
-async def answering(bus: Bus, model: Model, worker: str) -> AsyncIterator[None]:
-    """Answer requests for as long as the context lasts."""
+async def answering(bus: Bus, model: Model, worker: str, role: Role = DETECTOR) -> AsyncIterator[None]:
+    """Answer requests for as long as the context lasts. role: says whether images are answered, too."""
 
     async def infer(asked: Asked) -> Reply:
         return await _infer(model, worker, asked)
@@ -35,10 +35,10 @@ async def answering(bus: Bus, model: Model, worker: str) -> AsyncIterator[None]:
     async def tune(asked: Asked) -> Reply:
         return _tune(model, asked)
 
-    async with (
-        bus.serve(worker_keys.infer(worker), infer, waiting=WAITING),
-        bus.serve(worker_keys.worker_settings(SERVICE, worker), tune),
-    ):
+    async with AsyncExitStack() as stack:
+        if not role.lists_only:
+            await stack.enter_async_context(bus.serve(worker_keys.infer(worker), infer, waiting=WAITING))
+        await stack.enter_async_context(bus.serve(worker_keys.worker_settings(role.service, worker), tune))
         yield
 
 

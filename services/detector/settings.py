@@ -25,6 +25,13 @@ class DetectorSettings(SharingSettings, BusSettings):
     model: Annotated[
         str, Field(description="Ultralytics weights: a path, or with --download a published model's name")
     ] = str(SHIPPED_MODEL)
+    opinion: Annotated[
+        bool,
+        Field(
+            description="try this model beside the one in force: its class lists are what rules about models that"
+            " disagree compare, and nothing else is made of them"
+        ),
+    ] = False
     detection_model: Annotated[
         str | None, Field(description="second weights, for boxes; what they find has the first one's masks")
     ] = None

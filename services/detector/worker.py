@@ -23,9 +23,9 @@ from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
 from services.detector.looking import Looking
 from services.detector.model import Model
+from services.detector.role import DETECTOR, Role
 from services.detector.tracking import Tracking
 
-SERVICE: Final = "detector"
 PACE_PERIOD_S: Final = 0.25
 
 PAINTERS: Final = 2
@@ -36,7 +36,10 @@ FINISH_S: Final = 0.5
 
 
 class Worker:
-    """Serves the cameras that fall to it. tokens: what it says of itself; tracking, max_age_s: see `Looking`."""
+    """Serves the cameras that fall to it.
+
+    tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Looking`.
+    """
 
     def __init__(
         self,
@@ -44,12 +47,14 @@ class Worker:
         model: Model,
         tokens: Sequence[WorkerAlive],
         *,
+        role: Role = DETECTOR,
         tracking: Tracking | None = None,
         max_age_s: float | None = None,
         join_s: float = JOIN_S,
     ) -> None:
         self._bus = bus
         self._model = model
+        self._role = role
         self._name = tokens[0].worker
         self._board = Board()
         self._cameras: dict[CameraKey, Camera] = {}
@@ -78,7 +83,7 @@ class Worker:
         """
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(report(self._bus, SERVICE, self._name, self._status))
+                group.create_task(report(self._bus, self._role.service, self._name, self._status))
                 group.create_task(self._keep_pace())
                 group.create_task(self._looking.run())
                 await self._sharing.run()
@@ -88,10 +93,12 @@ class Worker:
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
         account = opened(self._accounts, key, self._asked, MAX_STREAMS, Account)
         asked = self._asked[key] = Asked()
+        asked.ask(self._role.most_hz)
         self._took_over[key] = took_over
+        segments, painters = self._model.segments, self._painters
         try:
             async with (
-                serving(self._bus, key, account, segments=self._model.segments, painters=self._painters) as camera,
+                serving(self._bus, key, account, role=self._role, segments=segments, painters=painters) as camera,
                 asyncio.TaskGroup() as group,
             ):
                 self._cameras[key] = camera
@@ -126,17 +133,18 @@ class Worker:
 
     def _share_pace(self, cameras: Sequence[CameraKey]) -> None:
         """Ask for the same rate of each camera, one after the other."""
-        limit = self._pace.limit_hz
+        limit, most = self._pace.limit_hz, self._role.most_hz
         for turn, key in enumerate(cameras):
             if limit is None:
-                self._asked[key].ask(None)
+                self._asked[key].ask(most)
             else:
-                self._asked[key].ask(limit / len(cameras), turn / limit)
+                each = limit / len(cameras)
+                self._asked[key].ask(each if most is None else min(each, most), turn / limit)
 
     def _status(self) -> WorkerStatus:
         accounts = list(self._accounts.items())[-MAX_STREAMS:]
         return WorkerStatus(
-            service=SERVICE,
+            service=self._role.service,
             worker=self._name,
             model=self._model.name,
             sent_ns=time.time_ns(),

@@ -17,7 +17,8 @@ from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
 from schemas.printing import printable
 from services.detector.overlay import overlay
-from services.detector.requests import SERVICE, detect
+from services.detector.requests import detect
+from services.detector.role import DETECTOR
 from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.detector.stills import StillError, frame_of
@@ -96,7 +97,7 @@ async def _workers(bus: Bus, patience_s: float) -> list[str]:
 
 
 async def _appearing(bus: Bus) -> AsyncIterator[str]:
-    async with bus.watch(worker_keys.every_worker_alive(SERVICE)) as watch:
+    async with bus.watch(worker_keys.every_worker_alive(DETECTOR.service)) as watch:
         async for presence in watch:
             with suppress(SchemaError):
                 if presence.alive:

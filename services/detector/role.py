@@ -1,0 +1,27 @@
+"""What a worker is to the fleet: the one whose results count, or one that gives a second opinion. Pure."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.keys import Stream
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """Under which name a worker works, and what it makes.
+
+    service: its name in the keys of workers; cameras are shared with workers of the same alone. lists: the stream of
+    its class lists. lists_only: it makes nothing else of a camera, and answers no images.
+    most_hz: the most frames a second of a camera that its gateway is asked for, None for all that can be used.
+    """
+
+    service: str
+    lists: Stream
+    lists_only: bool = False
+    most_hz: float | None = None
+
+
+DETECTOR: Final = Role("detector", Stream.CLASSES)
+
+OPINION: Final = Role("opinion", Stream.OPINION, lists_only=True, most_hz=2.0)
+"""Enough for counts to settle. What it gets beyond that a detector of the same camera asked for."""

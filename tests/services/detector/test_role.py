@@ -1,0 +1,125 @@
+"""What a worker that gives a second opinion makes, and what it leaves to the detector."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+from itertools import count
+
+import pytest
+
+from bus import QUEUE, NotServedError, Publisher
+from bus.fake import FakeNetwork
+from schemas import codec, keys, worker_keys
+from schemas.budget import RateBudget
+from schemas.detections import ClassList
+from schemas.keys import Stream
+from schemas.status import WorkerStatus
+from schemas.tuning import Tuning
+from schemas.worker_keys import WorkerAlive
+from services.detector.requests import answering
+from services.detector.role import DETECTOR, OPINION
+from services.detector.worker import Worker
+from tests.contract.waiting import next_of
+from tests.services.detector.fakes import FakeModel
+from tests.services.detector.test_worker import FRONT, Rig, frame, receive, until
+from tests.services.detector.told_model import ToldModel
+
+COUNTED = (Stream.CLASSES, Stream.DETECTIONS, Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    """A worker that gives a second opinion, on a fake bus."""
+    network, model = FakeNetwork(), FakeModel()
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        answering(ours, model, "w1", OPINION),
+        asyncio.TaskGroup() as group,
+    ):
+        tokens = [WorkerAlive(OPINION.service, "w1")]
+        working = group.create_task(Worker(ours, model, tokens, role=OPINION, max_age_s=60, join_s=0).run())
+        yield Rig(theirs, model)
+        working.cancel()
+
+
+async def test_a_second_opinion_is_a_class_list_on_a_stream_of_its_own(rig: Rig) -> None:
+    async with AsyncExitStack() as stack:
+        camera = await stack.enter_async_context(rig.camera(FRONT))
+        lists = await stack.enter_async_context(rig.bus.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)))
+        counted = [
+            await stack.enter_async_context(rig.bus.subscribe(FRONT.stream(stream), QUEUE(9))) for stream in COUNTED
+        ]
+        await until(lambda: camera.wanted)
+        for seq in (1, 2):
+            camera.put(codec.encode(frame(seq)))
+            seen = await receive(lists, ClassList)
+            assert (seen.header.seq, [each.name for each in seen.classes], seen.model) == (seq, ["box"], "fake")
+        assert [each.counts.received for each in counted] == [0] * len(COUNTED)
+
+
+@pytest.mark.parametrize("stream", COUNTED)
+async def test_who_wants_what_counts_asks_nothing_of_it(rig: Rig, stream: Stream) -> None:
+    async with rig.camera(FRONT) as camera:
+        async with rig.bus.subscribe(FRONT.stream(stream), QUEUE(9)):
+            await asyncio.sleep(0.05)
+            assert not camera.wanted
+        async with rig.bus.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)):
+            await until(lambda: camera.wanted)
+        await until(lambda: not camera.wanted)
+
+
+async def test_it_is_no_detector_to_others(rig: Rig) -> None:
+    async with rig.camera(FRONT), rig.bus.watch("workers/**") as watch:
+        tokens = [await next_of(watch), await next_of(watch)]
+        assert {worker_keys.parse_worker(token.key) for token in tokens} == {("opinion", "w1")}
+        async with rig.bus.subscribe(worker_keys.EVERY_WORKER_STATUS, QUEUE(9)) as statuses:
+            status = await receive(statuses, WorkerStatus)
+            assert (status.service, status.worker, status.model) == ("opinion", "w1", "fake")
+
+
+async def test_it_answers_no_images_but_says_what_it_counts(rig: Rig) -> None:
+    with pytest.raises(NotServedError):
+        await rig.bus.request(worker_keys.infer("w1"), b"an image", timeout_s=60)
+    with pytest.raises(NotServedError):
+        await rig.bus.request(worker_keys.worker_settings(DETECTOR.service, "w1"), timeout_s=60)
+    reply = await rig.bus.request(worker_keys.worker_settings(OPINION.service, "w1"), timeout_s=60)
+    assert codec.decode(Tuning, reply.payload, reply.encoding) == rig.model.tuning
+
+
+async def test_it_asks_gateways_for_few_frames_from_the_start(rig: Rig) -> None:
+    async with (
+        rig.camera(FRONT),
+        rig.bus.subscribe(keys.budget(FRONT), QUEUE(9)) as budgets,
+        rig.bus.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
+    ):
+        budget = await receive(budgets, RateBudget)
+    assert (budget.consumer, budget.stream, budget.hz) == ("w1", Stream.COLOR, OPINION.most_hz)
+
+
+async def test_one_that_has_more_time_asks_for_no_more() -> None:
+    network, model = FakeNetwork(), ToldModel()
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        Rig(theirs, FakeModel()).camera(FRONT) as camera,
+        theirs.subscribe(keys.budget(FRONT), QUEUE(9)) as budgets,
+        theirs.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
+        asyncio.TaskGroup() as group,
+    ):
+        tokens = [WorkerAlive(OPINION.service, "w1")]
+        working = group.create_task(Worker(ours, model, tokens, role=OPINION, max_age_s=60, join_s=0).run())
+        sending = group.create_task(_send_more_than_it_takes(camera, model))
+        said = [await receive(budgets, RateBudget) for _ in range(3)]
+        sending.cancel()
+        working.cancel()
+    assert [budget.hz for budget in said] == [OPINION.most_hz] * 3
+
+
+async def _send_more_than_it_takes(camera: Publisher, model: ToldModel) -> None:
+    """Send 50 frames a second to a model that looks at 10 a second."""
+    for seq in count():
+        camera.put(codec.encode(frame(seq)))
+        if seq % 5 == 0 and model.answers:
+            model.answers[-1].set()
+        await asyncio.sleep(0.02)
