@@ -129,10 +129,7 @@ class Fleet:
             What changed in the inventory; None for a list about a frame that is not newer than the camera's last one.
         """
         key = camera_key(seen.header.robot, seen.header.camera)
-        theirs_ns = self._theirs_ns(key.robot, received_ns)
-        lag_ns = None if theirs_ns is None else max(0, theirs_ns - seen.header.received_ns)
-        if lag_ns is not None and lag_ns > MAX_LAG_NS:
-            lag_ns = None
+        lag_ns = self._lag_ns(seen.header, received_ns)
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
         if changes is None:
             return None
@@ -149,6 +146,10 @@ class Fleet:
         if camera.lag_s is not None:
             self.ages_s.append(camera.lag_s)
         return changes
+
+    def opine(self, seen: ClassList, received_ns: int) -> bool:
+        """Take a second opinion that arrived at `received_ns`; return False if it says nothing, see `Inventory`."""
+        return self.inventory.opine(seen, received_ns - (self._lag_ns(seen.header, received_ns) or 0))
 
     def measure(self, distances: Distances, received_ns: int) -> bool:
         """Take distances that arrived at `received_ns`; return False for a double."""
@@ -208,6 +209,12 @@ class Fleet:
         if camera is None:
             camera = self._cameras[key] = _Camera()
         return camera
+
+    def _lag_ns(self, header: Header, received_ns: int) -> int | None:
+        """Return how old a frame was when something of it arrived, or None if its robot's clock says nothing of it."""
+        theirs_ns = self._theirs_ns(header.robot, received_ns)
+        lag_ns = None if theirs_ns is None else max(0, theirs_ns - header.received_ns)
+        return None if lag_ns is None or lag_ns > MAX_LAG_NS else lag_ns
 
     def _theirs_ns(self, robot: str, ours_ns: int) -> int | None:
         """Return what the robot's clock shows when ours shows `ours_ns`, or None while that is not known."""

@@ -123,6 +123,7 @@ async def watch_fleet(
         told(_class_list(fleet, sample))
 
     streams: dict[str, Callable[[Sample], None]] = {
+        keys.every_stream(Stream.OPINION): lambda sample: _opinion(fleet, sample),
         keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
         worker_keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
@@ -194,9 +195,17 @@ def _leave_out(fleet: Fleet, key: str, error: SchemaError | InventoryFullError) 
 
 
 def _class_list(fleet: Fleet, sample: Sample) -> Sequence[Change]:
+    return fleet.see(_seen(sample), time.monotonic(), sample.received_ns) or ()
+
+
+def _opinion(fleet: Fleet, sample: Sample) -> None:
+    fleet.opine(_seen(sample), sample.received_ns)
+
+
+def _seen(sample: Sample) -> ClassList:
     seen = codec.decode(ClassList, sample.payload, sample.encoding)
     codec.check_identity(seen.header, keys.parse_stream(sample.key).camera)
-    return fleet.see(seen, time.monotonic(), sample.received_ns) or ()
+    return seen
 
 
 def _distances(fleet: Fleet, sample: Sample) -> CameraKey:

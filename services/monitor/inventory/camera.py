@@ -1,6 +1,7 @@
 """What is in view of one camera, as the model says that speaks for it. Pure."""
 
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import Final
 
 from schemas.detections import ClassList
@@ -12,17 +13,21 @@ from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.inventory.view import Tracked, View
 
 MAX_MODELS: Final = 4
-"""How many models are followed on one camera."""
+"""How many models are followed on one camera, and how many second opinions."""
 
 
 class CameraView:
-    """One camera's sightings. The model that was heard first speaks for it until it has been silent for a while."""
+    """One camera's sightings. The model that was heard first speaks for it until it has been silent for a while.
 
-    __slots__ = ("_distance_order", "key", "lost", "speaker", "views")
+    views: by model, those that may speak. opinions: by model, those that never do.
+    """
+
+    __slots__ = ("_distance_order", "key", "lost", "opinions", "speaker", "views")
 
     def __init__(self, key: CameraKey) -> None:
         self.key = key
         self.views: dict[str, View] = {}
+        self.opinions: dict[str, View] = {}
         self.speaker: View | None = None
         self.lost = False
         self._distance_order = FrameOrder()
@@ -56,6 +61,23 @@ class CameraView:
                 return []
             moved = self._hand_over(self.speaker, view)
         return [self._change(name, view, at_ns) for name in moved] if moved else []
+
+    def opine(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> bool:
+        """Take the class list of a second opinion; return False if it is a double or late.
+
+        silent_ns: after how long without a list what was in view is not known to be any more.
+        """
+        view = self.opinions.get(seen.model)
+        if view is None:
+            if len(self.opinions) >= MAX_MODELS:
+                del self.opinions[min(self.opinions.values(), key=lambda view: view.last_ns).model]
+            view = self.opinions[seen.model] = View(seen.model, at_ns)
+        if not view.order.take(seen.header):
+            return False
+        if at_ns - view.last_ns > silent_ns:
+            view.begin_anew(at_ns)
+        view.advance(seen, at_ns, debounce)
+        return True
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
@@ -101,10 +123,10 @@ class CameraView:
         A class that only one of them ever reported is none: the other may not know it.
         """
         found: dict[str, tuple[int, int]] = {}
-        if self.speaker is None or len(self.views) < 2:
+        if self.speaker is None:
             return found
-        for view in self.views.values():
-            if view is self.speaker or view.last_ns < since_ns:
+        for view in chain(self.views.values(), self.opinions.values()):
+            if view is self.speaker or view.last_ns < since_ns or view.lists < 2:
                 continue
             for name, theirs in view.classes.items():
                 ours = self.speaker.classes.get(name)

@@ -99,6 +99,17 @@ class Inventory:
             self._disputed.add(camera.key)
         return changes
 
+    def opine(self, seen: ClassList, at_ns: int) -> bool:
+        """Take a second opinion on what was in view at `at_ns`; return False if it is a double, late or on no camera.
+
+        A camera has to be known for it: an opinion alone makes none.
+        """
+        camera = self._cameras.get(camera_key(seen.header.robot, seen.header.camera))
+        if camera is None:
+            return False
+        self._disputed.add(camera.key)
+        return camera.opine(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
+
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
         return self._camera(camera_key(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
@@ -139,7 +150,7 @@ class Inventory:
         return self._cameras.get(key)
 
     def disputed(self) -> AbstractSet[CameraKey]:
-        """Return the cameras at which several models ever looked."""
+        """Return the cameras at which several models ever looked, second opinions included."""
         return self._disputed
 
     def online(self, key: CameraKey) -> bool:

@@ -222,3 +222,17 @@ def test_distances_say_where_things_are_and_doubles_say_it_once() -> None:
     assert not fleet.measure(distances(found), 9)
     (mark,) = fleet.places.marks(9)
     assert (mark.x, mark.y, mark.seen_ns) == (1.0, 2.0, 5)
+
+
+def test_a_second_opinion_is_of_when_its_frame_came_and_counts_as_no_class_list() -> None:
+    fleet = online_fleet()
+    for seq in (0, 1):
+        message = seen(seq, box=2)
+        assert fleet.opine(message, message.header.received_ns + 250_000_000)
+    row = only(fleet, 1.0)
+    assert (row.classes, row.age, row.rate_hz) == (None, None, 0)
+    assert (fleet.class_lists, fleet.first_list_s, list(fleet.ages_s)) == (0, None, [])
+    view = fleet.inventory.camera(FRONT)
+    assert view is not None
+    assert view.opinions["m"].last_ns == seen(1).header.received_ns
+    assert not fleet.opine(seen(1), 0)

@@ -38,7 +38,7 @@ async def bus(fleet: Fleet) -> AsyncIterator[Bus]:
     network = FakeNetwork()
     async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
         watching = group.create_task(watch_fleet(ours, fleet))
-        for key in (FRONT.stream(Stream.DISTANCES), FRONT.stream(Stream.CLASSES), *STATUSES):
+        for key in (*map(FRONT.stream, (Stream.DISTANCES, Stream.CLASSES, Stream.OPINION)), *STATUSES):
             async with theirs.publisher(key, QoS.RESULT, encoding="") as publisher:
                 await until(lambda publisher=publisher: publisher.wanted)  # type: ignore[misc]
         yield theirs
@@ -81,6 +81,23 @@ async def test_distances_reach_the_inventory_and_programs_may_ask(bus: Bus, flee
     assert (sighting.name, sighting.count, sighting.nearest_m, sighting.available) == ("box", 2, 2.125, False)
 
 
+async def test_second_opinions_reach_the_inventory_and_count_as_nothing_else(bus: Bus, fleet: Fleet) -> None:
+    async with bus.announce(FRONT.alive(Stream.COLOR)):
+        await until(lambda: fleet.cameras)
+    other = msgspec.structs.replace(SEEN, classes=[ClassCount("box", 3, 0.9)], model="new")
+    for seq in (0, 1):
+        await publish(bus, FRONT.stream(Stream.OPINION), msgspec.structs.replace(other, header=header(seq=seq)))
+    view = fleet.inventory.camera(FRONT)
+    assert view is not None
+    await until(lambda: "new" in view.opinions and view.opinions["new"].lists == 2)
+    assert (fleet.class_lists, next(fleet.rows(0)).classes, list(fleet.inventory.open())) == (0, None, [])
+    for seq in (0, 1):
+        await publish(bus, FRONT.stream(Stream.CLASSES), msgspec.structs.replace(SEEN, header=header(seq=seq)))
+    await until(lambda: view.disagreements(0))
+    assert view.disagreements(0) == {"box": (2, 3)}
+    assert [each.count for each in fleet.inventory.open()] == [2]
+
+
 async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     await publish(bus, keys.gateway_status("r1"), GATEWAY)
     await publish(bus, worker_keys.worker_status("detector", "w1"), WORKER)
@@ -95,6 +112,7 @@ async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
         ("fleet/r2/front/classes", SEEN),
         ("fleet/<b>r1/front/classes", SEEN),
         ("fleet/r1/rear/classes", SEEN),
+        ("fleet/r1/rear/opinion", SEEN),
         ("fleet/r2/status", GATEWAY),
         ("workers/detector/w2/status", WORKER),
         ("workers/distance/w1/status", WORKER),
@@ -109,7 +127,10 @@ async def test_a_message_that_is_not_its_keys_is_left_out(bus: Bus, fleet: Fleet
     assert fleet.left_out == {"malformed messages": 1}
 
 
-@pytest.mark.parametrize("key", [FRONT.stream(Stream.CLASSES), "fleet/r1/status", "workers/detector/w1/status"])
+@pytest.mark.parametrize(
+    "key",
+    [FRONT.stream(Stream.CLASSES), FRONT.stream(Stream.OPINION), "fleet/r1/status", "workers/detector/w1/status"],
+)
 async def test_garbage_is_left_out_and_harms_no_other(bus: Bus, fleet: Fleet, key: str) -> None:
     for encoding in ("", codec.encoding(ClassList)):
         await send(bus, key, b"\xc1garbage", encoding)

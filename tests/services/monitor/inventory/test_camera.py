@@ -31,6 +31,10 @@ class Seeing:
         assert changes is not None
         return changes
 
+    def opine(self, at_s: int, model: str = "new", /, **counts: int) -> bool:
+        self.seq += 1
+        return self.camera.opine(seen(self.seq, counts, model=model), at_s * S, self.debounce, SILENT_NS)
+
 
 def test_a_class_appears_is_counted_and_vanishes() -> None:
     camera = Seeing()
@@ -92,6 +96,60 @@ def test_models_that_count_otherwise_disagree_about_what_both_know() -> None:
         camera.see(at_s, "b", box=2, forklift=1)
     assert camera.camera.disagreements(0) == {"box": (1, 2)}
     assert camera.camera.disagreements(2 * S + 1) == {}
+
+
+def test_a_second_opinion_disagrees_and_never_speaks() -> None:
+    camera = Seeing()
+    assert camera.opine(1, box=3)
+    assert camera.opine(2, box=3)
+    assert camera.camera.speaker is None
+    assert camera.camera.disagreements(0) == {}
+    camera.see(3, "m", box=1)
+    assert camera.see(4, "m", box=1) == [("appeared", "box", 1)]
+    assert camera.opine(4, box=3)
+    assert camera.camera.disagreements(0) == {"box": (1, 3)}
+    for at_s in range(5, 20):
+        assert camera.opine(at_s, box=3)
+    assert [(each.count, each.model, each.last_ns) for each in camera.camera.sightings()] == [(1, "m", 4 * S)]
+    assert camera.camera.last_ns == 4 * S
+
+
+def test_a_second_opinion_of_a_model_of_the_same_name_is_another() -> None:
+    camera = Seeing()
+    for at_s in (1, 2):
+        camera.see(at_s, "best.pt", box=1)
+        assert camera.opine(at_s, "best.pt", box=2)
+    assert camera.camera.disagreements(0) == {"box": (1, 2)}
+
+
+def test_a_double_of_a_second_opinion_is_none() -> None:
+    camera = Seeing()
+    assert camera.opine(1, box=1)
+    camera.seq = 0
+    assert not camera.opine(2, box=2)
+
+
+def test_a_second_opinion_settles_anew_after_a_gap() -> None:
+    camera = Seeing()
+    for at_s in (1, 2, 3, 4, 5, 6, 7):
+        camera.see(at_s, "m", box=1)
+        if at_s < 3:
+            assert camera.opine(at_s, box=2)
+    assert camera.camera.disagreements(3 * S) == {}
+    assert camera.opine(8, box=1)
+    assert camera.camera.disagreements(5 * S) == {}
+    assert camera.opine(9, box=1)
+    assert camera.camera.disagreements(5 * S) == {}
+    assert camera.opine(10, box=2)
+    assert camera.opine(11, box=2)
+    assert camera.camera.disagreements(5 * S) == {"box": (1, 2)}
+
+
+def test_second_opinions_are_bounded_and_the_newest_stay() -> None:
+    camera = Seeing()
+    for number in range(MAX_MODELS + 1):
+        camera.opine(1 + number, f"m{number}", box=1)
+    assert set(camera.camera.opinions) == {f"m{number}" for number in range(1, MAX_MODELS + 1)}
 
 
 def test_models_are_bounded_and_the_one_that_speaks_stays() -> None:
