@@ -39,6 +39,7 @@ NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFO
 """Reasons of gateways for which a frame's number is missing at every receiver."""
 
 MAX_STREAMS: Final = 1_000
+MAX_CLASSES: Final = 1_000
 
 
 class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -134,6 +135,7 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     """A worker's account of itself, once a second and once more when it stops.
 
     remarks: what whoever waits for its results should know, such as which there cannot be, and why.
+    classes: names of those that a detector reports when they are in view; empty where nobody says.
     """
 
     service: Name
@@ -142,3 +144,4 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     sent_ns: Nanoseconds
     cameras: Annotated[list[CameraLoad], msgspec.Meta(max_length=MAX_STREAMS)] = []
     remarks: Annotated[list[Label], msgspec.Meta(max_length=16)] = []
+    classes: Annotated[list[Label], msgspec.Meta(max_length=MAX_CLASSES)] = []

@@ -7,6 +7,12 @@ from typing import Final
 from schemas.errors import SchemaError
 from schemas.keys import ALIVE, CameraKey, check_name
 
+DETECTOR: Final = "detector"
+"""The service of workers whose class lists count."""
+
+OPINION: Final = "opinion"
+"""The service of workers that give a second opinion, which only rules about models that disagree hear."""
+
 SERVES: Final = "serves"
 
 WEIGHT: Final = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,9})?")

@@ -23,6 +23,7 @@ class StandIn:
     segments = False
     remarks: tuple[str, ...] = ()
     tuning = Tuning()
+    classes: tuple[str, ...] = ()
 
     def __init__(self, frame_s: float) -> None:
         self._frame_s = frame_s

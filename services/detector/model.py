@@ -82,6 +82,10 @@ class Model(Protocol):
     def tuning(self) -> Tuning:
         """What counts as a detection now."""
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes that are reported now when they are in view."""
+
     def tune(self, tuning: Tuning) -> None:
         """Count by another tuning from the next image on; what it leaves open stays as it is.
 

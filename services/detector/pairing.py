@@ -52,6 +52,11 @@ class PairedModel:
         """See `Model.tuning`."""
         return self._boxes.tuning
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """See `Model.classes`."""
+        return self._boxes.classes
+
     def tune(self, tuning: Tuning) -> None:
         """See `Model.tune`."""
         before = self._boxes.tuning

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
+from schemas import worker_keys
 from schemas.keys import Stream
 
 
@@ -21,7 +22,7 @@ class Role:
     most_hz: float | None = None
 
 
-DETECTOR: Final = Role("detector", Stream.CLASSES)
+DETECTOR: Final = Role(worker_keys.DETECTOR, Stream.CLASSES)
 
-OPINION: Final = Role("opinion", Stream.OPINION, lists_only=True, most_hz=2.0)
+OPINION: Final = Role(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0)
 """Enough for counts to settle. What it gets beyond that a detector of the same camera asked for."""

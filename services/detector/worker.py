@@ -15,7 +15,7 @@ from bus.sharing.sharing import JOIN_S
 from bus.sharing.tally import opened
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
-from schemas.status import MAX_STREAMS, WorkerStatus
+from schemas.status import MAX_CLASSES, MAX_STREAMS, WorkerStatus
 from schemas.worker_keys import WorkerAlive
 from services.detector.account import Account
 from services.detector.board import Board
@@ -149,6 +149,7 @@ class Worker:
             model=self._model.name,
             sent_ns=time.time_ns(),
             remarks=[remark[:MAX_LABEL] for remark in self._model.remarks],
+            classes=list(self._model.classes[:MAX_CLASSES]),
             cameras=[
                 account.load(
                     serving=key in self._cameras, budget_hz=self._asked[key].hz if key in self._asked else None

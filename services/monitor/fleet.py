@@ -121,6 +121,7 @@ class Fleet:
         name = (status.service, status.worker)
         make_room(self.workers, name)
         self.workers[name], self.worker_heard_ns[name] = status, received_ns
+        self.inventory.worker_reports(*name, status.classes)
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).

@@ -148,3 +148,9 @@ async def test_an_unknown_class_is_refused_and_changes_nothing(model: Model) -> 
     with pytest.raises(TuningError, match=r"no class is called 'unicorn'; the model knows .*box"):
         model.tune(Tuning(classes=["unicorn"]))
     assert model.tuning == before
+
+
+async def test_the_classes_it_reports_are_those_it_is_tuned_to(model: Model, view: NDArray[np.uint8]) -> None:
+    assert {each.name for each in await found(model, view)} <= set(model.classes)
+    model.tune(Tuning(classes=["box"]))
+    assert model.classes == ("box",)

@@ -82,6 +82,12 @@ class Pipeline:
         """See `Model.tuning`."""
         return self._criteria.tuning
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """See `Model.classes`."""
+        names = self._criteria.classes or self.facts.names.values()
+        return tuple(name[:MAX_LABEL] for name in names)
+
     def tune(self, tuning: Tuning) -> None:
         """See `Model.tune`."""
         self._criteria = self._criteria.tuned(tuning, self.facts.names)

@@ -4,13 +4,14 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 from typing import Final
 
+from schemas import worker_keys
 from schemas.detections import ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
 from services.monitor.inventory.order import FrameOrder
 from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
-from services.monitor.inventory.view import Tracked, View
+from services.monitor.inventory.view import Tracked, View, Vocabularies
 
 MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
@@ -19,13 +20,15 @@ MAX_MODELS: Final = 4
 class CameraView:
     """One camera's sightings. The model that was heard first speaks for it until it has been silent for a while.
 
-    views: by model, those that may speak. opinions: by model, those that never do.
+    views: by model, those that may speak. opinions: by model, those that never do. vocabularies: read as they are when
+    models are compared.
     """
 
-    __slots__ = ("_distance_order", "key", "lost", "opinions", "speaker", "views")
+    __slots__ = ("_distance_order", "_vocabularies", "key", "lost", "opinions", "speaker", "views")
 
-    def __init__(self, key: CameraKey) -> None:
+    def __init__(self, key: CameraKey, vocabularies: Vocabularies | None = None) -> None:
         self.key = key
+        self._vocabularies = {} if vocabularies is None else vocabularies
         self.views: dict[str, View] = {}
         self.opinions: dict[str, View] = {}
         self.speaker: View | None = None
@@ -71,7 +74,7 @@ class CameraView:
         if view is None:
             if len(self.opinions) >= MAX_MODELS:
                 del self.opinions[min(self.opinions.values(), key=lambda view: view.last_ns).model]
-            view = self.opinions[seen.model] = View(seen.model, at_ns)
+            view = self.opinions[seen.model] = View(seen.model, at_ns, worker_keys.OPINION)
         if not view.order.take(seen.header):
             return False
         if at_ns - view.last_ns > silent_ns:
@@ -120,7 +123,7 @@ class CameraView:
     def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
         """Return the classes of which two models that spoke since then settled on different counts: speaker's, other's.
 
-        A class that only one of them ever reported is none: the other may not know it.
+        A class that one of them does not know is none: see `View.knows`.
         """
         found: dict[str, tuple[int, int]] = {}
         if self.speaker is None:
@@ -128,10 +131,10 @@ class CameraView:
         for view in chain(self.views.values(), self.opinions.values()):
             if view is self.speaker or view.last_ns < since_ns or view.lists < 2:
                 continue
-            for name, theirs in view.classes.items():
-                ours = self.speaker.classes.get(name)
-                if ours and ours.first_ns and theirs.first_ns and ours.count.count != theirs.count.count:
-                    found[name] = (ours.count.count, theirs.count.count)
+            for name in {**self.speaker.classes, **view.classes}:
+                ours, theirs = self.speaker.count_of(name), view.count_of(name)
+                if ours != theirs and all(each.knows(name, self._vocabularies) for each in (self.speaker, view)):
+                    found[name] = (ours, theirs)
         return found
 
     def _add(self, model: str, at_ns: int) -> View:

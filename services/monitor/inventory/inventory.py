@@ -60,6 +60,7 @@ class Inventory:
 
     def __init__(self, limits: Limits | None = None) -> None:
         self.limits = limits or Limits()
+        self._vocabularies: dict[tuple[str, str], frozenset[str]] = {}
         self._cameras: dict[CameraKey, CameraView] = {}
         self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
@@ -87,6 +88,11 @@ class Inventory:
         (self._present.add if alive else self._present.discard)(key)
         for news in self._followers:
             news.cameras.add(key)
+
+    def worker_reports(self, service: str, worker: str, classes: Iterable[str]) -> None:
+        """Take which classes a worker says it reports when they are in view."""
+        make_room(self._vocabularies, (service, worker))
+        self._vocabularies[service, worker] = frozenset(classes)
 
     def see(self, seen: ClassList, at_ns: int) -> list[Change] | None:
         """Take a class list about what was in view at `at_ns`; return what changed, or None if it is a double or late.
@@ -180,7 +186,7 @@ class Inventory:
         found = self._cameras.get(key)
         if found is None:
             make_room(self._cameras, key)
-            found = self._cameras[key] = CameraView(key)
+            found = self._cameras[key] = CameraView(key, self._vocabularies)
             insort(self._in_order, key)
             for news in self._followers:
                 news.cameras.add(key)

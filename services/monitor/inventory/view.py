@@ -1,12 +1,18 @@
 """What one model says about one camera. Pure."""
 
+from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from typing import Final
 
+from schemas import worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
 from services.monitor.inventory.order import FrameOrder
 from services.monitor.inventory.settling import Debounce, SettledCount
 from services.monitor.inventory.sighting import Sighting
+
+Vocabularies = Mapping[tuple[str, str], AbstractSet[str]]
+"""The classes that workers say they report, by service and worker."""
 
 MAX_CLASSES: Final = 64
 """How many classes of one camera are remembered; those not in view longest make room."""
@@ -86,13 +92,15 @@ class Tracked:
 class View:
     """The classes that one model has in view.
 
-    began_ns: since when it looks without a gap. lists: how many were taken since then.
+    began_ns: since when it looks without a gap. lists: how many were taken since then. worker: who sent the newest one.
     """
 
-    __slots__ = ("began_ns", "classes", "last_ns", "left_out", "lists", "model", "order")
+    __slots__ = ("began_ns", "classes", "last_ns", "left_out", "lists", "model", "order", "service", "worker")
 
-    def __init__(self, model: str, began_ns: int) -> None:
+    def __init__(self, model: str, began_ns: int, service: str = worker_keys.DETECTOR) -> None:
         self.model = model
+        self.service = service
+        self.worker = ""
         self.began_ns = began_ns
         self.last_ns = began_ns
         self.classes: dict[str, Tracked] = {}
@@ -108,7 +116,7 @@ class View:
 
     def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
         """Take a class list that is news; return the classes whose count moved."""
-        self.last_ns = at_ns
+        self.last_ns, self.worker = at_ns, seen.worker
         self.lists += 1
         moved: list[str] = []
         in_view = 0
@@ -122,6 +130,15 @@ class View:
         if in_view < len(self.classes):
             moved += self._out_of_view(at_ns, debounce)
         return moved
+
+    def count_of(self, name: str) -> int:
+        """Return how many of a class are in view."""
+        return self.classes[name].count.count if name in self.classes else 0
+
+    def knows(self, name: str, vocabularies: Vocabularies) -> bool:
+        """Whether it would report a class: its worker says so, or it has done it here."""
+        ever = name in self.classes and self.classes[name].first_ns > 0
+        return ever or name in vocabularies.get((self.service, self.worker), ())
 
     def _out_of_view(self, at_ns: int, debounce: Debounce) -> list[str]:
         moved = []

@@ -38,6 +38,11 @@ class FakeModel:
         self.called = threading.Semaphore(0)
         self._turn = asyncio.Lock()
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """See `Model.classes`."""
+        return tuple(self.tuning.classes or [BOX])
+
     def tune(self, tuning: Tuning) -> None:
         """See `Model.tune`."""
         unknown = set(tuning.classes or []) - {BOX}

@@ -182,7 +182,7 @@ async def test_lists_of_classes_do_not_wait_for_tracks_and_nobody_elses_objects_
         rig.running(bus) as lists,
         bus.subscribe(CAMERAS[1].stream(Stream.DETECTIONS), QUEUE(9)) as detections,
     ):
-        await until(lambda: rig.cameras[CAMERAS[1]].detections.wanted)
+        await until(lambda: rig.cameras[CAMERAS[1]].wants_tracks)
         for seq, camera in enumerate(CAMERAS[:2]):
             rig.post(camera, seq)
         assert [await result(lists) for _ in range(2)] == [("c0", 0), ("c1", 1)]
@@ -204,7 +204,7 @@ async def test_frames_wait_for_tracks_before_they_go_to_the_model_and_not_after(
         rig.running(bus) as lists,
         bus.subscribe(CAMERAS[0].stream(Stream.DETECTIONS), QUEUE(9)),
     ):
-        await until(lambda: rig.cameras[CAMERAS[0]].detections.wanted)
+        await until(lambda: rig.cameras[CAMERAS[0]].wants_tracks)
         for seq in range(9):
             rig.post(CAMERAS[0], seq)
             await asyncio.sleep(0.01)

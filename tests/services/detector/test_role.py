@@ -75,7 +75,7 @@ async def test_it_is_no_detector_to_others(rig: Rig) -> None:
         assert {worker_keys.parse_worker(token.key) for token in tokens} == {("opinion", "w1")}
         async with rig.bus.subscribe(worker_keys.EVERY_WORKER_STATUS, QUEUE(9)) as statuses:
             status = await receive(statuses, WorkerStatus)
-            assert (status.service, status.worker, status.model) == ("opinion", "w1", "fake")
+            assert (status.service, status.worker, status.model, status.classes) == ("opinion", "w1", "fake", ["box"])
 
 
 async def test_it_answers_no_images_but_says_what_it_counts(rig: Rig) -> None:

@@ -17,6 +17,7 @@ class ToldModel:
     segments = False
     remarks: tuple[str, ...] = ()
     tuning = Tuning()
+    classes: tuple[str, ...] = ()
 
     def __init__(self, max_batch: int = 1, in_flight: int = 1, *, at_once: bool = False) -> None:
         self.max_batch = max_batch

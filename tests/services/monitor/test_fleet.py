@@ -5,7 +5,7 @@ from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Place
 from schemas.keys import CameraKey
-from schemas.status import GatewayStatus
+from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.fleet import MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.inventory import InventoryFullError, Limits
@@ -236,3 +236,17 @@ def test_a_second_opinion_is_of_when_its_frame_came_and_counts_as_no_class_list(
     assert view is not None
     assert view.opinions["m"].last_ns == seen(1).header.received_ns
     assert not fleet.opine(seen(1), 0)
+
+
+def test_what_workers_say_they_report_is_compared_though_it_was_never_in_a_list() -> None:
+    fleet = online_fleet()
+    says = WorkerStatus(service="opinion", worker="w", model="new", sent_ns=0, classes=["box"])
+    fleet.worker_status(says, 0)
+    for seq in (0, 1):
+        fleet.see(seen(seq), 0, seq)
+        assert fleet.opine(msgspec.structs.replace(seen(seq), classes=[]), seq)
+    view = fleet.inventory.camera(FRONT)
+    assert view is not None
+    assert view.disagreements(0) == {"box": (1, 0)}
+    fleet.worker_status(msgspec.structs.replace(says, classes=[]), 0)
+    assert view.disagreements(0) == {}

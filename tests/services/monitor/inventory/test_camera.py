@@ -16,7 +16,8 @@ class Seeing:
     """A camera whose lists come one a second."""
 
     def __init__(self, debounce: Debounce | None = None) -> None:
-        self.camera = CameraView(FRONT)
+        self.vocabularies: dict[tuple[str, str], set[str]] = {}
+        self.camera = CameraView(FRONT, self.vocabularies)
         self.debounce = debounce or Debounce(2, 0, 2, 0)
         self.seq = 0
 
@@ -112,6 +113,17 @@ def test_a_second_opinion_disagrees_and_never_speaks() -> None:
         assert camera.opine(at_s, box=3)
     assert [(each.count, each.model, each.last_ns) for each in camera.camera.sightings()] == [(1, "m", 4 * S)]
     assert camera.camera.last_ns == 4 * S
+
+
+def test_what_a_worker_says_it_reports_may_be_missing_from_all_its_lists() -> None:
+    camera = Seeing()
+    for at_s in (1, 2):
+        camera.see(at_s, "m", box=1, pallet=1, tree=1)
+        assert camera.opine(at_s, forklift=2, shelf=1)
+    assert camera.camera.disagreements(0) == {}
+    camera.vocabularies["detector", "w"] = {"forklift", "box"}
+    camera.vocabularies["opinion", "w"] = {"box", "pallet"}
+    assert camera.camera.disagreements(0) == {"box": (1, 0), "pallet": (1, 0), "forklift": (0, 2)}
 
 
 def test_a_second_opinion_of_a_model_of_the_same_name_is_another() -> None:
