@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Final
 
@@ -73,6 +73,7 @@ class _Live:
                 with ui.element("div").classes("fs-panel-head"):
                     self._when = ui.label().classes("fs-title")
                 self._classes = still("").classes("fs-classes")
+                self._otherwise = ui.label().classes("fs-line")
                 self._served = ui.label().classes("fs-line fs-muted")
 
     def _build_head(self) -> None:
@@ -152,6 +153,15 @@ class _Live:
         available = view is not None and inventory.speaks(view, now_ns)
         self._when.set_text("In view" if available or not seen else "In view when it was heard last")
         self._classes.set_content(rows([each for each in seen if each.count], now_ns, available=available))
+        counted = otherwise(view.disagreements(since_ns)) if view is not None and available else ""
+        self._otherwise.set_text(counted)
+        self._otherwise.set_visibility(bool(counted))
+
+
+def otherwise(disagreements: Mapping[str, tuple[int, int]]) -> str:
+    """Return what another model counts differently, in words; empty for nothing."""
+    counts = ", ".join(f"{theirs} {name}" for name, (_, theirs) in sorted(disagreements.items()))
+    return f"Another model counts {counts}" if counts else ""
 
 
 def rows(sightings: Sequence[Sighting], now_ns: int, *, available: bool) -> str:

@@ -1,5 +1,5 @@
 from services.monitor.inventory.sighting import Sighting
-from services.monitor.page.camera import rows
+from services.monitor.page.camera import otherwise, rows
 from tests.services.monitor.inventory.seeing import FRONT, S
 
 NOW = 1_000 * S
@@ -24,3 +24,8 @@ def test_nothing_is_told_from_what_is_not_known() -> None:
 
 def test_names_are_text() -> None:
     assert "<img" not in rows([sighting("<img src=x>")], NOW, available=True)
+
+
+def test_what_another_model_counts_differently_is_named() -> None:
+    assert otherwise({}) == ""
+    assert otherwise({"pallet": (1, 0), "box": (1, 3)}) == "Another model counts 3 box, 0 pallet"

@@ -25,7 +25,7 @@ def test_a_gateway_that_says_nothing_is_not_relied_on(silent_ns: int, state: Rob
 def test_a_robot_of_which_nobody_says_what_it_sees_is_silent_and_it_is_said_whose_fault_that_is() -> None:
     stale = camera(age_s=10)
     assert standing(robot(), [stale], NOW) == (RobotState.SILENT, "no class lists from detector/gpu-1")
-    alone = camera(age_s=None, served_by=("distance/cpu-1",))
+    alone = camera(age_s=None, served_by=("distance/cpu-1", "opinion/gpu-2"))
     assert standing(robot(), [alone], NOW) == (RobotState.SILENT, "no detector looks after its cameras")
     assert standing(robot(problems=("waits for a master",)), [stale], NOW)[1] == "waits for a master"
     assert standing(robot(), [stale, camera(name="rear")], NOW)[0] is RobotState.ONLINE

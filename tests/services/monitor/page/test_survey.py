@@ -77,7 +77,7 @@ async def test_a_survey_counts() -> None:
 
 async def test_cameras_that_are_there_without_a_detector_are_named() -> None:
     made = fleet()
-    for service, name in (("detector", "r1"), ("distance", "r10")):
+    for service, name in (("detector", "r1"), ("distance", "r10"), ("opinion", "r10")):
         load = CameraLoad(robot=name, camera="front", inferred=1, serving=True)
         made.worker_status(WorkerStatus(service=service, worker="w", model="m", sent_ns=0, cameras=[load]), NOW)
     found = Survey(Glance(made, Workers(made, NOW), NOW, NOW_S), [])
