@@ -11,8 +11,11 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, expect
 
-from bus import Bus
+from bus import Bus, QoS
 from bus.fake import FakeNetwork
+from schemas import codec
+from schemas.detections import ClassCount, ClassList
+from schemas.keys import CameraKey, Stream
 from services.monitor.monitor import Monitor
 from services.monitor.process import watch_fleet
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
@@ -68,6 +71,24 @@ async def test_an_overlay_is_drawn_while_somebody_looks_at_its_camera(site: Site
         await until(lambda: MASKS in site.robot.wanted and BOXES not in site.robot.wanted)
         await expect(page.locator(".fs-view a", has_text="In 3D")).to_have_attribute("href", "/objects/r1/front")
     await until(lambda: MASKS not in site.robot.wanted)
+
+
+async def test_what_another_model_counts_differently_is_told_while_it_does(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/cameras/r1/front")
+        told = page.get_by_text("Another model counts 3 box")
+        await expect(page.locator(".fs-row", has_text="box")).to_be_visible()
+        await expect(told).to_be_hidden()
+        opinions = CameraKey("r1", "front").stream(Stream.OPINION)
+        async with site.bus.publisher(opinions, QoS.RESULT, encoding=codec.encoding(ClassList)) as publisher:
+            for _ in range(30):
+                boxes = [ClassCount("box", 3, 0.9)]
+                header = site.robot.header()
+                publisher.put(codec.encode(ClassList(header=header, classes=boxes, model="new.pt", worker="w9")))
+                await asyncio.sleep(0.1)
+            await expect(told).to_be_visible()
+        await expect(page.locator(".fs-row", has_text="box").locator(".fs-many")).to_have_text("2")
+        await expect(told).to_be_hidden()
 
 
 async def test_an_object_is_cut_out_and_shown_in_3d_while_somebody_looks_at_it(site: Site, tmp_path: Path) -> None:
