@@ -28,8 +28,8 @@ class DetectorSettings(SharingSettings, BusSettings):
     opinion: Annotated[
         bool,
         Field(
-            description="try this model beside the one in force: its class lists are what rules about models that"
-            " disagree compare, and nothing else is made of them"
+            description="try this model beside the one in force: it publishes class lists on a key of their own, for"
+            " the monitor's rule disagree, and nothing else"
         ),
     ] = False
     detection_model: Annotated[

@@ -97,6 +97,7 @@ COMMANDS: Final = (
         examples=(
             "fleetsight detector --connect tcp/central:7447",
             "fleetsight detector --model my-seg.pt --robots r1 --device cuda:0",
+            "fleetsight detector --opinion --model new.pt --connect tcp/central:7447",
         ),
     ),
     Command(
