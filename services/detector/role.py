@@ -6,6 +6,8 @@ from typing import Final
 from schemas import worker_keys
 from schemas.keys import Stream
 
+LONGEST_NAME: Final = 64
+
 
 @dataclass(frozen=True, slots=True)
 class Role:
@@ -14,15 +16,21 @@ class Role:
     service: its name in the keys of workers; cameras are shared with workers of the same alone. lists: the stream of
     its class lists. lists_only: it makes nothing else of a camera, and answers no images.
     most_hz: the most frames a second of a camera that its gateway is asked for, None for all that can be used.
+    prefix: of its name as a consumer of frames.
     """
 
     service: str
     lists: Stream
     lists_only: bool = False
     most_hz: float | None = None
+    prefix: str = ""
+
+    def consumer(self, worker: str) -> str:
+        """Return the name under which a worker asks gateways for frames: a detector beside it may be its namesake."""
+        return self.prefix + worker[-(LONGEST_NAME - len(self.prefix)) :]
 
 
 DETECTOR: Final = Role(worker_keys.DETECTOR, Stream.CLASSES)
 
-OPINION: Final = Role(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0)
+OPINION: Final = Role(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0, prefix="opinion.")
 """Enough for counts to settle. What it gets beyond that a detector of the same camera asked for."""

@@ -82,6 +82,10 @@ class CameraView:
         view.advance(seen, at_ns, debounce)
         return True
 
+    def contested(self, since_ns: int) -> bool:
+        """Whether several models look: two that may speak ever did, or a second opinion came since then."""
+        return len(self.views) > 1 or any(view.last_ns >= since_ns for view in self.opinions.values())
+
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
         if not self._distance_order.take(distances.header):

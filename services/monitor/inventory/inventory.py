@@ -123,6 +123,7 @@ class Inventory:
     def tick(self, now_ns: int) -> list[Change]:
         """Let time pass; return what is not known any more."""
         since_ns = now_ns - self.limits.lost_ns
+        self._disputed = {key for key in self._disputed if self._cameras[key].contested(since_ns)}
         silent = [each for each in self._cameras.values() if each.last_ns < since_ns and each.speaker and not each.lost]
         return [change for camera in silent for change in camera.lose(now_ns)]
 
@@ -156,7 +157,7 @@ class Inventory:
         return self._cameras.get(key)
 
     def disputed(self) -> AbstractSet[CameraKey]:
-        """Return the cameras at which several models ever looked, second opinions included."""
+        """Return the cameras at which several models ever looked, or on which a second opinion came lately."""
         return self._disputed
 
     def online(self, key: CameraKey) -> bool:

@@ -94,7 +94,16 @@ async def test_it_asks_gateways_for_few_frames_from_the_start(rig: Rig) -> None:
         rig.bus.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
     ):
         budget = await receive(budgets, RateBudget)
-    assert (budget.consumer, budget.stream, budget.hz) == ("w1", Stream.COLOR, OPINION.most_hz)
+    assert (budget.consumer, budget.stream, budget.hz) == ("opinion.w1", Stream.COLOR, OPINION.most_hz)
+
+
+@pytest.mark.parametrize("worker", ["w", "x" * 63 + "1"])
+def test_gateways_tell_it_from_a_detector_of_the_same_name(worker: str) -> None:
+    consumers = [role.consumer(worker) for role in (DETECTOR, OPINION)]
+    assert consumers[0] == worker
+    assert consumers[1].startswith("opinion.")
+    assert consumers[1][-1] == worker[-1]
+    assert all(keys.NAME.fullmatch(consumer) for consumer in consumers)
 
 
 async def test_one_that_has_more_time_asks_for_no_more() -> None:
