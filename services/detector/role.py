@@ -33,4 +33,4 @@ class Role:
 DETECTOR: Final = Role(worker_keys.DETECTOR, Stream.CLASSES)
 
 OPINION: Final = Role(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0, prefix="opinion.")
-"""Enough for counts to settle. A detector gets what it asks for all the same, be it on the same machine."""
+"""Its rate is enough for counts to settle, and leaves most of a machine to a detector on it."""
