@@ -124,6 +124,12 @@ class CameraView:
             if tracked.first_ns:
                 yield tracked.sighting(self.key, name, self.speaker.model, nearest_since_ns)
 
+    def others(self, since_ns: int) -> Iterator[View]:
+        """Yield the models that spoke since then, and not only once, other than the one that speaks for the camera."""
+        for view in chain(self.views.values(), self.opinions.values()):
+            if view is not self.speaker and view.last_ns >= since_ns and view.lists > 1:
+                yield view
+
     def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
         """Return the classes of which two models that spoke since then settled on different counts: speaker's, other's.
 
@@ -132,9 +138,7 @@ class CameraView:
         found: dict[str, tuple[int, int]] = {}
         if self.speaker is None:
             return found
-        for view in chain(self.views.values(), self.opinions.values()):
-            if view is self.speaker or view.last_ns < since_ns or view.lists < 2:
-                continue
+        for view in self.others(since_ns):
             for name in {**self.speaker.classes, **view.classes}:
                 ours, theirs = self.speaker.count_of(name), view.count_of(name)
                 if ours != theirs and all(each.knows(name, self._vocabularies) for each in (self.speaker, view)):

@@ -60,9 +60,9 @@ def test_a_second_opinion_makes_no_camera_and_is_looked_at_once_there_is_one() -
     camera = inventory.camera(FRONT)
     assert camera is not None
     assert camera.disagreements(S) == {"box": (1, 2)}
-    inventory.tick(62 * S)
+    inventory.tick(65 * S)
     assert inventory.disputed() == {FRONT}
-    inventory.tick(62 * S + 1)
+    inventory.tick(65 * S + 1)
     assert inventory.disputed() == set()
     assert [(each.sighting.count, each.sighting.model) for each in inventory.entries(3 * S)] == [(1, "m")]
 
