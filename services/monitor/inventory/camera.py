@@ -9,12 +9,15 @@ from schemas.detections import ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
 from services.monitor.inventory.order import FrameOrder
-from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.settling import NS, Debounce
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.inventory.view import Tracked, View, Vocabularies
 
 MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
+
+AFTERMATH_NS: Final = 60 * NS
+"""How long a camera stays contested after its last second opinion has grown old, so that everybody sees that."""
 
 
 class CameraView:
@@ -83,8 +86,9 @@ class CameraView:
         return True
 
     def contested(self, since_ns: int) -> bool:
-        """Whether several models look: two that may speak ever did, or a second opinion came since then."""
-        return len(self.views) > 1 or any(view.last_ns >= since_ns for view in self.opinions.values())
+        """Whether several models may have looked: ever, or with second opinions since then or shortly before."""
+        late_ns = since_ns - AFTERMATH_NS
+        return len(self.views) > 1 or any(view.last_ns >= late_ns for view in self.opinions.values())
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""

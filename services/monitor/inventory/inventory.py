@@ -19,9 +19,6 @@ from services.monitor.inventory.sighting import Change, Sighting
 MAX_MEMBERS: Final = 20_000
 """How many robots, or cameras, are followed; whoever floods the bus with names fills no memory."""
 
-AFTERMATH_NS: Final = 60 * NS
-"""How long a camera counts as disputed after its last second opinion is stale, so that everybody sees that it is."""
-
 
 class InventoryFullError(Exception):
     """Too many robots or cameras to follow another one."""
@@ -125,9 +122,8 @@ class Inventory:
 
     def tick(self, now_ns: int) -> list[Change]:
         """Let time pass; return what is not known any more."""
-        opinions_ns = now_ns - self.limits.stale_ns - AFTERMATH_NS
-        self._disputed = {key for key in self._disputed if self._cameras[key].contested(opinions_ns)}
-        since_ns = now_ns - self.limits.lost_ns
+        fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
+        self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
         silent = [each for each in self._cameras.values() if each.last_ns < since_ns and each.speaker and not each.lost]
         return [change for camera in silent for change in camera.lose(now_ns)]
 
