@@ -9,8 +9,9 @@ from schemas.printing import printable
 from services.monitor.export.settings import epoch_ns
 from services.monitor.history.engine import engine_of, file_of
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.intervals import Interval
 from services.monitor.history.store import Store
-from services.monitor.history.tables import intervals
+from services.monitor.history.tables import intervals, lasted
 from services.monitor.inventory.settling import NS
 from services.monitor.rules.loading import RuleFileError, load_rules
 from services.monitor.rules.model import RuleBook
@@ -32,7 +33,7 @@ async def run(settings: RulesSettings) -> None:
     store = await Store.open(settings.history)
     try:
         since_ns = 0 if settings.since is None else epoch_ns(settings.since)
-        found = [interval async for interval in store.select(intervals.c.until_ns >= since_ns)]
+        found = await store.select(Interval, lasted(intervals, since_ns))
     finally:
         await store.close()
     raised = 0
