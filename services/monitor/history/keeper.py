@@ -149,7 +149,8 @@ class HistoryKeeper:
         """Note who comes and goes and what models disagree about, whether the database can be had or not."""
         while True:
             now_ns = time.time_ns()
-            self._attendance.note(now_ns)
+            async for _ in in_turns(self._attendance.note(now_ns)):
+                pass
             async for key in in_turns(list(self._inventory.disputed())):
                 camera = self._inventory.camera(key)
                 if camera is not None:

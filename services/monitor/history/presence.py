@@ -1,6 +1,6 @@
 """Who was there: robots' gateways, cameras that were spoken for, and monitors themselves. Pure."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Final, Self
 
 from services.monitor.history.ledger import Lasting, Ledger
@@ -63,8 +63,8 @@ class Attendance:
         """Note that another one does."""
         self._ledger.drop(Presence, MONITOR)
 
-    def note(self, now_ns: int) -> None:
-        """Enter who came and went."""
+    def note(self, now_ns: int) -> Iterator[None]:
+        """Enter who came and went, and yield after each of them: all may go at once."""
         if now_ns > self._settled_ns:
             self._before.clear()
         robots, cameras = self._news.robots, self._news.cameras
@@ -72,9 +72,11 @@ class Attendance:
         told = [camera for key in cameras if (camera := self._inventory.camera(key)) is not None]
         for robot in robots:
             self._note((robot, ""), now_ns, there=self._inventory.is_alive(robot))
+            yield
         for camera in self._speaking.advance(now_ns, told):
             key = camera.key
             self._note((key.robot, key.camera), now_ns, there=self._inventory.speaks(camera, now_ns))
+            yield
 
     def _note(self, place: Place, now_ns: int, *, there: bool) -> None:
         was_there = self._ledger.opened(Presence, place) is not None

@@ -132,7 +132,7 @@ def act_of_row(row: Row[Any]) -> Act:
 
 
 def _columns(row: Row[Any]) -> dict[str, Any]:
-    return {str(name): value for name, value in row._mapping.items()}  # noqa: SLF001 - SQLAlchemy's documented name
+    return dict(zip(map(str, row._fields), row, strict=True))
 
 
 def _lasting(row: Row[Any], heartbeat_ns: int) -> dict[str, Any]:

@@ -1,3 +1,5 @@
+from collections import deque
+
 from schemas.keys import CameraKey
 from services.monitor.history.ledger import Ledger
 from services.monitor.history.presence import Attendance, Presence
@@ -23,7 +25,7 @@ class Fleet:
         self.inventory.see(seen(self._seq, {}), at_s * S)
 
     def noted(self, at_s: int) -> list[tuple[str, int, int, bool]]:
-        self.attendance.note(at_s * S)
+        deque(self.attendance.note(at_s * S), maxlen=0)
         some = [each for each in self.ledger.pending(100) if isinstance(each, Presence)]
         self.ledger.written(some)
         return [(f"{of.robot}/{of.camera}", of.since_ns // S, of.until_ns // S, of.open) for of in some]
