@@ -15,6 +15,7 @@ from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Sightings
 from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.poses import WRITE_S, KnownPoses
 from services.monitor.history.presence import RESTORED_NS, Attendance, Presence
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.store import Kept, Store
@@ -23,6 +24,7 @@ from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.inventory.speaking import Speaking
+from services.monitor.mapping.places import FORGET_NS, Places
 from services.monitor.turns import in_turns
 
 log = logging.getLogger(__name__)
@@ -61,7 +63,7 @@ class HistoryStatus:
 
 
 class HistoryKeeper:
-    """Writes what changes in the inventory, and alerts, to the database of the settings.
+    """Writes what changes in the inventory, alerts, and where robots are, to the database of the settings.
 
     on_lead: is called with the alerts that are not resolved whenever this monitor becomes the one that raises alerts.
     acts: what people did with alerts lately, and with those that are not resolved.
@@ -72,6 +74,7 @@ class HistoryKeeper:
         settings: HistorySettings,
         inventory: Inventory,
         on_lead: Callable[[Sequence[Alert]], None] = lambda _: None,
+        places: Places | None = None,
     ) -> None:
         self._settings = settings
         self._inventory = inventory
@@ -80,6 +83,8 @@ class HistoryKeeper:
         self._sightings = Sightings(self._ledger)
         self._attendance = Attendance(inventory, self._ledger)
         self._disagreements = Disagreements(inventory, self._ledger)
+        self._poses = KnownPoses(places or Places())
+        self._poses_due_s = time.monotonic() + WRITE_S
         self._alerts: dict[str, Alert] = {}
         self.acts = Acts()
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
@@ -126,11 +131,13 @@ class HistoryKeeper:
                 since_ns = time.time_ns() - RESTORED_NS
                 kept, there = await self._store.load(since_ns), await self._store.last_present()
                 heartbeat_ns = await self._store.heartbeat_ns()
+                poses = await self._store.poses(time.time_ns() - FORGET_NS)
         except HistoryError as error:
             await self._fail(error)
             return
         self._inventory.restore(interval.sighting() for interval in kept.intervals)
         self._inventory.recall(there, min(since_ns, heartbeat_ns))
+        self._poses.restore(poses)
         self._ledger.adopt(kept.intervals)
 
     async def run(self) -> None:
@@ -217,6 +224,16 @@ class HistoryKeeper:
         before_ns = now_ns - round(self._settings.history_days * DAY_NS)
         if time.monotonic() >= self._due_s and await store.prune(before_ns):
             self._due_s = time.monotonic() + PRUNE_S
+        if time.monotonic() >= self._poses_due_s:
+            await self._write_poses(store)
+
+    async def _write_poses(self, store: Store) -> None:
+        self._poses_due_s = time.monotonic() + WRITE_S
+        some = [each async for each in in_turns(self._poses.pending())]
+        for first in range(0, len(some), BATCH):
+            batch = dict(some[first : first + BATCH])
+            await store.write_poses(batch)
+            self._poses.written(batch)
 
     def _written(self, some: Iterable[Lasting], changed: dict[str, Alert]) -> None:
         self._ledger.written(some)
@@ -254,6 +271,7 @@ class HistoryKeeper:
         try:
             if self._writes:
                 await self._flush(self._store)
+                await self._write_poses(self._store)
         except HistoryError as error:
             log.warning("the end of the history was not kept: %s", error)
         finally:

@@ -15,6 +15,7 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.presence import Place, Presence
 from services.monitor.history.tables import disagreements, intervals, presence
+from services.monitor.mapping.pose import Pose
 
 L = TypeVar("L", bound=Lasting)
 
@@ -101,6 +102,17 @@ def disagreement_of_row(row: Row[Any], heartbeat_ns: int = 0) -> Disagreement:
     """Return the disagreement of a row."""
     columns = _lasting(row, heartbeat_ns)
     return Disagreement(key=_key(columns), **columns)
+
+
+def row_of_pose(robot: str, pose: Pose) -> dict[str, Any]:
+    """Return the columns of where a robot is."""
+    return {"robot": robot, "x": pose.x, "y": pose.y, "yaw": pose.yaw, "at_ns": pose.at_ns}
+
+
+def pose_of_row(row: Row[Any]) -> tuple[str, Pose]:
+    """Return the robot of a row, and where it is."""
+    check_name("robot", row.robot)
+    return row.robot, Pose(row.x, row.y, row.yaw, row.at_ns)
 
 
 KINDS: Final[Mapping[type[Lasting], Kind[Any]]] = {

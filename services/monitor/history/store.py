@@ -20,10 +20,30 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.presence import Place
-from services.monitor.history.rows import KINDS, act_of_row, alert_of_row, checked_place, row_of_act, row_of_alert
-from services.monitor.history.tables import acts, alerts, heartbeat, intervals, metadata, open_intervals, presence
+from services.monitor.history.rows import (
+    KINDS,
+    act_of_row,
+    alert_of_row,
+    checked_place,
+    pose_of_row,
+    row_of_act,
+    row_of_alert,
+    row_of_pose,
+)
+from services.monitor.history.tables import (
+    acts,
+    alerts,
+    heartbeat,
+    intervals,
+    metadata,
+    open_intervals,
+    poses,
+    presence,
+)
 from services.monitor.history.upsert import Upsert, upsert_of
+from services.monitor.inventory.inventory import MAX_MEMBERS
 from services.monitor.inventory.settling import NS
+from services.monitor.mapping.pose import Pose
 
 LOCK: Final = 0x666C656574
 """The advisory lock's number: "fleet", for whoever looks at pg_locks."""
@@ -130,6 +150,19 @@ class Store:
             await self._connection.commit()
             return sorted((of_row(row, at_ns) for row in rows), key=lambda each: each.since_ns)
 
+    async def poses(self, since_ns: int) -> dict[str, Pose]:
+        """Return where the robots were whose poses are of then, or newer."""
+        async with translating():
+            newest = poses.select().where(poses.c.at_ns >= since_ns).order_by(poses.c.at_ns.desc()).limit(MAX_MEMBERS)
+            rows = (await self._connection.execute(newest)).all()
+            await self._connection.commit()
+            return dict(map(pose_of_row, rows))
+
+    async def write_poses(self, some: Mapping[str, Pose]) -> None:
+        """Write where robots are."""
+        async with translating(), self._connection.begin():
+            await self._put(poses, [row_of_pose(robot, pose) for robot, pose in some.items()])
+
     async def write(
         self,
         some: Iterable[Lasting],
@@ -155,6 +188,7 @@ class Store:
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
+            await self._connection.execute(delete(poses).where(poses.c.at_ns < before_ns))
             await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
         return all(of_each)
 

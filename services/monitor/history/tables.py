@@ -94,6 +94,17 @@ disagreements: Final = Table(
 
 _index_of_open(disagreements)
 
+poses: Final = Table(
+    "poses",
+    metadata,
+    Column("robot", NAME, primary_key=True),
+    Column("x", Float, nullable=False),
+    Column("y", Float, nullable=False),
+    Column("yaw", Float, nullable=False),
+    Column("at_ns", BigInteger, nullable=False),
+)
+"""Where each robot was last in the map: metres, and radians from its x axis."""
+
 heartbeat: Final = Table(
     "heartbeat",
     metadata,

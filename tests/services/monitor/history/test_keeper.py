@@ -17,6 +17,9 @@ from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.inventory.inventory import Inventory, Limits
 from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.sighting import ChangeKind
+from services.monitor.mapping.last_poses import LOST_NS, LastPoses
+from services.monitor.mapping.places import FORGET_NS, Places
+from services.monitor.mapping.pose import Pose
 from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.postgresql import PostgreSQL
@@ -32,7 +35,9 @@ class Monitor:
     def __init__(self, url: str) -> None:
         self.led: list[list[Alert]] = []
         self.inventory = Inventory(LIMITS)
-        self.history = HistoryKeeper(HistorySettings(history=url), self.inventory, lambda of: self.led.append(list(of)))
+        self.places = Places()
+        settings = HistorySettings(history=url)
+        self.history = HistoryKeeper(settings, self.inventory, lambda of: self.led.append(list(of)), self.places)
 
     def see(self, seq: int, at_ns: int | None = None, /, **counts: int) -> None:
         changes = self.inventory.see(seen(seq, counts), at_ns or time.time_ns())
@@ -109,6 +114,30 @@ async def test_who_was_there_goes_on_over_a_restart_if_it_comes_back_at_once(url
     assert (gone.open, gone.since_ns) == (False, r2.since_ns)
     assert (ended.open, ended.since_ns, other.open) == (False, run.since_ns, True)
     assert ended.until_ns == gone.until_ns < other.since_ns < again.until_ns
+
+
+async def test_where_robots_were_is_known_after_a_restart(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_ns = time.time_ns()
+    old, here, there = (
+        Pose(9.0, 2.0, 0.5, now_ns - 2 * FORGET_NS),
+        Pose(1.0, 2.0, 0.5, now_ns),
+        Pose(3.0, 2.0, 0.5, now_ns + 1),
+    )
+    async with monitoring(url) as monitor:
+        monitor.places.stand({"r1": here, "r2": old})
+        await until(lambda: monitor.history.status.leads)
+    async with monitoring(url) as monitor:
+        assert monitor.places.poses == {"r1": here}
+        last = LastPoses()
+        last.take_seen(monitor.places.poses)
+        later_ns = now_ns + LOST_NS + 1
+        assert [(robot.pose, robot.live) for robot in last.robots(later_ns, {"r1"})] == [(here, False)]
+        await until(lambda: monitor.history.status.leads)
+    monkeypatch.setattr(module, "WRITE_S", 0.0)
+    async with monitoring(url) as monitor, opened(url) as store, asyncio.timeout(60):
+        monitor.places.stand({"r1": there})
+        while await store.poses(now_ns) != {"r1": there}:  # noqa: ASYNC110 - nobody tells
+            await asyncio.sleep(module.FLUSH_S)
 
 
 async def test_what_models_disagree_about_is_kept(url: str) -> None:

@@ -18,7 +18,8 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import SLICE_NS, Store
-from services.monitor.history.tables import disagreements, intervals, lasted, presence
+from services.monitor.history.tables import disagreements, intervals, lasted, poses, presence
+from services.monitor.mapping.pose import Pose
 from tests.schemas.results import alert
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.postgresql import PostgreSQL
@@ -86,7 +87,7 @@ async def test_a_database_of_an_earlier_release_goes_on_with_what_it_has(url: st
     async with opened(url) as store:
         await store.write([interval(1, 2)], [alert()], 2 * S)
         async with store._connection.begin():
-            for table in (presence, disagreements):
+            for table in (presence, disagreements, poses):
                 await store._connection.execute(DropTable(table))
     async with opened(url) as store:
         assert (await every(store), await store.select(Presence), await store.last_present()) == (
@@ -96,6 +97,17 @@ async def test_a_database_of_an_earlier_release_goes_on_with_what_it_has(url: st
         )
         await store.write([there(3, 4), disagreement(3, 4)], [], 5 * S)
         assert (await store.select(Presence), await store.select(Disagreement)) == ([there(3, 4)], [disagreement(3, 4)])
+
+
+async def test_where_robots_were_last_is_kept(url: str) -> None:
+    async with opened(url) as store:
+        await store.write_poses({"r1": Pose(1.5, -2.0, 0.25, 5 * S), "r2": Pose(0, 0, 0, 7 * S)})
+        await store.write_poses({"r1": Pose(2.5, -2.0, 0.25, 9 * S)})
+    async with opened(url) as store:
+        assert await store.poses(8 * S) == {"r1": Pose(2.5, -2.0, 0.25, 9 * S)}
+        assert set(await store.poses(0)) == {"r1", "r2"}
+        await store.prune(8 * S)
+        assert set(await store.poses(0)) == {"r1"}
 
 
 async def test_the_newest_are_read_whenever_they_began(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
