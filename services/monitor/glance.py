@@ -71,7 +71,7 @@ class Glance:
 
     def last_ns(self, robot: str, cameras: Iterable[CameraKey]) -> int:
         """Return when anything came from a robot last; 0 if nothing ever did. cameras: all that it has."""
-        newest = self.fleet.heard_ns.get(robot, 0)
+        newest = self.fleet.heard_ns.get(robot) or self.fleet.inventory.recalled().get(robot, 0)
         for key in cameras:
             view = self.fleet.inventory.camera(key)
             if view is not None and view.last_ns > newest:
@@ -144,7 +144,7 @@ class Painting:
 
 def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:
     names = dict.fromkeys([key.robot for key in cameras])
-    bare = (fleet.inventory.robots() | fleet.gateways.keys()) - names.keys()
+    bare = (fleet.inventory.robots() | fleet.inventory.recalled().keys() | fleet.gateways.keys()) - names.keys()
     return tuple(sorted([*names, *bare])) if bare else tuple(names)
 
 

@@ -80,7 +80,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     rules = RuleFile(settings.rules)
     await rules.load()
     alerting = Alerting(rules, fleet.inventory)
-    history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+    history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places)
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
 
     def told(changes: Sequence[Change]) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from bus import Subscription
 from schemas.alerts import Alert, AlertState
+from services.monitor.history.intervals import Interval
 from services.monitor.history.tables import intervals
 from services.toolbox.demo.children import Child
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig, receive
@@ -104,5 +105,5 @@ async def test_monitoring_goes_on_without_the_database_and_what_was_seen_meanwhi
         await asyncio.to_thread(postgresql.start)
         await told(rig, lambda answer: not answer.problems)
         async with opened(url) as store, asyncio.timeout(PATIENCE_S):
-            while not [each async for each in store.select(intervals.c.name == "pallet")]:  # noqa: ASYNC110 - nobody tells
+            while not await store.select(Interval, intervals.c.name == "pallet"):  # noqa: ASYNC110 - nobody tells
                 await asyncio.sleep(0.1)

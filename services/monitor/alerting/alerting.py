@@ -15,7 +15,8 @@ from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Webhooks
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
+from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
+from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.inventory.speaking import Speaking
 from services.monitor.rules.conditions import Look
@@ -26,9 +27,6 @@ from services.monitor.turns import in_turns
 TICK_S: Final = 0.1
 SWEEP_S: Final = 0.2
 """How often cameras are looked at."""
-
-SETTLE_S: Final = 3.0
-"""How long after the start it is not known yet who is there."""
 
 OFFER_S: Final = 10.0
 """How often it is looked whether there is room for what too many rules and cameras left none for."""
@@ -42,7 +40,7 @@ class Alerting:
         rules: RuleFile,
         inventory: Inventory,
         *,
-        settle_s: float = SETTLE_S,
+        settle_s: float = SETTLE_NS / NS,
         offer_s: float = OFFER_S,
         most_subjects: int = MAX_SUBJECTS,
     ) -> None:

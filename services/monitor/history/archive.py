@@ -14,7 +14,7 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.rows import act_of_row, alert_of_row, interval_of_row
 from services.monitor.history.settings import NONE
-from services.monitor.history.tables import acts, alerts, heartbeat, intervals
+from services.monitor.history.tables import acts, alerts, heartbeat, intervals, lasted
 
 MAX_ROWS: Final = 10_000
 """Of one page."""
@@ -51,7 +51,7 @@ class Archive:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
         query = intervals.select().where(
-            *_named(asked, intervals), intervals.c.since_ns <= asked.until_ns, _goes_on(asked.since_ns)
+            *_named(asked, intervals), intervals.c.since_ns <= asked.until_ns, lasted(intervals, asked.since_ns)
         )
         rows, at_ns = await self._page(query, order, limit, after)
         return [interval_of_row(row, at_ns) for row in rows]
@@ -99,7 +99,3 @@ class Archive:
 def _named(asked: Asked, table: Table) -> list[ColumnElement[bool]]:
     given = {"robot": asked.robot, "camera": asked.camera, "name": asked.name}
     return [table.c[column] == value for column, value in given.items() if value]
-
-
-def _goes_on(since_ns: int) -> ColumnElement[bool]:
-    return (intervals.c.until_ns >= since_ns) | intervals.c.open

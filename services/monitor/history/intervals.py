@@ -1,31 +1,25 @@
-"""Intervals, and the ledger that makes them of what changes in the inventory. Pure."""
+"""Sightings as intervals, and what changes in the inventory as entries in the ledger. Pure."""
 
-from collections.abc import Iterable, Sequence
-from typing import Final
+from collections.abc import Iterable
+from typing import Self
 
-import msgspec
 from msgspec.structs import replace
 
 from schemas.keys import CameraKey
+from services.monitor.history.ledger import Lasting, Ledger
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
-
-MAX_PENDING: Final = 200_000
-"""How many intervals wait for a database that is gone; the oldest are given up for newer ones."""
 
 Place = tuple[CameraKey, str]
 
 
-class Interval(msgspec.Struct, frozen=True, gc=False):
-    """As long as one class was in view of one camera with one count. Times are epoch nanoseconds, ours.
+class Interval(Lasting, frozen=True, gc=False):
+    """As long as one class was in view of one camera with one count.
 
-    open: it goes on. first_ns: when the class came into view, with whatever count.
+    first_ns: when the class came into view, with whatever count.
     """
 
     key: CameraKey
     name: str
-    since_ns: int
-    until_ns: int
-    open: bool
     count: int
     score: float
     closest_m: float | None
@@ -37,6 +31,14 @@ class Interval(msgspec.Struct, frozen=True, gc=False):
     def place(self) -> Place:
         """Whose interval it is."""
         return (self.key, self.name)
+
+    def is_as(self, before: Self) -> bool:
+        """Whether it counts the same."""
+        return self.count == before.count
+
+    def going_on_from(self, before: Self) -> Self:
+        """Return both as one."""
+        return replace(self, since_ns=before.since_ns, first_ns=min(self.first_ns, before.first_ns))
 
     def sighting(self) -> Sighting:
         """Return what the inventory is told of it after a restart."""
@@ -71,16 +73,11 @@ def interval_of(sighting: Sighting) -> Interval:
     )
 
 
-class Ledger:
-    """What is open, and what is to be written. lost: intervals given up because too many waited."""
+class Sightings:
+    """Enters in a ledger what is in view."""
 
-    def __init__(self) -> None:
-        self._open: dict[Place, Interval] = {}
-        self._pending: dict[tuple[Place, int], Interval] = {}
-        self.lost = 0
-
-    def __len__(self) -> int:
-        return len(self._pending)
+    def __init__(self, ledger: Ledger) -> None:
+        self._ledger = ledger
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
@@ -88,75 +85,20 @@ class Ledger:
             of = change.sighting
             match change.kind:
                 case ChangeKind.APPEARED | ChangeKind.COUNTED:
-                    self._close((of.key, of.name), of.since_ns, change.closest_m)
-                    self._begin(interval_of(of))
+                    self._ledger.end(Interval, (of.key, of.name), of.since_ns, closest_m=change.closest_m)
+                    self._ledger.begin(interval_of(of))
                 case ChangeKind.VANISHED | ChangeKind.LOST:
-                    self._close((of.key, of.name), of.last_ns, change.closest_m)
+                    self._ledger.end(Interval, (of.key, of.name), of.last_ns, closest_m=change.closest_m)
 
     def pause(self, sightings: Iterable[Sighting]) -> None:
         """Have what a silent camera had in view end when it was last seen, until it is resumed."""
-        self._put(replace(self._kept(of), until_ns=of.last_ns, open=False, closest_m=of.closest_m) for of in sightings)
+        self._ledger.note(
+            replace(self._kept(of), until_ns=of.last_ns, open=False, closest_m=of.closest_m) for of in sightings
+        )
 
     def resume(self, sightings: Iterable[Sighting]) -> None:
         """Have it go on."""
-        self._put(replace(self._kept(of), until_ns=of.last_ns, open=True) for of in sightings)
-
-    def adopt(self, stored: Iterable[Interval]) -> None:
-        """Go on with open intervals of the database, whose sightings the inventory was given back."""
-        self._open.update((interval.place, interval) for interval in stored if interval.open)
-
-    def merge(self, stored: Iterable[Interval], heartbeat_ns: int, now_ns: int, gap_ns: int) -> None:
-        """Begin to write where another monitor, or this one, stopped at `heartbeat_ns`.
-
-        What is open there and here with the same count is one interval if the gap is no longer than `gap_ns`; what is
-        open there alone ended at the heartbeat.
-        """
-        goes_on = now_ns - heartbeat_ns <= gap_ns
-        for old in stored:
-            ours = self._open.get(old.place)
-            if (old.place, old.since_ns) in self._pending:
-                continue
-            if ours is not None and (ours.since_ns == old.since_ns or (goes_on and ours.count == old.count)):
-                self._pending.pop((ours.place, ours.since_ns), None)
-                self._open[old.place] = replace(ours, since_ns=old.since_ns, first_ns=min(old.first_ns, ours.first_ns))
-            else:
-                until_ns = max(old.until_ns, heartbeat_ns)
-                if ours is not None:
-                    until_ns = max(old.since_ns, min(until_ns, ours.since_ns))
-                self._put([replace(old, until_ns=until_ns, open=False)])
-        self._put(self._open.values())
-
-    def pending(self, at_most: int) -> Sequence[Interval]:
-        """Return the oldest of what is to be written."""
-        return [interval for interval, _ in zip(self._pending.values(), range(at_most), strict=False)]
-
-    def written(self, intervals: Iterable[Interval]) -> None:
-        """Forget what was written, unless it changed meanwhile."""
-        for interval in intervals:
-            if self._pending.get((interval.place, interval.since_ns)) is interval:
-                del self._pending[interval.place, interval.since_ns]
-
-    def forget_pending(self) -> None:
-        """Forget what is to be written: another monitor writes it."""
-        self._pending.clear()
-
-    def _begin(self, interval: Interval) -> None:
-        self._open[interval.place] = interval
-        self._put([interval])
-
-    def _close(self, place: Place, until_ns: int, closest_m: float | None) -> None:
-        old = self._open.pop(place, None)
-        if old is not None:
-            ended = replace(old, until_ns=max(old.since_ns, until_ns), open=False, closest_m=closest_m)
-            self._put([ended])
+        self._ledger.note(replace(self._kept(of), until_ns=of.last_ns, open=True) for of in sightings)
 
     def _kept(self, of: Sighting) -> Interval:
-        return self._open.get((of.key, of.name)) or interval_of(of)
-
-    def _put(self, intervals: Iterable[Interval]) -> None:
-        for interval in intervals:
-            at = (interval.place, interval.since_ns)
-            if at not in self._pending and len(self._pending) >= MAX_PENDING:
-                del self._pending[next(iter(self._pending))]
-                self.lost += 1
-            self._pending[at] = interval
+        return self._ledger.opened(Interval, (of.key, of.name)) or interval_of(of)

@@ -10,9 +10,13 @@ from typing import Final
 
 from schemas.alerts import Alert
 from services.monitor.history.acts import Act, Acts
+from services.monitor.history.disagreements import Disagreements
 from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError
-from services.monitor.history.intervals import Interval, Ledger
+from services.monitor.history.intervals import Sightings
+from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.poses import WRITE_S, KnownPoses
+from services.monitor.history.presence import RESTORED_NS, Attendance, Presence
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.store import Kept, Store
 from services.monitor.inventory.camera import CameraView
@@ -20,11 +24,16 @@ from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.inventory.speaking import Speaking
+from services.monitor.mapping.places import FORGET_NS, Places
+from services.monitor.turns import in_turns
 
 log = logging.getLogger(__name__)
 
 FLUSH_S: Final = 0.5
 """How long what changed waits to be written; twice that is the most that a kill loses."""
+
+NOTE_S: Final = 0.5
+"""How often it is noted who came and went, and what models disagree about."""
 
 RETRY_S: Final = 1.0
 RESTORE_S: Final = 5.0
@@ -33,9 +42,6 @@ RESTORE_S: Final = 5.0
 PRUNE_S: Final = 3_600.0
 BATCH: Final = 250
 """Rows of one transaction: what makes them of intervals holds up everything else for some microseconds each."""
-
-RESTORED_NS: Final = 86_400 * NS
-"""How long ago something may have ended for a restarted monitor to know when it was seen last."""
 
 DAY_NS: Final = 86_400 * NS
 MAX_ALERTS: Final = 10_000
@@ -57,7 +63,7 @@ class HistoryStatus:
 
 
 class HistoryKeeper:
-    """Writes what changes in the inventory, and alerts, to the database of the settings.
+    """Writes what changes in the inventory, alerts, and where robots are, to the database of the settings.
 
     on_lead: is called with the alerts that are not resolved whenever this monitor becomes the one that raises alerts.
     acts: what people did with alerts lately, and with those that are not resolved.
@@ -68,11 +74,17 @@ class HistoryKeeper:
         settings: HistorySettings,
         inventory: Inventory,
         on_lead: Callable[[Sequence[Alert]], None] = lambda _: None,
+        places: Places | None = None,
     ) -> None:
         self._settings = settings
         self._inventory = inventory
         self._on_lead = on_lead
         self._ledger = Ledger()
+        self._sightings = Sightings(self._ledger)
+        self._attendance = Attendance(inventory, self._ledger)
+        self._disagreements = Disagreements(inventory, self._ledger)
+        self._poses = KnownPoses(places or Places())
+        self._poses_due_s = time.monotonic() + WRITE_S
         self._alerts: dict[str, Alert] = {}
         self.acts = Acts()
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
@@ -93,7 +105,7 @@ class HistoryKeeper:
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
         if self._settings.history != NONE:
-            self._ledger.take(changes)
+            self._sightings.take(changes)
 
     def alert(self, alert: Alert) -> None:
         """Take an alert that changed."""
@@ -116,11 +128,16 @@ class HistoryKeeper:
         try:
             async with translating(RESTORE_S):
                 self._store = await Store.open(self._settings.history)
-                kept = await self._store.load(time.time_ns() - RESTORED_NS)
+                since_ns = time.time_ns() - RESTORED_NS
+                kept, there = await self._store.load(since_ns), await self._store.last_present()
+                heartbeat_ns = await self._store.heartbeat_ns()
+                poses = await self._store.poses(time.time_ns() - FORGET_NS)
         except HistoryError as error:
             await self._fail(error)
             return
         self._inventory.restore(interval.sighting() for interval in kept.intervals)
+        self._inventory.recall(there, min(since_ns, heartbeat_ns))
+        self._poses.restore(poses)
         self._ledger.adopt(kept.intervals)
 
     async def run(self) -> None:
@@ -128,10 +145,24 @@ class HistoryKeeper:
         if self._settings.history == NONE:
             return
         try:
-            while True:
-                await self._attempt()
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._watch())
+                while True:
+                    await self._attempt()
         finally:
             await self._end()
+
+    async def _watch(self) -> None:
+        """Note who comes and goes and what models disagree about, whether the database can be had or not."""
+        while True:
+            now_ns = time.time_ns()
+            async for _ in in_turns(self._attendance.note(now_ns)):
+                pass
+            async for key in in_turns(list(self._inventory.disputed())):
+                camera = self._inventory.camera(key)
+                if camera is not None:
+                    self._disagreements.note(camera, now_ns)
+            await asyncio.sleep(NOTE_S)
 
     async def _attempt(self) -> None:
         try:
@@ -150,20 +181,32 @@ class HistoryKeeper:
         leads = await store.lead()
         self._asked = True
         if leads:
-            now_ns = time.time_ns()
-            kept: Kept = await store.load(now_ns)
-            going_on = [interval for interval in kept.intervals if interval.open]
-            heartbeat_ns = await store.heartbeat_ns()
-            self._ledger.merge(going_on, heartbeat_ns, now_ns, self._inventory.limits.lost_ns)
-            self.acts.take(kept.acts)
-            if not (self._leads and self._loaded):
-                self._on_lead(kept.alerts)
-            self._writes = self._leads = self._loaded = True
+            await self._go_on(store)
         else:
             self._leads = False
+            self._attendance.follow()
             self._ledger.forget_pending()
             self._alerts.clear()
         self._problem = ""
+
+    async def _go_on(self, store: Store) -> None:
+        """Go on where whoever wrote before stopped."""
+        now_ns, gap_ns = time.time_ns(), self._inventory.limits.lost_ns
+        kept: Kept = await store.load(now_ns)
+        heartbeat_ns = await store.heartbeat_ns()
+        self._ledger.merge(kept.going_on, heartbeat_ns, now_ns, gap_ns)
+        if now_ns - heartbeat_ns <= gap_ns:
+            self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
+        self.acts.take(kept.acts)
+        if not (self._leads and self._loaded):
+            self._lead(kept.alerts)
+        self._writes = self._loaded = True
+
+    def _lead(self, alerts: Sequence[Alert]) -> None:
+        if not self._leads:
+            self._attendance.lead(time.time_ns())
+        self._leads = True
+        self._on_lead(alerts)
 
     async def _flush(self, store: Store) -> None:
         if not self._writes:
@@ -181,8 +224,18 @@ class HistoryKeeper:
         before_ns = now_ns - round(self._settings.history_days * DAY_NS)
         if time.monotonic() >= self._due_s and await store.prune(before_ns):
             self._due_s = time.monotonic() + PRUNE_S
+        if time.monotonic() >= self._poses_due_s:
+            await self._write_poses(store)
 
-    def _written(self, some: Iterable[Interval], changed: dict[str, Alert]) -> None:
+    async def _write_poses(self, store: Store) -> None:
+        self._poses_due_s = time.monotonic() + WRITE_S
+        some = [each async for each in in_turns(self._poses.pending())]
+        for first in range(0, len(some), BATCH):
+            batch = dict(some[first : first + BATCH])
+            await store.write_poses(batch)
+            self._poses.written(batch)
+
+    def _written(self, some: Iterable[Lasting], changed: dict[str, Alert]) -> None:
         self._ledger.written(some)
         for name, alert in changed.items():
             if self._alerts.get(name) is alert:
@@ -198,15 +251,15 @@ class HistoryKeeper:
                 continue
             in_view = [sighting for sighting in camera.sightings() if sighting.count]
             if self._speaks(camera, now_ns):
-                self._ledger.resume(in_view)
+                self._sightings.resume(in_view)
             else:
-                self._ledger.pause(in_view)
+                self._sightings.pause(in_view)
 
     async def _fail(self, error: HistoryError) -> None:
         log.warning("history is not kept: %s", error)
         if not self._asked:
-            self._leads, self._asked = True, True
-            self._on_lead(())
+            self._asked = True
+            self._lead(())
         self._problem, self._writes = str(error), False
         store, self._store = self._store, None
         if store is not None:
@@ -218,6 +271,7 @@ class HistoryKeeper:
         try:
             if self._writes:
                 await self._flush(self._store)
+                await self._write_poses(self._store)
         except HistoryError as error:
             log.warning("the end of the history was not kept: %s", error)
         finally:

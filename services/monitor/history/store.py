@@ -3,13 +3,14 @@
 import asyncio
 import fcntl
 import os
-from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeVar
 
-from sqlalchemy import ColumnElement, Table, delete, func, select
+from sqlalchemy import ColumnElement, Table, case, delete, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
@@ -17,17 +18,32 @@ from services.monitor.history.acts import Act
 from services.monitor.history.engine import engine_of, file_of, private_file, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
+from services.monitor.history.ledger import Lasting
+from services.monitor.history.presence import Place
 from services.monitor.history.rows import (
+    KINDS,
     act_of_row,
     alert_of_row,
-    interval_of_row,
+    checked_place,
+    pose_of_row,
     row_of_act,
     row_of_alert,
-    row_of_interval,
+    row_of_pose,
 )
-from services.monitor.history.tables import acts, alerts, heartbeat, intervals, metadata, open_intervals
+from services.monitor.history.tables import (
+    acts,
+    alerts,
+    heartbeat,
+    intervals,
+    metadata,
+    open_intervals,
+    poses,
+    presence,
+)
 from services.monitor.history.upsert import Upsert, upsert_of
+from services.monitor.inventory.inventory import MAX_MEMBERS
 from services.monitor.inventory.settling import NS
+from services.monitor.mapping.pose import Pose
 
 LOCK: Final = 0x666C656574
 """The advisory lock's number: "fleet", for whoever looks at pg_locks."""
@@ -37,17 +53,20 @@ MAX_LOADED: Final = 200_000
 SLICE_NS: Final = 3_600 * NS
 """How much history is forgotten at once: a database takes its time over many rows, and others wait."""
 
+L = TypeVar("L", bound=Lasting)
+
 
 @dataclass(frozen=True, slots=True)
 class Kept:
     """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
 
-    acts: what was done with these alerts.
+    acts: what was done with these alerts. going_on: the intervals of every kind that are open.
     """
 
     intervals: Sequence[Interval]
     alerts: Sequence[Alert]
-    acts: Sequence[Act] = ()
+    acts: Sequence[Act]
+    going_on: Sequence[Lasting]
 
 
 class Store:
@@ -90,8 +109,8 @@ class Store:
 
     async def load(self, since_ns: int) -> Kept:
         """Return what goes on, and what ended since then."""
-        ended = [interval async for interval in self.select(intervals.c.until_ns >= since_ns)]
-        going_on = [interval async for interval in self.select(intervals.c.open)]
+        ended = await self.select(Interval, intervals.c.until_ns >= since_ns)
+        going_on = [each for kind, of in KINDS.items() for each in await self.select(kind, of.table.c.open)]
         async with translating():
             unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
@@ -99,8 +118,20 @@ class Store:
             theirs = acts.select().where(acts.c.alert_id.in_(unresolved.with_only_columns(alerts.c.id)))
             done = (await self._connection.execute(theirs.order_by(acts.c.at_ns).limit(MAX_LOADED))).all()
             await self._connection.commit()
-        newest = {interval.place: interval for interval in [*ended, *going_on]}
-        return Kept(list(newest.values()), found, [act_of_row(row) for row in done])
+        in_view = [each for each in going_on if isinstance(each, Interval)]
+        newest = {interval.place: interval for interval in [*ended, *in_view]}
+        return Kept(list(newest.values()), found, [act_of_row(row) for row in done], going_on)
+
+    async def last_present(self) -> Mapping[Place, int]:
+        """Return until when each robot and each camera was there, as far as that is kept."""
+        at_ns = await self.heartbeat_ns()
+        until_ns = case((presence.c.open, at_ns), else_=presence.c.until_ns)
+        async with translating():
+            of_each = select(presence.c.robot, presence.c.camera, func.max(until_ns)).where(presence.c.robot != "")
+            query = of_each.group_by(presence.c.robot, presence.c.camera).limit(MAX_LOADED)
+            rows = (await self._connection.execute(query)).all()
+            await self._connection.commit()
+            return {checked_place(row[0], row[1]): row[2] for row in rows}
 
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
@@ -109,27 +140,43 @@ class Store:
             await self._connection.commit()
             return found or 0
 
-    async def select(self, *where: ColumnElement[bool]) -> AsyncIterator[Interval]:
-        """Yield the newest MAX_LOADED intervals, the oldest first; what is open goes on until the heartbeat."""
+    async def select(self, kind: type[L], *where: ColumnElement[bool]) -> list[L]:
+        """Return the newest MAX_LOADED intervals, the oldest first; what is open goes on until the heartbeat."""
         at_ns = await self.heartbeat_ns()
+        table, of_row = KINDS[kind].table, KINDS[kind].of_row
         async with translating():
-            query = intervals.select().where(*where).order_by(intervals.c.since_ns.desc()).limit(MAX_LOADED)
-            rows = (await self._connection.execute(query)).all()
+            query = table.select().where(*where).order_by(table.c.open.desc(), table.c.until_ns.desc())
+            rows = (await self._connection.execute(query.limit(MAX_LOADED))).all()
             await self._connection.commit()
-            found = [interval_of_row(row, at_ns) for row in reversed(rows)]
-        for interval in found:
-            yield interval
+            return sorted((of_row(row, at_ns) for row in rows), key=lambda each: each.since_ns)
+
+    async def poses(self, since_ns: int) -> dict[str, Pose]:
+        """Return where the robots were whose poses are of then, or newer."""
+        async with translating():
+            newest = poses.select().where(poses.c.at_ns >= since_ns).order_by(poses.c.at_ns.desc()).limit(MAX_MEMBERS)
+            rows = (await self._connection.execute(newest)).all()
+            await self._connection.commit()
+            return dict(map(pose_of_row, rows))
+
+    async def write_poses(self, some: Mapping[str, Pose]) -> None:
+        """Write where robots are."""
+        async with translating(), self._connection.begin():
+            await self._put(poses, [row_of_pose(robot, pose) for robot, pose in some.items()])
 
     async def write(
         self,
-        some: Iterable[Interval],
+        some: Iterable[Lasting],
         changed: Iterable[Alert] = (),
         at_ns: int | None = None,
         done: Iterable[Act] = (),
     ) -> None:
         """Write intervals, alerts and acts, all of them or none, and that everything open goes on at `at_ns`."""
+        of_kind: dict[type[Lasting], list[Lasting]] = defaultdict(list)
+        for each in some:
+            of_kind[type(each)].append(each)
         async with translating(), self._connection.begin():
-            await self._put(intervals, [row_of_interval(interval) for interval in some])
+            for kind, those in of_kind.items():
+                await self._put(KINDS[kind].table, map(KINDS[kind].row_of, those))
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
             await self._put(acts, [row_of_act(act) for act in done])
             await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
@@ -137,14 +184,19 @@ class Store:
     async def prune(self, before_ns: int) -> bool:
         """Forget what ended before then, no more at a time than of SLICE_NS; return whether that was all."""
         async with translating(), self._connection.begin():
-            ended = intervals.c.open.is_(False)
-            oldest_ns = await self._connection.scalar(select(func.min(intervals.c.until_ns)).where(ended))
-            until_ns = min(before_ns, (oldest_ns or 0) + SLICE_NS)
-            await self._connection.execute(delete(intervals).where(intervals.c.until_ns < until_ns, ended))
+            of_each = [await self._prune(kind.table, before_ns) for kind in KINDS.values()]
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
+            await self._connection.execute(delete(poses).where(poses.c.at_ns < before_ns))
             await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
+        return all(of_each)
+
+    async def _prune(self, table: Table, before_ns: int) -> bool:
+        ended = table.c.open.is_(False)
+        oldest_ns = await self._connection.scalar(select(func.min(table.c.until_ns)).where(ended))
+        until_ns = min(before_ns, (oldest_ns or 0) + SLICE_NS)
+        await self._connection.execute(delete(table).where(table.c.until_ns < until_ns, ended))
         return oldest_ns is None or until_ns == before_ns
 
     async def close(self) -> None:

@@ -2,7 +2,20 @@
 
 from typing import Final
 
-from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text, true
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    Column,
+    ColumnElement,
+    Float,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+    true,
+)
 
 from schemas.header import MAX_LABEL
 
@@ -10,6 +23,19 @@ NAME: Final = String(64)
 LABEL: Final = String(MAX_LABEL)
 
 metadata: Final = MetaData()
+
+
+def _index_of_open(table: Table) -> Index:
+    """However long the history is, what goes on is found at once."""
+    return Index(
+        f"{table.name}_open", table.c.since_ns, postgresql_where=table.c.open, sqlite_where=table.c.open == true()
+    )
+
+
+def lasted(table: Table, since_ns: int) -> ColumnElement[bool]:
+    """Return what finds the intervals that lasted until then, or go on."""
+    return (table.c.until_ns >= since_ns) | table.c.open
+
 
 intervals: Final = Table(
     "intervals",
@@ -33,10 +59,51 @@ intervals: Final = Table(
 open: it goes on; until_ns is then the heartbeat's. first_ns: when the class came into view, with whatever count.
 """
 
-open_intervals: Final = Index(
-    "intervals_open", intervals.c.since_ns, postgresql_where=intervals.c.open, sqlite_where=intervals.c.open == true()
+open_intervals: Final = _index_of_open(intervals)
+
+presence: Final = Table(
+    "presence",
+    metadata,
+    Column("robot", NAME, primary_key=True),
+    Column("camera", NAME, primary_key=True),
+    Column("since_ns", BigInteger, primary_key=True),
+    Column("until_ns", BigInteger, nullable=False),
+    Column("open", Boolean, nullable=False),
+    Index("presence_by_end", "until_ns"),
 )
-"""However long the history is, what goes on is found at once."""
+"""As long as a robot's gateway was there, or a camera was spoken for; without a robot: as long as one monitor led."""
+
+_index_of_open(presence)
+
+disagreements: Final = Table(
+    "disagreements",
+    metadata,
+    Column("robot", NAME, primary_key=True),
+    Column("camera", NAME, primary_key=True),
+    Column("name", LABEL, primary_key=True),
+    Column("since_ns", BigInteger, primary_key=True),
+    Column("until_ns", BigInteger, nullable=False),
+    Column("open", Boolean, nullable=False),
+    Column("count", BigInteger, nullable=False),
+    Column("model", LABEL, nullable=False),
+    Column("other_count", BigInteger, nullable=False),
+    Column("other_model", LABEL, nullable=False),
+    Index("disagreements_by_end", "until_ns"),
+)
+"""As long as two models that looked at one camera counted a class differently; model: the one that spoke for it."""
+
+_index_of_open(disagreements)
+
+poses: Final = Table(
+    "poses",
+    metadata,
+    Column("robot", NAME, primary_key=True),
+    Column("x", Float, nullable=False),
+    Column("y", Float, nullable=False),
+    Column("yaw", Float, nullable=False),
+    Column("at_ns", BigInteger, nullable=False),
+)
+"""Where each robot was last in the map: metres, and radians from its x axis."""
 
 heartbeat: Final = Table(
     "heartbeat",

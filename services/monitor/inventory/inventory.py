@@ -1,7 +1,7 @@
 """The inventory: what every camera of the fleet has in view, and since when. Pure."""
 
 from bisect import bisect_left, insort
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from itertools import islice, takewhile
@@ -18,6 +18,9 @@ from services.monitor.inventory.sighting import Change, Sighting
 
 MAX_MEMBERS: Final = 20_000
 """How many robots, or cameras, are followed; whoever floods the bus with names fills no memory."""
+
+SETTLE_NS: Final = 3 * NS
+"""How long after a monitor's start it is not known yet who is there."""
 
 
 class InventoryFullError(Exception):
@@ -66,6 +69,7 @@ class Inventory:
         self._alive: set[str] = set()
         self._present: set[CameraKey] = set()
         self._disputed: set[CameraKey] = set()
+        self._recalled: dict[str, int] = {}
         self._followers: list[News] = []
 
     def follow(self) -> News:
@@ -132,6 +136,24 @@ class Inventory:
         for sighting in sightings:
             if sighting.key in self._cameras or len(self._cameras) < MAX_MEMBERS:
                 self._camera(sighting.key).restore(sighting)
+
+    def recall(self, there: Mapping[tuple[str, str], int], since_ns: int) -> None:
+        """Take until when robots, and cameras (else ''), were there, as a store kept it; before anything else is taken.
+
+        Who follows is told of those that were there at `since_ns`, or later; cameras that were not are left out, and
+        so are those over the limit, the longest ago first.
+        """
+        for (robot, camera), until_ns in sorted(there.items(), key=lambda each: -each[1]):
+            if not camera and len(self._recalled) < MAX_MEMBERS:
+                self._recalled[robot] = until_ns
+                for news in self._followers if until_ns >= since_ns else ():
+                    news.robots.add(robot)
+            elif camera and until_ns >= since_ns and len(self._cameras) < MAX_MEMBERS:
+                self._camera(CameraKey(robot, camera))
+
+    def recalled(self) -> Mapping[str, int]:
+        """Return the robots that were there before the monitor was, and until when."""
+        return self._recalled
 
     def is_alive(self, robot: str) -> bool:
         """Whether a robot's gateway is there."""

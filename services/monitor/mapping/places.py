@@ -2,7 +2,7 @@
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,7 +37,8 @@ class Mark:
 class Places:
     """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one.
 
-    poses: where robots were when two objects were seen at once, which tell how the robot stands to the map.
+    poses: where robots were, by two objects that were seen at once, which tell how the robot stands to the map, or by
+    what others say.
     """
 
     def __init__(self) -> None:
@@ -62,6 +63,13 @@ class Places:
                 self._marks.move_to_end(key)
         while len(self._marks) > MOST:
             self._marks.popitem(last=False)
+
+    def stand(self, poses: Mapping[str, Pose]) -> None:
+        """Take where robots are, or were, as others say it; what is newer stays."""
+        for name, pose in poses.items():
+            known = self.poses.get(name)
+            if known is None or known.at_ns < pose.at_ns:
+                self.poses[name] = pose
 
     def marks(self, now_ns: int, *, robot: str = "") -> list[Mark]:
         """Return what was seen where, newest first; by one robot if it is named.

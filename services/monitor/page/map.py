@@ -97,6 +97,7 @@ class _Map:
         poses = {name: where.pose() for name, where in whereabouts.items()}
         online = self._monitor.fleet.inventory.robots()
         known = {name: pose for name, pose in poses.items() if isinstance(pose, Pose) and name in online}
+        self._monitor.fleet.places.stand(known)
         self._last_poses.take_seen(self._monitor.fleet.places.poses)
         self._last_poses.take(known, now_ns)
         robots = self._last_poses.robots(now_ns, online, robot=self._robot.value)

@@ -2,18 +2,23 @@
 
 import asyncio
 import sys
+from collections.abc import Iterator
 from datetime import UTC, datetime
 
 from schemas.alerts import AlertState
 from schemas.printing import printable
 from services.monitor.export.settings import epoch_ns
+from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.engine import engine_of, file_of
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.intervals import Interval
+from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
-from services.monitor.history.tables import intervals
+from services.monitor.history.tables import disagreements, intervals, lasted, presence
 from services.monitor.inventory.settling import NS
 from services.monitor.rules.loading import RuleFileError, load_rules
-from services.monitor.rules.model import RuleBook
+from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
+from services.monitor.rules.past import FOREVER_NS, Past
 from services.monitor.rules.replay import caveats, replay
 from services.monitor.rules.settings import RulesSettings
 
@@ -32,18 +37,44 @@ async def run(settings: RulesSettings) -> None:
     store = await Store.open(settings.history)
     try:
         since_ns = 0 if settings.since is None else epoch_ns(settings.since)
-        found = [interval async for interval in store.select(intervals.c.until_ns >= since_ns)]
+        past = await _past(store, since_ns)
     finally:
         await store.close()
     raised = 0
-    for effect in replay(book, found):
+    for effect in replay(book, past):
         alert = effect.alert
         raised += effect.raised
         if alert.state in (AlertState.RAISED, AlertState.RESOLVED):
-            moment = datetime.fromtimestamp(alert.changed_ns / NS, UTC).astimezone().isoformat(timespec="seconds")
-            sys.stdout.write(printable(f"{moment} {alert.state} {alert.severity} {alert.rule}: {alert.text}") + "\n")
-    sys.stdout.write(f"{len(book.rules)} rules, {len(found)} intervals, {raised} alerts\n")
-    sys.stdout.writelines(f"{note}\n" for note in caveats(book))
+            sys.stdout.write(
+                printable(f"{_moment(alert.changed_ns)} {alert.state} {alert.severity} {alert.rule}: {alert.text}")
+                + "\n"
+            )
+    sys.stdout.write(f"{len(book.rules)} rules, {len(past.intervals)} intervals, {raised} alerts\n")
+    sys.stdout.writelines(f"{note}\n" for note in [*caveats(book), *_untold(book, past, since_ns)])
+
+
+async def _past(store: Store, since_ns: int) -> Past:
+    runs, there = presence.c.robot == "", presence.c.robot != ""  # however many others there are, all of the runs
+    return Past(
+        await store.select(Interval, lasted(intervals, since_ns)),
+        [
+            *await store.select(Presence, lasted(presence, since_ns), runs),
+            *await store.select(Presence, lasted(presence, since_ns), there),
+        ],
+        await store.select(Disagreement, lasted(disagreements, since_ns)),
+    )
+
+
+def _untold(book: RuleBook, past: Past, since_ns: int) -> Iterator[str]:
+    """Say for what part of history nobody kept who was there."""
+    tried = any(isinstance(rule, SilentRule | DisagreeRule) for rule in book.rules)
+    if tried and max(since_ns, past.first_ns) < past.told_ns:
+        when = "not tried:" if past.told_ns == FOREVER_NS else f"tried from {_moment(past.told_ns)} on: before,"
+        yield f"silent, disagree: {when} who was there and what models disagreed about was not kept"
+
+
+def _moment(at_ns: int) -> str:
+    return datetime.fromtimestamp(at_ns / NS, UTC).astimezone().isoformat(timespec="seconds")
 
 
 def _read(settings: RulesSettings) -> RuleBook:

@@ -1,66 +1,122 @@
 """Rules tried against history: which alerts they would have raised. Pure."""
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count, groupby
 from typing import Final
 
+from schemas.alerts import Alert
 from schemas.keys import CameraKey
+from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
+from services.monitor.history.presence import RESTORED_NS, Presence
+from services.monitor.inventory.inventory import SETTLE_NS
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import Effect, RuleEngine
-from services.monitor.rules.model import DisagreeRule, NearerRule, RuleBook, SilentRule
+from services.monitor.rules.model import NearerRule, RuleBook
+from services.monitor.rules.past import Past, Run, Step
 
-UNTRIED: Final = "is not tried: history does not hold what it is about"
 AT_MOST: Final = "is tried with the nearest distance of each interval, so it may have been raised less often"
 
 
 @dataclass(slots=True)
+class _Robot:
+    there: bool
+    last_ns: int
+
+
+@dataclass(slots=True)
 class _Camera:
+    """speaks: None while it is not known that it ever did."""
+
     counts: dict[str, int] = field(default_factory=dict)
     nearest: dict[str, float] = field(default_factory=dict)
+    disagreements: dict[str, tuple[int, int]] = field(default_factory=dict)
+    speaks: bool | None = None
+    last_ns: int = 0
+
+    @property
+    def goes_on(self) -> bool:
+        return bool(self.speaks) or any(self.counts.values())
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """An interval begins or ends; first: nobody saw it begin, as nothing is kept of the camera before."""
+class _Memory:
+    """What a monitor knew of the fleet; last_ns is when anything was heard of a member."""
 
-    at_ns: int
-    interval: Interval
-    begins: bool
-    first: bool = False
+    def __init__(self) -> None:
+        self.robots: dict[str, _Robot] = {}
+        self.cameras: dict[CameraKey, _Camera] = {}
+
+    def take(self, step: Step) -> None:
+        match step.of:
+            case Interval() as of:
+                _see(self._camera(of.key, step.at_ns), of, begins=step.begins)
+            case Presence(camera="") as of:
+                self.robots[of.robot] = _Robot(step.begins, step.at_ns)
+            case Presence() as of:
+                self._camera(CameraKey(of.robot, of.camera), step.at_ns).speaks = step.begins
+            case Disagreement() as of:
+                _dispute(self._camera(of.key, step.at_ns), of, begins=step.begins)
+
+    def forget(self, before_ns: int) -> None:
+        """Forget who was gone before, as a monitor that begins does."""
+        robots, cameras = self.robots.items(), self.cameras.items()
+        self.robots = {name: of for name, of in robots if of.there or of.last_ns >= before_ns}
+        self.cameras = {key: of for key, of in cameras if of.goes_on or of.last_ns >= before_ns}
+
+    def _camera(self, key: CameraKey, at_ns: int) -> _Camera:
+        camera = self.cameras.setdefault(key, _Camera())
+        camera.last_ns = at_ns
+        return camera
 
 
 def caveats(book: RuleBook) -> list[str]:
     """Return what a replay of these rules cannot tell."""
-    notes = {rule.name: UNTRIED for rule in book.rules if isinstance(rule, SilentRule | DisagreeRule)}
-    notes.update({rule.name: AT_MOST for rule in book.rules if isinstance(rule, NearerRule)})
-    return [f"{name}: {note}" for name, note in notes.items()]
+    return [f"{rule.name}: {AT_MOST}" for rule in book.rules if isinstance(rule, NearerRule)]
 
 
-def replay(book: RuleBook, intervals: Sequence[Interval]) -> Iterator[Effect]:
-    """Yield what the rules would have made of what was seen, in order."""
+def replay(book: RuleBook, past: Past) -> Iterator[Effect]:
+    """Yield what the rules would have made of the past, in order; while no monitor ran, nothing is made of anything."""
     numbers = count(1)
-    tried = RuleBook(
-        rules=tuple(rule for rule in book.rules if not isinstance(rule, SilentRule | DisagreeRule)),
-        webhooks=book.webhooks,
-        timezone=book.timezone,
-    )
-    engine = RuleEngine(tried, lambda: str(next(numbers)))
-    cameras: dict[CameraKey, _Camera] = {}
-    for at_ns, steps in groupby(_steps(intervals), key=lambda step: step.at_ns):
+    memory, steps = _Memory(), deque(past.steps())
+    alerts: list[Alert] = []
+    before_ns = 0
+    for run in past.runs():
+        for step in _taken(steps, run.since_ns):
+            memory.take(step)
+        memory.forget(min(before_ns, run.since_ns - RESTORED_NS))
+        engine = RuleEngine(book, lambda: str(next(numbers)))
+        engine.restore(alerts, run.since_ns)
+        before_ns = min(run.until_ns, past.last_ns + 1)
+        yield from _run(engine, run, _taken(steps, run.until_ns), memory, before_ns)
+        alerts = engine.alerts()
+
+
+def _taken(steps: deque[Step], until_ns: int) -> list[Step]:
+    """Take away the steps before a moment."""
+    taken = []
+    while steps and steps[0].at_ns < until_ns:
+        taken.append(steps.popleft())
+    return taken
+
+
+def _run(engine: RuleEngine, run: Run, steps: Sequence[Step], memory: _Memory, until_ns: int) -> Iterator[Effect]:
+    """Yield what became of one run. Only a while after its beginning it is known who is there."""
+    settled_ns = run.since_ns + SETTLE_NS if run.told else 0
+    if settled_ns < until_ns and run.told:
+        steps = sorted([*steps, Step(settled_ns, None)], key=lambda step: step.at_ns)
+    for at_ns, group in groupby(steps, key=lambda step: step.at_ns):
         yield from _until(engine, at_ns)
-        some = list(steps)
+        some = list(group)
         for step in some:
-            _apply(step, cameras.setdefault(step.interval.key, _Camera()))
-        engine.changed(_changes(some, cameras), at_ns)
-        for key in {step.interval.key for step in some}:
-            camera = cameras[key]
-            engine.look(Look(key, speaks=True, counts=camera.counts, nearest=camera.nearest), at_ns)
+            memory.take(step)
+        engine.changed(_changes(some, memory), at_ns)
+        if at_ns >= settled_ns:
+            _look(engine, some, memory, at_ns, told=run.told)
         yield from engine.due(at_ns)
-    last_ns = max((interval.until_ns for interval in intervals), default=0)
-    yield from _until(engine, last_ns + 1)
+    yield from _until(engine, until_ns)
 
 
 def _until(engine: RuleEngine, at_ns: int) -> Iterator[Effect]:
@@ -71,36 +127,61 @@ def _until(engine: RuleEngine, at_ns: int) -> Iterator[Effect]:
         yield from engine.due(next_ns)
 
 
-def _steps(intervals: Iterable[Interval]) -> list[_Step]:
-    began: dict[CameraKey, int] = {}
-    for interval in intervals:
-        began[interval.key] = min(interval.since_ns, began.get(interval.key, interval.since_ns))
-    steps = []
-    for interval in intervals:
-        first = interval.since_ns == began[interval.key]
-        steps.append(_Step(interval.since_ns, interval, begins=True, first=first))
-        if not interval.open:
-            steps.append(_Step(interval.until_ns, interval, begins=False))
-    return sorted(steps, key=lambda step: (step.at_ns, step.begins))
+def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int, *, told: bool) -> None:
+    """Look at whom the steps are about. told: it is known who was there."""
+    for key in {key for step in steps for key in _cameras(step, memory)}:
+        of = memory.cameras[key]
+        speaks = of.speaks is not False or not told
+        disagreements = of.disagreements if told else {}
+        engine.look(Look(key, speaks, counts=of.counts, nearest=of.nearest, disagreements=disagreements), at_ns)
+    for name in {name for step in steps for name in _robots(step, memory)} if told else ():
+        engine.robot(name, alive=memory.robots[name].there, now_ns=at_ns)
 
 
-def _apply(step: _Step, camera: _Camera) -> None:
-    name, closest_m = step.interval.name, step.interval.closest_m
-    camera.counts[name] = step.interval.count if step.begins else 0
+def _cameras(step: Step, memory: _Memory) -> Iterable[CameraKey]:
+    match step.of:
+        case None:
+            return memory.cameras
+        case Interval() | Disagreement() as of:
+            return (of.key,)
+        case Presence(camera=camera) as of if camera:
+            return (CameraKey(of.robot, camera),)
+    return ()
+
+
+def _robots(step: Step, memory: _Memory) -> Iterable[str]:
+    match step.of:
+        case None:
+            return memory.robots
+        case Presence(camera="") as of:
+            return (of.robot,)
+    return ()
+
+
+def _see(camera: _Camera, interval: Interval, *, begins: bool) -> None:
+    name, closest_m = interval.name, interval.closest_m
+    camera.counts[name] = interval.count if begins else 0
     camera.nearest.pop(name, None)
-    if step.begins and closest_m is not None:
+    if begins and closest_m is not None:
         camera.nearest[name] = closest_m
 
 
-def _changes(steps: Iterable[_Step], cameras: dict[CameraKey, _Camera]) -> Iterator[Change]:
+def _dispute(camera: _Camera, of: Disagreement, *, begins: bool) -> None:
+    camera.counts.setdefault(of.name, of.count)  # what it was in view for may be too long ago to be read
+    camera.disagreements.pop(of.name, None)
+    if begins:
+        camera.disagreements[of.name] = (of.count, of.other_count)
+
+
+def _changes(steps: Iterable[Step], memory: _Memory) -> Iterator[Change]:
     """Yield what came and went: an interval that begins where one of the same class ends is another count of it."""
-    some = list(steps)
-    ended = {step.interval.place for step in some if not step.begins}
-    began = {step.interval.place for step in some if step.begins}
-    for step in some:
-        if step.interval.place in ended & began:
+    some = [(step, step.of) for step in steps if isinstance(step.of, Interval)]
+    ended = {of.place for step, of in some if not step.begins}
+    began = {of.place for step, of in some if step.begins}
+    for step, of in some:
+        if of.place in ended & began:
             continue
-        sighting = _sighting(step.interval, cameras[step.interval.key].counts[step.interval.name])
+        sighting = _sighting(of, memory.cameras[of.key].counts[of.name])
         kind = ChangeKind.APPEARED if step.begins else ChangeKind.VANISHED
         yield Change(kind, sighting, step.at_ns, first_look=step.first)
 

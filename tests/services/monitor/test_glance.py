@@ -73,6 +73,18 @@ def test_every_robot_is_there_once_by_name_with_its_own_cameras() -> None:
     ]
 
 
+def test_a_robot_of_before_a_restart_was_seen_last_when_it_was_there_until_it_says_something() -> None:
+    fleet = Fleet("clock")
+    fleet.inventory.recall({("r1", ""): 5, ("r2", ""): 7}, 0)
+    fill(fleet)
+    painted = {robot.name: robot for robot in picture(fleet, 9).robots}
+    assert (painted["r2"].online, painted["r2"].last_ns) == (False, 7)
+    assert painted["r1"].last_ns >= fleet.heard_ns["r1"]
+    fleet = Fleet("clock")
+    fleet.inventory.recall({("r1", ""): 5}, 6)
+    assert [(robot.name, robot.online, robot.last_ns) for robot in picture(fleet, 9).robots] == [("r1", False, 5)]
+
+
 def test_workers_of_a_service_are_those_that_are_there() -> None:
     fleet = Fleet("clock")
     fill(fleet)

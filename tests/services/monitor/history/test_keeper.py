@@ -9,12 +9,17 @@ import pytest
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history import keeper as module
+from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.history.presence import MONITOR, Place, Presence
 from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.inventory.inventory import Inventory, Limits
 from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.sighting import ChangeKind
+from services.monitor.mapping.last_poses import LOST_NS, LastPoses
+from services.monitor.mapping.places import FORGET_NS, Places
+from services.monitor.mapping.pose import Pose
 from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.postgresql import PostgreSQL
@@ -30,7 +35,9 @@ class Monitor:
     def __init__(self, url: str) -> None:
         self.led: list[list[Alert]] = []
         self.inventory = Inventory(LIMITS)
-        self.history = HistoryKeeper(HistorySettings(history=url), self.inventory, lambda of: self.led.append(list(of)))
+        self.places = Places()
+        settings = HistorySettings(history=url)
+        self.history = HistoryKeeper(settings, self.inventory, lambda of: self.led.append(list(of)), self.places)
 
     def see(self, seq: int, at_ns: int | None = None, /, **counts: int) -> None:
         changes = self.inventory.see(seen(seq, counts), at_ns or time.time_ns())
@@ -59,6 +66,18 @@ async def kept(url: str) -> list[Interval]:
         return await every(store)
 
 
+async def attended(url: str, place: Place) -> list[Presence]:
+    """Return when somebody was there."""
+    async with opened(url) as store:
+        return [each for each in await store.select(Presence) if each.place == place]
+
+
+async def noted(monitor: Monitor) -> None:
+    """Wait until what happened before is noted."""
+    monitor.inventory.robot_presence("marker", alive=not monitor.inventory.is_alive("marker"))
+    await until(lambda: "marker" not in monitor.history._attendance._news.robots)
+
+
 async def test_what_is_in_view_goes_on_over_a_restart(url: str) -> None:
     async with monitoring(url) as monitor:
         monitor.see(1, box=1)
@@ -75,6 +94,65 @@ async def test_what_is_in_view_goes_on_over_a_restart(url: str) -> None:
     box, pallet = await kept(url)
     assert (box.open, pallet.open, pallet.count) == (True, False, 2)
     assert pallet.until_ns >= pallet.since_ns
+
+
+async def test_who_was_there_goes_on_over_a_restart_if_it_comes_back_at_once(url: str) -> None:
+    async with monitoring(url) as monitor:
+        for robot in ("r1", "r2"):
+            monitor.inventory.robot_presence(robot, alive=True)
+        await noted(monitor)
+        await until(monitor.written)
+    (r1,), (r2,), (run,) = [await attended(url, place) for place in (("r1", ""), ("r2", ""), MONITOR)]
+    assert (r1.open, r2.open, run.open) == (True, True, True)
+    async with monitoring(url) as monitor:
+        assert set(monitor.inventory.recalled()) >= {"r1", "r2"}, "without a single sighting"
+        monitor.inventory.robot_presence("r1", alive=True)
+        await noted(monitor)
+        await until(monitor.written)
+    (again,), (gone,), (ended, other) = [await attended(url, place) for place in (("r1", ""), ("r2", ""), MONITOR)]
+    assert (again.open, again.since_ns) == (True, r1.since_ns)
+    assert (gone.open, gone.since_ns) == (False, r2.since_ns)
+    assert (ended.open, ended.since_ns, other.open) == (False, run.since_ns, True)
+    assert ended.until_ns == gone.until_ns < other.since_ns < again.until_ns
+
+
+async def test_where_robots_were_is_known_after_a_restart(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_ns = time.time_ns()
+    old, here, there = (
+        Pose(9.0, 2.0, 0.5, now_ns - 2 * FORGET_NS),
+        Pose(1.0, 2.0, 0.5, now_ns),
+        Pose(3.0, 2.0, 0.5, now_ns + 1),
+    )
+    async with monitoring(url) as monitor:
+        monitor.places.stand({"r1": here, "r2": old})
+        await until(lambda: monitor.history.status.leads)
+    async with monitoring(url) as monitor:
+        assert monitor.places.poses == {"r1": here}
+        last = LastPoses()
+        last.take_seen(monitor.places.poses)
+        later_ns = now_ns + LOST_NS + 1
+        assert [(robot.pose, robot.live) for robot in last.robots(later_ns, {"r1"})] == [(here, False)]
+        await until(lambda: monitor.history.status.leads)
+    monkeypatch.setattr(module, "WRITE_S", 0.0)
+    async with monitoring(url) as monitor, opened(url) as store, asyncio.timeout(60):
+        monitor.places.stand({"r1": there})
+        while await store.poses(now_ns) != {"r1": there}:  # noqa: ASYNC110 - nobody tells
+            await asyncio.sleep(module.FLUSH_S)
+
+
+async def test_what_models_disagree_about_is_kept(url: str) -> None:
+    async with monitoring(url) as monitor:
+        monitor.inventory.robot_presence("r1", alive=True)
+        monitor.inventory.camera_presence(FRONT, alive=True)
+        for seq in (1, 2):
+            monitor.see(2 * seq, box=2)
+            monitor.history.take(monitor.inventory.see(seen(2 * seq + 1, {"box": 1}, model="n"), time.time_ns()) or ())
+        async with opened(url) as store, asyncio.timeout(60):
+            while not (found := await store.select(Disagreement)):  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(module.FLUSH_S)
+    (one,) = found
+    assert (one.key, one.name, one.open) == (FRONT, "box", True)
+    assert (one.count, one.model, one.other_count, one.other_model) == (2, "m", 1, "n")
 
 
 async def test_a_silent_cameras_sightings_end_when_they_were_seen_last_and_go_on_when_it_speaks(url: str) -> None:
@@ -108,8 +186,12 @@ async def test_of_two_monitors_one_writes_until_it_goes(url: str) -> None:
         await until(lambda: second.history.status.leads)
         await until(second.written)
         assert len(await kept(url)) == 1
+        runs = await attended(url, MONITOR)
         if second is other:
             assert [each.id for each in second.led[-1]] == [alert().id]
+            assert [each.open for each in runs] == [False, True]
+        else:
+            assert [each.open for each in runs] == [True]
 
 
 async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(postgresql: PostgreSQL) -> None:
@@ -122,9 +204,15 @@ async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(pos
         assert monitor.history.status.leads, "alerts go on"
         monitor.see(2, box=2)
         monitor.see(3)
+        for alive in (True, False):
+            monitor.inventory.robot_presence("r1", alive=alive)
+            await noted(monitor)
         monitor.history.alert(alert(state=AlertState.RESOLVED))
         await asyncio.to_thread(postgresql.start)
         await until(monitor.written)
+    (gone,) = await attended(url, ("r1", ""))
+    assert (gone.open, gone.until_ns > gone.since_ns) == (False, True)
+    assert len(await attended(url, MONITOR)) == 1, "it led all along"
     one, two = await kept(url)
     assert (one.count, one.open, two.count, two.open) == (1, False, 2, False)
     assert one.until_ns == two.since_ns

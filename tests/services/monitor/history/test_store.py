@@ -8,14 +8,20 @@ from pathlib import Path
 import pytest
 from sqlalchemy import update
 from sqlalchemy.dialects import sqlite
+from sqlalchemy.schema import DropTable
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
+from services.monitor.history import store as module
+from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
+from services.monitor.history.presence import Presence
 from services.monitor.history.store import SLICE_NS, Store
-from services.monitor.history.tables import intervals
+from services.monitor.history.tables import disagreements, intervals, lasted, poses, presence
+from services.monitor.mapping.pose import Pose
 from tests.schemas.results import alert
+from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.postgresql import PostgreSQL
 from tests.services.monitor.inventory.seeing import FRONT, S
 
@@ -23,7 +29,8 @@ from tests.services.monitor.inventory.seeing import FRONT, S
 def interval(
     since_s: int, until_s: int, *, key: CameraKey = FRONT, is_open: bool = False, name: str = "box"
 ) -> Interval:
-    return Interval(key, name, since_s * S, until_s * S, is_open, 2, 0.5, 1.25, since_s * S, "m", "w")
+    since_ns, until_ns = since_s * S, until_s * S
+    return Interval(key, name, 2, 0.5, 1.25, since_ns, "m", "w", since_ns=since_ns, until_ns=until_ns, open=is_open)
 
 
 @asynccontextmanager
@@ -36,7 +43,7 @@ async def opened(url: str) -> AsyncIterator[Store]:
 
 
 async def every(store: Store) -> list[Interval]:
-    return [found async for found in store.select()]
+    return await store.select(Interval)
 
 
 async def test_what_was_written_is_there_for_the_next_process(url: str) -> None:
@@ -48,6 +55,69 @@ async def test_what_was_written_is_there_for_the_next_process(url: str) -> None:
         kept = await store.load(0)
         assert kept.intervals == [interval(3, 9, is_open=True)]
         assert kept.alerts == [alert()]
+
+
+async def test_who_was_there_and_what_models_disagreed_about_is_kept_beside_it(url: str) -> None:
+    written = [
+        there(1, 2),
+        there(3, 4, is_open=True),
+        there(3, 5, camera="front"),
+        there(1, 1, "", is_open=True),
+        disagreement(1, 2, name="bo\0x"),
+        disagreement(3, 3, (0, 7), is_open=True),
+        interval(4, 4, is_open=True),
+    ]
+    async with opened(url) as store:
+        assert await store.last_present() == {}
+        await store.write(written, [], 9 * S)
+    async with opened(url) as store:
+        led, first, front, second = (there(1, 9, "", is_open=True), written[0], written[2], there(3, 9, is_open=True))
+        assert sorted(await store.select(Presence), key=repr) == sorted([led, first, front, second], key=repr)
+        odd, disagreed = await store.select(Disagreement)
+        assert (odd, disagreed) == (disagreement(1, 2, name="bo␀x"), disagreement(3, 9, (0, 7), is_open=True))
+        kept = await store.load(0)
+        going_on = [interval(4, 9, is_open=True), led, second, disagreed]
+        assert (kept.intervals, list(kept.going_on)) == (going_on[:1], going_on)
+        assert await store.last_present() == {("r1", ""): 9 * S, ("r1", "front"): 5 * S}
+        found = await store.select(Presence, lasted(presence, 5 * S), presence.c.robot != "")
+        assert found in ([second, front], [front, second])
+
+
+async def test_a_database_of_an_earlier_release_goes_on_with_what_it_has(url: str) -> None:
+    async with opened(url) as store:
+        await store.write([interval(1, 2)], [alert()], 2 * S)
+        async with store._connection.begin():
+            for table in (presence, disagreements, poses):
+                await store._connection.execute(DropTable(table))
+    async with opened(url) as store:
+        assert (await every(store), await store.select(Presence), await store.last_present()) == (
+            [interval(1, 2)],
+            [],
+            {},
+        )
+        await store.write([there(3, 4), disagreement(3, 4)], [], 5 * S)
+        assert (await store.select(Presence), await store.select(Disagreement)) == ([there(3, 4)], [disagreement(3, 4)])
+
+
+async def test_where_robots_were_last_is_kept(url: str) -> None:
+    async with opened(url) as store:
+        await store.write_poses({"r1": Pose(1.5, -2.0, 0.25, 5 * S), "r2": Pose(0, 0, 0, 7 * S)})
+        await store.write_poses({"r1": Pose(2.5, -2.0, 0.25, 9 * S)})
+    async with opened(url) as store:
+        assert await store.poses(8 * S) == {"r1": Pose(2.5, -2.0, 0.25, 9 * S)}
+        assert set(await store.poses(0)) == {"r1", "r2"}
+        await store.prune(8 * S)
+        assert set(await store.poses(0)) == {"r1"}
+
+
+async def test_the_newest_are_read_whenever_they_began(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_LOADED", 3)
+    old, going_on = there(1, 8), there(1, 1, "r2", is_open=True)
+    async with opened(url) as store:
+        flaps = [there(number, number, "r3") for number in range(2, 7)]
+        await store.write([old, going_on, *flaps], [], 9 * S)
+        found = await store.select(Presence)
+        assert {(of.since_ns // S, of.robot) for of in found} == {(1, "r1"), (1, "r2"), (6, "r3")}
 
 
 async def test_writing_again_changes_what_is_there(url: str) -> None:
@@ -87,6 +157,16 @@ async def test_old_history_is_forgotten_but_not_what_goes_on(url: str) -> None:
         await store.prune(2**62)
         assert await every(store) == [interval(3, 10, is_open=True)]
         assert [each.id for each in (await store.load(0)).alerts] == [alert().id]
+
+
+async def test_old_history_of_each_kind_is_forgotten(url: str) -> None:
+    async with opened(url) as store:
+        stays = [there(1, 9, is_open=True), disagreement(1, 9, is_open=True)]
+        await store.write([*stays, there(5, 6, "r2"), disagreement(5, 6, name="pallet")], [], 9 * S)
+        assert await store.prune(6 * S)
+        assert (len(await store.select(Presence)), len(await store.select(Disagreement))) == (2, 2)
+        assert not await store.prune(2**62), "an hour of it at a time"
+        assert [*await store.select(Presence), *await store.select(Disagreement)] == stays
 
 
 async def test_much_old_history_is_forgotten_bit_by_bit(url: str) -> None:
@@ -132,6 +212,13 @@ async def test_a_database_that_cannot_be_had_is_one_line(bad: str, reason: str) 
 
 async def test_rows_that_are_not_ours_are_an_error(url: str) -> None:
     async with opened(url) as store:
+        await store.write([there(1, 2)], [], 2 * S)
+        async with store._connection.begin():
+            await store._connection.execute(update(presence).values(robot="<b>"))
+        with pytest.raises(HistoryError, match="robot name '<b>'"):
+            await store.select(Presence)
+        with pytest.raises(HistoryError, match="robot name '<b>'"):
+            await store.last_present()
         await store.write([interval(1, 2)], [], 2 * S)
         async with store._connection.begin():
             await store._connection.execute(update(intervals).values(robot="<b>"))

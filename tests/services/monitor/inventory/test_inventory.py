@@ -163,3 +163,21 @@ def test_whoever_follows_is_told_of_what_is_new_comes_or_goes() -> None:
     news.robots.clear()
     inventory.see(seen(0, {}, key=REAR), S)
     assert (REAR in news.cameras, news.robots) == (True, {"r1"})
+
+
+def test_who_was_there_before_a_restart_is_known_and_who_was_so_lately_is_missed() -> None:
+    inventory = Inventory()
+    news = inventory.follow()
+    inventory.recall({("r1", ""): 9 * S, ("r2", ""): 2 * S, ("r1", "front"): 9 * S, ("r2", "front"): 2 * S}, 5 * S)
+    assert inventory.recalled() == {"r1": 9 * S, "r2": 2 * S}
+    assert (news.robots, news.cameras) == ({"r1"}, {FRONT})
+    assert inventory.in_order() == (FRONT,)
+    assert not inventory.robots()
+
+
+def test_of_too_many_who_were_there_the_newest_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_MEMBERS", 2)
+    inventory = Inventory()
+    inventory.recall({(f"r{n}", camera): n * S for n in range(1, 5) for camera in ("", "front")}, 0)
+    assert set(inventory.recalled()) == {"r3", "r4"}
+    assert {key.robot for key in inventory.in_order()} == {"r3", "r4"}

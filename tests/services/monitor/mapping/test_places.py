@@ -93,3 +93,12 @@ def test_robots_are_where_two_objects_say_they_are_looked_for_now_and_then() -> 
     assert places.poses == {"r1": Pose(3.0, 0.0, 0.0, NOW + 1)}
     places.take(stands(4.0), NOW + 1 + RENEW_NS)
     assert places.poses == {"r1": Pose(4.0, 0.0, 0.0, NOW + 1 + RENEW_NS)}
+
+
+def test_where_robots_are_said_to_be_is_taken_unless_it_is_older() -> None:
+    places = Places()
+    places.stand({"r1": Pose(1.0, 2.0, 0.5, 7)})
+    places.stand({"r1": Pose(9.0, 2.0, 0.5, 7), "r2": Pose(3.0, 2.0, 0.5, 1)})
+    assert places.poses == {"r1": Pose(1.0, 2.0, 0.5, 7), "r2": Pose(3.0, 2.0, 0.5, 1)}
+    places.stand({"r1": Pose(9.0, 2.0, 0.5, 8)})
+    assert places.poses["r1"].x == 9.0

@@ -1,16 +1,16 @@
-from pathlib import Path
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 
-from services.monitor.history.errors import HistoryError
+from schemas.keys import CameraKey
+from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
-from services.monitor.history.store import Store
-from services.monitor.rules.loading import RuleFileError
-from services.monitor.rules.process import run
+from services.monitor.history.ledger import Lasting
+from services.monitor.history.presence import Presence
+from services.monitor.rules.past import Past
 from services.monitor.rules.replay import caveats, replay
-from services.monitor.rules.settings import RulesSettings
+from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import S
 from tests.services.monitor.rules.ruling import book
@@ -29,8 +29,18 @@ HISTORY = [
 ]
 
 
-def tried(rule: dict[str, Any]) -> list[tuple[int, str]]:
-    return [(effect.alert.changed_ns // S, effect.alert.state.value) for effect in replay(book(rule), HISTORY)]
+def tried(rule: dict[str, Any], *past: Lasting) -> list[tuple[int, str]]:
+    """Return when what became of the alerts that one rule raises over a past; over that of one box if none is given."""
+    effects = replay(book(rule), past_of(*(past or HISTORY)))
+    return [(effect.alert.changed_ns // S, effect.alert.state.value) for effect in effects]
+
+
+def past_of(*some: Lasting) -> Past:
+    return Past(
+        [each for each in some if isinstance(each, Interval)],
+        [each for each in some if isinstance(each, Presence)],
+        [each for each in some if isinstance(each, Disagreement)],
+    )
 
 
 @pytest.mark.parametrize(
@@ -54,35 +64,127 @@ def test_history_raises_what_it_would_have_raised(rule: dict[str, Any], alerts: 
     assert tried({**rule, "class": "box"}) == alerts
 
 
+LED = there(1, 1_000, "", is_open=True)
+"""One monitor, for as long as anything is known."""
+
+DAY = 86_400
+
+
+@pytest.mark.parametrize(
+    ("past", "alerts"),
+    [
+        ([there(2, 20), LED], [(20, "raised")]),
+        ([there(2, 20), there(30, 40, is_open=True), LED], [(20, "raised"), (30, "resolved")]),
+        ([there(2, 3), there(4, 5), LED], [(5, "raised")]),
+        ([there(2, 20)], []),
+        ([there(2, 20, "other"), LED], []),
+        ([there(2, 20, camera="front"), LED], []),
+        ([there(2, 50), there(1, 50, "")], []),
+        ([there(2, 50), there(1, 50, ""), there(90, 99, "", is_open=True)], [(93, "raised")]),
+        ([there(2, 50), there(1, 50, ""), there(90, 99, "", is_open=True), there(92, 99, is_open=True)], []),
+        ([there(2, 99, is_open=True), there(1, 50, ""), there(90, 99, "", is_open=True)], []),
+        ([there(2, 40), there(1, 50, ""), there(90, 91, ""), there(92, 99, is_open=True)], [(40, "raised")]),
+        (
+            [there(2, 40), there(1, 50, ""), there(60, 70, is_open=True), there(90, 99, "", is_open=True)],
+            [(40, "raised"), (93, "resolved")],
+        ),
+        ([there(2, 40), there(1, 41, ""), there(41 + DAY, 99 + DAY, "", is_open=True)], [(40, "raised")]),
+    ],
+    ids=[
+        "gone",
+        "gone and back",
+        "gone while it was not known yet who is there",
+        "nobody kept who led",
+        "another robot",
+        "a camera",
+        "there when the monitor stopped",
+        "not there when the next one began",
+        "back before it was known who is there",
+        "there all along",
+        "gone and back while no monitor ran",
+        "gone, and back while no monitor ran",
+        "still gone when the next one began",
+    ],
+)
+def test_a_robot_is_silent_when_a_monitor_was_there_and_it_was_not(
+    past: list[Lasting], alerts: list[tuple[int, str]]
+) -> None:
+    assert tried({"when": "silent", "robots": ["r1"]}, *past) == alerts
+
+
+def test_robots_that_are_gone_for_days_are_not_missed_again() -> None:
+    gone, runs = there(2, 40), [there(1, 50, ""), there(60 + DAY, 99 + DAY, "", is_open=True)]
+    silent = {"when": "silent", "for_s": 20}
+    assert tried(silent, gone, *runs) == []
+    nearly = [there(1, 50, ""), there(39 + DAY, 99 + DAY, "", is_open=True)]
+    assert tried(silent, gone, *nearly) == [(62 + DAY, "raised")]
+
+
+def test_what_must_hold_for_a_while_is_not_waited_for_while_no_monitor_runs() -> None:
+    rule = {"when": "silent", "for_s": 15}
+    runs = [there(1, 50, ""), there(60, 99, "", is_open=True)]
+    assert tried(rule, there(2, 30), *runs) == [(45, "raised")]
+    assert tried(rule, there(2, 40), *runs) == [(78, "raised")], "the next monitor begins to wait when it knows"
+
+
+@pytest.mark.parametrize(
+    ("past", "alerts"),
+    [
+        ([there(5, 20, camera="front"), LED], [(20, "raised")]),
+        (
+            [there(5, 20, camera="front"), there(25, 30, camera="front"), LED],
+            [(20, "raised"), (25, "resolved"), (30, "raised")],
+        ),
+        ([there(5, 20, camera="rear"), there(5, 20), LED], []),
+        ([count(5, 20, 1), LED], []),
+    ],
+    ids=["silent", "silent twice", "others", "never known to speak"],
+)
+def test_a_camera_is_silent_when_nobody_speaks_for_it(past: list[Lasting], alerts: list[tuple[int, str]]) -> None:
+    assert tried({"when": "silent", "cameras": ["front"]}, *past) == alerts
+
+
+SPOKEN = [there(2, 99, camera="front", is_open=True), count(2, 99, 2, open=True), LED]
+
+
+@pytest.mark.parametrize(
+    ("past", "alerts"),
+    [
+        ([disagreement(10, 20), *SPOKEN], [(10, "raised"), (20, "resolved")]),
+        ([disagreement(10, 20), disagreement(20, 30, (3, 1)), *SPOKEN], [(10, "raised"), (30, "resolved")]),
+        ([disagreement(10, 20, name="pallet"), *SPOKEN], []),
+        ([disagreement(10, 20, key=CameraKey("r1", "rear")), *SPOKEN], []),
+        ([disagreement(10, 20), there(2, 20, camera="front"), count(2, 20, 2), LED], [(10, "raised")]),
+        ([disagreement(10, 20), count(2, 99, 2, open=True)], []),
+    ],
+    ids=["and then agree", "otherwise", "about another class", "at another camera", "until silence", "not told"],
+)
+def test_models_disagree_as_long_as_they_do(past: list[Lasting], alerts: list[tuple[int, str]]) -> None:
+    assert tried({"when": "disagree", "class": "box", "cameras": ["front"]}, *past) == alerts
+
+
+def test_a_disagreement_says_who_counts_what() -> None:
+    (raised, _) = replay(book({"when": "disagree"}), past_of(disagreement(10, 20, (3, 1)), *SPOKEN))
+    assert raised.alert.text == "two models count 3 and 1 box in view of r1/front"
+
+
+def test_alerts_go_on_over_a_restart() -> None:
+    many = {"when": "over", "class": "box", "count": 1}
+    runs = [there(1, 50, ""), there(60, 99, "", is_open=True)]
+    spoken = there(2, 99, camera="front", is_open=True)
+    assert tried(many, count(2, 99, 2, open=True), spoken, *runs) == [(4, "raised")]
+    assert tried(many, count(2, 40, 2), spoken, *runs) == [(4, "raised"), (40, "resolved")]
+    assert tried(many, count(2, 55, 2), spoken, *runs) == [(4, "raised"), (63, "resolved")]
+
+
+def test_history_of_before_anybody_kept_who_was_there_is_tried_as_well() -> None:
+    led = there(65, 70, "", is_open=True)
+    many = {"when": "over", "class": "box", "count": 2}
+    assert tried(many, *HISTORY, led) == tried(many)
+    assert tried({"when": "silent"}, there(1, 50), led) == [(68, "raised")], "it was there not a day before"
+
+
 def test_what_cannot_be_tried_is_said() -> None:
     rules = book({"when": "silent"}, {"when": "disagree"}, {"when": "nearer", "class": "box", "than_m": 1})
-    assert [note.split(": ")[1][:12] for note in caveats(rules)] == ["is not tried", "is not tried", "is tried wit"]
-    assert list(replay(rules, [])) == []
-
-
-async def test_the_command_prints_what_would_have_been_raised(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    url = f"sqlite:///{tmp_path}/history.db"
-    store = await Store.open(url)
-    try:
-        await store.write(HISTORY, [], 70 * S)
-    finally:
-        await store.close()
-    file = tmp_path / "rules.yaml"
-    rules = "rules: [{name: many, when: over, class: box, count: 2}, {name: gone, when: silent}]"
-    file.write_text(rules, encoding="utf-8")
-    await run(RulesSettings(task="test", file=file, history=url))
-    raised, resolved, summary, note = capsys.readouterr().out.splitlines()
-    assert raised.endswith("raised warning many: 3 box in view of r1/front, over 2")
-    assert "resolved warning many" in resolved
-    assert summary == "2 rules, 5 intervals, 1 alerts"
-    assert note.startswith("gone: is not tried")
-    file.write_text(rules.replace("count: 2", "count: many"), encoding="utf-8")
-    with pytest.raises(RuleFileError, match=r"rules\.yaml: line 1: rules\.0\.count"):
-        await run(RulesSettings(task="test", file=file, history=url))
-    with pytest.raises(RuleFileError, match=r"none\.yaml: No such file"):
-        await run(RulesSettings(task="test", file=tmp_path / "none.yaml", history=url))
-    file.write_text(rules, encoding="utf-8")
-    with pytest.raises(HistoryError, match="does not exist"):
-        await run(RulesSettings(task="test", file=file, history=f"sqlite:///{tmp_path}/none.db"))
+    assert [note.split(": ")[1][:12] for note in caveats(rules)] == ["is tried wit"]
+    assert list(replay(rules, Past())) == []

@@ -4,12 +4,13 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history.acts import Act
-from services.monitor.history.intervals import Interval
 from services.monitor.history.store import Store
+from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.web.api.seeing import ODD
 from tests.services.monitor.web.api.test_alerts import alert
 from tests.services.monitor.web.asking import Web, web_in
@@ -23,7 +24,7 @@ async def kept(tmp_path: Path) -> AsyncIterator[Web]:
     history = f"sqlite:///{tmp_path / 'history.db'}"
     store = await Store.open(history)
     some = [
-        Interval(CameraKey(f"r{n % 2}", "front"), ODD, n * S, n * S + 1, n == 4, 2, 0.5, None, n * S, "m", "w")
+        replace(interval(n, n, key=CameraKey(f"r{n % 2}", "front"), is_open=n == 4, name=ODD), until_ns=n * S + 1)
         for n in range(5)
     ]
     acts = [Act("a1", AlertState.ACKNOWLEDGED, "ann", 7), Act("a1", AlertState.RESOLVED, "bob", 8)]

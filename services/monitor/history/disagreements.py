@@ -1,0 +1,84 @@
+"""What two models that look at one camera disagreed about. Pure."""
+
+from collections.abc import Mapping
+from typing import Self
+
+from schemas.keys import CameraKey
+from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.inventory import Inventory
+
+Place = tuple[CameraKey, str]
+
+
+class Disagreement(Lasting, frozen=True, gc=False):
+    """As long as two models counted a class differently: the one that spoke for the camera, and the other one."""
+
+    key: CameraKey
+    name: str
+    count: int
+    model: str
+    other_count: int
+    other_model: str
+
+    @property
+    def place(self) -> Place:
+        """What it is about."""
+        return (self.key, self.name)
+
+    def is_as(self, before: Self) -> bool:
+        """Whether the same models count the same."""
+        return self._said() == before._said()
+
+    def _said(self) -> tuple[int, str, int, str]:
+        return (self.count, self.model, self.other_count, self.other_model)
+
+
+class Disagreements:
+    """Enters in a ledger what models disagree about."""
+
+    def __init__(self, inventory: Inventory, ledger: Ledger) -> None:
+        self._inventory = inventory
+        self._ledger = ledger
+        self._open: dict[CameraKey, set[str]] = {}
+
+    def note(self, camera: CameraView, now_ns: int) -> None:
+        """Enter what is so of a camera; while nobody speaks for it nothing is."""
+        found = self._found(camera, now_ns) if self._inventory.speaks(camera, now_ns) else {}
+        for name in self._open.get(camera.key, set()) - found.keys():
+            self._ledger.end(Disagreement, (camera.key, name), now_ns)
+        for name, new in found.items():
+            old = self._ledger.opened(Disagreement, (camera.key, name))
+            if old is None or not new.is_as(old):
+                self._ledger.begin(new)
+        if found:
+            self._open[camera.key] = set(found)
+        else:
+            self._open.pop(camera.key, None)
+
+    def _found(self, camera: CameraView, now_ns: int) -> Mapping[str, Disagreement]:
+        since_ns = now_ns - self._inventory.limits.stale_ns
+        speaker = "" if camera.speaker is None else camera.speaker.model
+        return {
+            name: Disagreement(
+                since_ns=now_ns,
+                until_ns=now_ns,
+                open=True,
+                key=camera.key,
+                name=name,
+                count=ours,
+                model=speaker,
+                other_count=theirs,
+                other_model=_who_counts(camera, name, theirs, since_ns),
+            )
+            for name, (ours, theirs) in camera.disagreements(since_ns).items()
+        }
+
+
+def _who_counts(camera: CameraView, name: str, count: int, since_ns: int) -> str:
+    """Return the model, other than the one that speaks, that counts so many of a class."""
+    for view in camera.views.values():
+        theirs = view.classes.get(name)
+        if view is not camera.speaker and view.last_ns >= since_ns and theirs and theirs.count.count == count:
+            return view.model
+    return ""

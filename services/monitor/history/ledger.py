@@ -1,0 +1,121 @@
+"""The ledger of what lasts: what is open, and what is to be written of it. Pure."""
+
+from collections.abc import Hashable, Iterable, Sequence
+from typing import Any, Final, Self, TypeVar, cast
+
+import msgspec
+from msgspec.structs import replace
+
+MAX_PENDING: Final = 200_000
+"""How many intervals wait for a database that is gone; the oldest are given up for newer ones."""
+
+
+class Lasting(msgspec.Struct, frozen=True, gc=False, kw_only=True):
+    """What was so at one place without a gap. Times are epoch nanoseconds, ours. open: it goes on."""
+
+    since_ns: int
+    until_ns: int
+    open: bool
+
+    @property
+    def place(self) -> Hashable:
+        """What it is about: of each kind one is open there at a time."""
+        raise NotImplementedError
+
+    def is_as(self, before: Self) -> bool:
+        """Whether it says the same as one before at its place, so that both are one where the gap is short."""
+        raise NotImplementedError
+
+    def going_on_from(self, before: Self) -> Self:
+        """Return both as one."""
+        return replace(self, since_ns=before.since_ns)
+
+
+L = TypeVar("L", bound=Lasting)
+
+_At = tuple[type[Lasting], Hashable]
+
+
+class Ledger:
+    """What is open of each kind, and what is to be written. lost: intervals given up because too many waited."""
+
+    def __init__(self) -> None:
+        self._open: dict[_At, Lasting] = {}
+        self._pending: dict[tuple[_At, int], Lasting] = {}
+        self.lost = 0
+
+    def __len__(self) -> int:
+        return len(self._pending)
+
+    def opened(self, kind: type[L], place: Hashable) -> L | None:
+        """Return what is open at a place."""
+        return cast("L | None", self._open.get((kind, place)))
+
+    def begin(self, new: Lasting) -> None:
+        """Take what begins, and goes on; what was open there ends."""
+        self.end(type(new), new.place, new.since_ns)
+        self._open[_at(new)] = new
+        self.note([new])
+
+    def end(self, kind: type[Lasting], place: Hashable, until_ns: int, **changes: Any) -> None:
+        """Have what is open at a place end, if anything is. changes: fields that are otherwise in the end."""
+        old = self._open.pop((kind, place), None)
+        if old is not None:
+            self.note([replace(old, until_ns=max(old.since_ns, until_ns), open=False, **changes)])
+
+    def drop(self, kind: type[Lasting], place: Hashable) -> None:
+        """Forget what is open at a place: another monitor says how it goes on."""
+        self._open.pop((kind, place), None)
+
+    def note(self, some: Iterable[Lasting]) -> None:
+        """Have intervals written as they stand."""
+        for each in some:
+            at = (_at(each), each.since_ns)
+            if at not in self._pending and len(self._pending) >= MAX_PENDING:
+                del self._pending[next(iter(self._pending))]
+                self.lost += 1
+            self._pending[at] = each
+
+    def adopt(self, stored: Iterable[Lasting]) -> None:
+        """Go on with open intervals of the database, whose sightings the inventory was given back."""
+        self._open.update((_at(each), each) for each in stored if each.open)
+
+    def merge(self, stored: Iterable[Lasting], heartbeat_ns: int, now_ns: int, gap_ns: int) -> None:
+        """Begin to write where another monitor, or this one, stopped at `heartbeat_ns`.
+
+        What is open there and here and says the same is one interval if the gap is no longer than `gap_ns`; what is
+        open there alone ended at the heartbeat.
+        """
+        goes_on = now_ns - heartbeat_ns <= gap_ns
+        for old in stored:
+            ours = self._open.get(_at(old))
+            if (_at(old), old.since_ns) in self._pending:
+                continue
+            if ours is not None and (ours.since_ns == old.since_ns or (goes_on and ours.is_as(old))):
+                self._pending.pop((_at(ours), ours.since_ns), None)
+                self._open[_at(old)] = ours.going_on_from(old)
+            else:
+                until_ns = max(old.until_ns, heartbeat_ns)
+                if ours is not None:
+                    until_ns = max(old.since_ns, min(until_ns, ours.since_ns))
+                self.note([replace(old, until_ns=until_ns, open=False)])
+        self.note(self._open.values())
+
+    def pending(self, at_most: int) -> Sequence[Lasting]:
+        """Return the oldest of what is to be written."""
+        return [each for each, _ in zip(self._pending.values(), range(at_most), strict=False)]
+
+    def written(self, some: Iterable[Lasting]) -> None:
+        """Forget what was written, unless it changed meanwhile."""
+        for each in some:
+            at = (_at(each), each.since_ns)
+            if self._pending.get(at) is each:
+                del self._pending[at]
+
+    def forget_pending(self) -> None:
+        """Forget what is to be written: another monitor writes it."""
+        self._pending.clear()
+
+
+def _at(of: Lasting) -> _At:
+    return (type(of), of.place)

@@ -1,0 +1,86 @@
+"""Who was there: robots' gateways, cameras that were spoken for, and monitors themselves. Pure."""
+
+from collections.abc import Iterable, Iterator
+from typing import Final, Self
+
+from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.inventory.inventory import SETTLE_NS, Inventory
+from services.monitor.inventory.settling import NS
+from services.monitor.inventory.speaking import Speaking
+
+Place = tuple[str, str]
+"""A robot and its camera; the latter is empty for the robot itself."""
+
+MONITOR: Final[Place] = ("", "")
+"""Where a monitor is while it raises alerts: at no other time is anybody known to be silent."""
+
+RESTORED_NS: Final = 86_400 * NS
+"""How long ago somebody may have been there, or something in view, for a monitor that begins to miss them."""
+
+
+class Presence(Lasting, frozen=True, gc=False):
+    """As long as a robot's gateway was there, a camera was spoken for, or one monitor raised alerts (neither named)."""
+
+    robot: str = ""
+    camera: str = ""
+
+    @property
+    def place(self) -> Place:
+        """Who was there."""
+        return (self.robot, self.camera)
+
+    def is_as(self, _: Self) -> bool:
+        """Whether one who was there a short while ago is there without a gap; the next monitor begins anew."""
+        return self.place != MONITOR
+
+
+def presence_of(place: Place, since_ns: int) -> Presence:
+    """Return the open interval of who is there."""
+    return Presence(since_ns=since_ns, until_ns=since_ns, open=True, robot=place[0], camera=place[1])
+
+
+class Attendance:
+    """Enters in a ledger who is there. It is told of whoever comes and goes, and looks at nobody who simply stays."""
+
+    def __init__(self, inventory: Inventory, ledger: Ledger) -> None:
+        self._inventory = inventory
+        self._ledger = ledger
+        self._news = inventory.follow()
+        self._speaking = Speaking(inventory, inventory.speaks, speaks=False)
+        self._before: dict[Place, int] = {}
+        self._settled_ns = 0
+
+    def resume(self, stored: Iterable[Presence], now_ns: int) -> None:
+        """Take who was there when a monitor stopped a short while ago: who is back at once was there all along."""
+        self._before = {each.place: each.since_ns for each in stored if each.place != MONITOR}
+        self._settled_ns = now_ns + SETTLE_NS
+
+    def lead(self, now_ns: int) -> None:
+        """Note that from now on this monitor raises alerts."""
+        self._ledger.begin(presence_of(MONITOR, now_ns))
+
+    def follow(self) -> None:
+        """Note that another one does."""
+        self._ledger.drop(Presence, MONITOR)
+
+    def note(self, now_ns: int) -> Iterator[None]:
+        """Enter who came and went, and yield after each of them: all may go at once."""
+        if now_ns > self._settled_ns:
+            self._before.clear()
+        robots, cameras = self._news.robots, self._news.cameras
+        self._news.robots, self._news.cameras = set(), set()
+        told = [camera for key in cameras if (camera := self._inventory.camera(key)) is not None]
+        for robot in robots:
+            self._note((robot, ""), now_ns, there=self._inventory.is_alive(robot))
+            yield
+        for camera in self._speaking.advance(now_ns, told):
+            key = camera.key
+            self._note((key.robot, key.camera), now_ns, there=self._inventory.speaks(camera, now_ns))
+            yield
+
+    def _note(self, place: Place, now_ns: int, *, there: bool) -> None:
+        was_there = self._ledger.opened(Presence, place) is not None
+        if there and not was_there:
+            self._ledger.begin(presence_of(place, self._before.get(place, now_ns)))
+        elif was_there and not there:
+            self._ledger.end(Presence, place, now_ns)

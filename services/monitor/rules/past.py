@@ -1,0 +1,84 @@
+"""What history tells of a time, in the order in which it happened. Pure."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Final
+
+from schemas.keys import CameraKey
+from services.monitor.history.disagreements import Disagreement
+from services.monitor.history.intervals import Interval
+from services.monitor.history.ledger import Lasting
+from services.monitor.history.presence import MONITOR, Presence
+
+FOREVER_NS: Final = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Something begins or ends. first: nobody saw it begin, as nothing is kept of the camera before.
+
+    of: None where a monitor knows who is there, and looks at everybody.
+    """
+
+    at_ns: int
+    of: Lasting | None
+    begins: bool = False
+    first: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """While one monitor raised alerts. told: it kept who was there, too."""
+
+    since_ns: int
+    until_ns: int
+    told: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What was in view, who was there and what models disagreed about."""
+
+    intervals: Sequence[Interval] = ()
+    presences: Sequence[Presence] = ()
+    disagreements: Sequence[Disagreement] = ()
+
+    @property
+    def first_ns(self) -> int:
+        """Until when something was in view first; FOREVER_NS if nothing ever was."""
+        return min((interval.until_ns for interval in self.intervals), default=FOREVER_NS)
+
+    @property
+    def last_ns(self) -> int:
+        """When anything was so last; 0 if nothing ever was."""
+        everything = chain(self.intervals, self.presences, self.disagreements)
+        return max((each.until_ns for each in everything), default=0)
+
+    @property
+    def told_ns(self) -> int:
+        """Since when it is kept who was there; FOREVER_NS if it never was."""
+        return min((each.since_ns for each in self.presences if each.place == MONITOR), default=FOREVER_NS)
+
+    def runs(self) -> Iterator[Run]:
+        """Yield when a monitor raised alerts; until the first that is kept one did, for all that is known."""
+        yield Run(0, self.told_ns, told=False)
+        runs = sorted((each for each in self.presences if each.place == MONITOR), key=lambda each: each.since_ns)
+        next_ones_ns = [*(each.since_ns for each in runs), FOREVER_NS][1:]
+        for each, next_ns in zip(runs, next_ones_ns, strict=True):
+            yield Run(each.since_ns, next_ns if each.open else min(each.until_ns, next_ns), told=True)
+
+    def steps(self) -> list[Step]:
+        """Return everything but the monitors' own runs, in order; what ends at a moment before what begins then."""
+        began: dict[CameraKey, int] = {}
+        for interval in self.intervals:
+            began[interval.key] = min(interval.since_ns, began.get(interval.key, interval.since_ns))
+        steps = []
+        for each in chain(self.intervals, self.presences, self.disagreements):
+            if each.place == MONITOR:
+                continue
+            first = isinstance(each, Interval) and each.since_ns == began[each.key]
+            steps.append(Step(each.since_ns, each, begins=True, first=first))
+            if not each.open:
+                steps.append(Step(each.until_ns, each))
+        return sorted(steps, key=lambda step: (step.at_ns, step.begins))

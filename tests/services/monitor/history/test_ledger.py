@@ -1,0 +1,123 @@
+import pytest
+from msgspec.structs import replace
+
+from services.monitor.history import ledger as module
+from services.monitor.history.intervals import Interval
+from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.presence import Presence
+from tests.services.monitor.history.lasting import disagreement, there
+from tests.services.monitor.history.test_store import interval
+from tests.services.monitor.inventory.seeing import FRONT, S
+
+
+def told(ledger: Ledger) -> list[tuple[int, int, bool]]:
+    """Return what is to be written as (since, until, open), and take it as written."""
+    some = ledger.pending(100)
+    ledger.written(some)
+    return [(each.since_ns // S, each.until_ns // S, each.open) for each in some]
+
+
+def box(since_s: int, count: int = 1) -> Interval:
+    return replace(interval(since_s, since_s, is_open=True), count=count)
+
+
+def test_what_begins_ends_what_was_open_at_its_place() -> None:
+    ledger = Ledger()
+    ledger.begin(box(1))
+    ledger.begin(there(2, 2, is_open=True))
+    ledger.begin(box(3))
+    assert told(ledger) == [(1, 3, False), (2, 2, True), (3, 3, True)]
+    ledger.end(Presence, ("r1", ""), 1 * S)
+    assert told(ledger) == [(2, 2, False)], "nothing ends before it began"
+    ledger.end(Presence, ("r1", ""), 9 * S)
+    assert told(ledger) == []
+
+
+def test_one_place_has_one_open_interval_of_each_kind() -> None:
+    ledger = Ledger()
+    ledger.begin(box(1))
+    ledger.begin(disagreement(2, 2, is_open=True))
+    assert told(ledger) == [(1, 1, True), (2, 2, True)]
+    assert ledger.opened(Interval, (FRONT, "box")) == box(1)
+    assert ledger.opened(Presence, (FRONT, "box")) is None
+
+
+def test_what_changed_while_it_was_written_is_written_again() -> None:
+    ledger = Ledger()
+    ledger.begin(box(1))
+    under_way = ledger.pending(100)
+    ledger.end(Interval, (FRONT, "box"), 8 * S)
+    ledger.written(under_way)
+    assert told(ledger) == [(1, 8, False)]
+
+
+def test_what_another_monitor_goes_on_with_is_not_written_any_more() -> None:
+    ledger = Ledger()
+    ledger.begin(there(1, 1, "", is_open=True))
+    ledger.forget_pending()
+    ledger.drop(Presence, ("", ""))
+    ledger.merge([], 0, 9 * S, gap_ns=5 * S)
+    assert told(ledger) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "ours", "heartbeat_s", "written"),
+    [
+        (box(2), box(5), 8, [(2, 5, True)]),
+        (box(5), box(5), 8, [(5, 5, True)]),
+        (box(2, count=3), box(5), 4, [(2, 4, False), (5, 5, True)]),
+        (box(2, count=3), box(5), 8, [(2, 5, False), (5, 5, True)]),
+        (interval(1, 2, name="pallet", is_open=True), box(5), 8, [(1, 8, False), (5, 5, True)]),
+        (there(1, 1, is_open=True), there(5, 5, is_open=True), 4, [(1, 5, True)]),
+        (there(1, 1, "", is_open=True), there(5, 5, "", is_open=True), 4, [(1, 4, False), (5, 5, True)]),
+        (disagreement(1, 1, is_open=True), disagreement(5, 5, is_open=True), 4, [(1, 5, True)]),
+        (disagreement(1, 1, (2, 0), is_open=True), disagreement(5, 5, is_open=True), 4, [(1, 4, False), (5, 5, True)]),
+    ],
+    ids=[
+        "same count",
+        "same",
+        "other count",
+        "other count and late",
+        "not here",
+        "still there",
+        "another monitor",
+        "still disagreeing",
+        "disagreeing otherwise",
+    ],
+)
+def test_another_monitors_intervals_go_on_or_end(
+    old: Lasting, ours: Lasting, heartbeat_s: int, written: list[tuple[int, int, bool]]
+) -> None:
+    ledger = Ledger()
+    ledger.begin(ours)
+    ledger.forget_pending()
+    ledger.merge([old], heartbeat_s * S, 9 * S, gap_ns=5 * S)
+    assert told(ledger) == written
+
+
+def test_over_a_long_gap_nothing_goes_on() -> None:
+    ledger = Ledger()
+    for ours in (box(105), there(105, 105, is_open=True)):
+        ledger.begin(ours)
+    ledger.forget_pending()
+    ledger.merge([box(1), there(1, 1, is_open=True)], 8 * S, 110 * S, gap_ns=60 * S)
+    assert told(ledger) == [(1, 8, False), (1, 8, False), (105, 105, True), (105, 105, True)]
+
+
+def test_what_happened_while_the_database_was_gone_is_kept() -> None:
+    ledger = Ledger()
+    ledger.begin(box(1))
+    assert told(ledger) == [(1, 1, True)]
+    ledger.begin(box(3, count=2))
+    ledger.begin(box(5))
+    ledger.merge([box(1)], 2 * S, 6 * S, gap_ns=60 * S)
+    assert sorted(told(ledger)) == [(1, 3, False), (3, 5, False), (5, 5, True)]
+
+
+def test_what_waits_is_bounded_and_the_oldest_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_PENDING", 2)
+    ledger = Ledger()
+    for second in (1, 2, 3, 4):
+        ledger.begin(box(second))
+    assert (len(ledger), ledger.lost) == (2, 2)
+    assert told(ledger) == [(3, 4, False), (4, 4, True)]

@@ -1,0 +1,104 @@
+from collections import deque
+
+from schemas.keys import CameraKey
+from services.monitor.history.ledger import Ledger
+from services.monitor.history.presence import Attendance, Presence
+from services.monitor.inventory.inventory import SETTLE_NS, Inventory, Limits
+from services.monitor.inventory.settling import Debounce
+from tests.services.monitor.history.lasting import there
+from tests.services.monitor.inventory.seeing import FRONT, S, seen
+
+STALE_S = Limits().stale_ns // S
+
+
+class Fleet:
+    """A fleet, and who was entered in the ledger as robot/camera, since, until and open."""
+
+    def __init__(self) -> None:
+        self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+        self.ledger = Ledger()
+        self.attendance = Attendance(self.inventory, self.ledger)
+        self._seq = 0
+
+    def see(self, at_s: int) -> None:
+        self._seq += 1
+        self.inventory.see(seen(self._seq, {}), at_s * S)
+
+    def noted(self, at_s: int) -> list[tuple[str, int, int, bool]]:
+        deque(self.attendance.note(at_s * S), maxlen=0)
+        some = [each for each in self.ledger.pending(100) if isinstance(each, Presence)]
+        self.ledger.written(some)
+        return [(f"{of.robot}/{of.camera}", of.since_ns // S, of.until_ns // S, of.open) for of in some]
+
+
+def test_a_robot_is_there_as_long_as_its_gateway_is() -> None:
+    fleet = Fleet()
+    assert fleet.noted(1) == []
+    fleet.inventory.robot_presence("r1", alive=True)
+    assert fleet.noted(2) == [("r1/", 2, 2, True)]
+    assert fleet.noted(3) == []
+    fleet.inventory.robot_presence("r1", alive=False)
+    fleet.inventory.robot_presence("r2", alive=False)
+    assert fleet.noted(4) == [("r1/", 2, 4, False)]
+    fleet.inventory.robot_presence("r1", alive=True)
+    assert fleet.noted(5) == [("r1/", 5, 5, True)]
+
+
+def test_a_robot_that_was_gone_between_two_looks_costs_no_row() -> None:
+    fleet = Fleet()
+    fleet.inventory.robot_presence("r1", alive=True)
+    fleet.noted(1)
+    for alive in (False, True) * 50:
+        fleet.inventory.robot_presence("r1", alive=alive)
+    assert fleet.noted(2) == []
+
+
+def test_a_camera_is_there_as_long_as_it_is_spoken_for() -> None:
+    fleet = Fleet()
+    fleet.inventory.robot_presence("r1", alive=True)
+    fleet.inventory.camera_presence(FRONT, alive=True)
+    fleet.see(1)
+    assert fleet.noted(1) == [("r1/", 1, 1, True)], "one list may be that which late subscribers get"
+    fleet.see(2)
+    assert fleet.noted(2) == [("r1/front", 2, 2, True)]
+    fleet.see(3)
+    assert fleet.noted(3 + STALE_S) == []
+    assert fleet.noted(4 + STALE_S) == [("r1/front", 2, 4 + STALE_S, False)]
+    fleet.see(20)
+    assert fleet.noted(20) == [("r1/front", 20, 20, True)]
+    fleet.inventory.camera_presence(FRONT, alive=False)
+    assert fleet.noted(21) == [("r1/front", 20, 21, False)]
+    fleet.inventory.camera_presence(FRONT, alive=True)
+    fleet.see(22)
+    assert fleet.noted(22) == [("r1/front", 22, 22, True)]
+    fleet.inventory.robot_presence("r1", alive=False)
+    assert fleet.noted(23) == [("r1/", 1, 23, False), ("r1/front", 22, 23, False)]
+
+
+def test_who_is_back_at_once_after_a_restart_was_there_all_along() -> None:
+    fleet = Fleet()
+    settle_s = SETTLE_NS // S
+    before = [there(1, 10), there(2, 10, "r2"), there(3, 10, "")]
+    fleet.attendance.resume(before, 20 * S)
+    fleet.attendance.lead(20 * S)
+    fleet.inventory.robot_presence("r1", alive=True)
+    fleet.inventory.robot_presence("r3", alive=True)
+    assert sorted(fleet.noted(20 + settle_s)) == [("/", 20, 20, True), ("r1/", 1, 1, True), ("r3/", 23, 23, True)]
+    fleet.inventory.robot_presence("r2", alive=True)
+    assert fleet.noted(21 + settle_s) == [("r2/", 24, 24, True)], "it was missed by then"
+
+
+def test_a_monitor_is_there_as_long_as_it_leads() -> None:
+    fleet = Fleet()
+    fleet.attendance.lead(5 * S)
+    assert fleet.noted(6) == [("/", 5, 5, True)]
+    fleet.attendance.follow()
+    fleet.attendance.lead(9 * S)
+    assert fleet.noted(9) == [("/", 9, 9, True)], "when the other one began says the other one"
+
+
+def test_cameras_of_robots_that_are_recalled_alone_are_not_there() -> None:
+    fleet = Fleet()
+    fleet.inventory.recall({("r1", ""): 5 * S, ("r1", "front"): 5 * S}, 0)
+    assert fleet.inventory.camera(CameraKey("r1", "front"))
+    assert fleet.noted(9) == []

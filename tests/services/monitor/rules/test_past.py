@@ -1,0 +1,33 @@
+from services.monitor.rules.past import FOREVER_NS, Past, Run
+from tests.services.monitor.history.lasting import disagreement, there
+from tests.services.monitor.history.test_store import interval
+from tests.services.monitor.inventory.seeing import S
+
+RUNS = [there(10, 20, ""), there(30, 35, "", is_open=True)]
+
+
+def test_before_the_first_monitor_that_is_kept_another_one_ran() -> None:
+    assert list(Past().runs()) == [Run(0, FOREVER_NS, told=False)]
+    runs = [Run(0, 10 * S, told=False), Run(10 * S, 20 * S, told=True), Run(30 * S, FOREVER_NS, told=True)]
+    assert list(Past(presences=RUNS[::-1]).runs()) == runs
+    assert (Past().told_ns, Past(presences=RUNS).told_ns) == (FOREVER_NS, 10 * S)
+
+
+def test_a_run_ends_at_the_latest_when_the_next_one_begins() -> None:
+    runs = list(Past(presences=[there(10, 25, ""), there(20, 25, "", is_open=True)]).runs())
+    assert [(run.since_ns // S, run.until_ns) for run in runs[1:]] == [(10, 20 * S), (20, FOREVER_NS)]
+
+
+def test_steps_are_in_order_and_what_ends_does_so_before_what_begins() -> None:
+    past = Past([interval(5, 8), interval(8, 9, is_open=True)], [there(2, 8), *RUNS], [disagreement(8, 9)])
+    steps = [(step.at_ns // S, type(step.of).__name__, step.begins, step.first) for step in past.steps()]
+    assert steps[:2] == [(2, "Presence", True, False), (5, "Interval", True, True)]
+    assert sorted(steps[2:4]) == [(8, "Interval", False, False), (8, "Presence", False, False)]
+    assert sorted(steps[4:6]) == [(8, "Disagreement", True, False), (8, "Interval", True, False)]
+    assert steps[6:] == [(9, "Disagreement", False, False)]
+
+
+def test_a_past_reaches_from_what_ended_first_to_what_lasted_longest() -> None:
+    assert (Past().first_ns, Past().last_ns) == (FOREVER_NS, 0)
+    past = Past([interval(5, 8), interval(1, 9)], RUNS, [disagreement(8, 70)])
+    assert (past.first_ns, past.last_ns) == (8 * S, 70 * S)
