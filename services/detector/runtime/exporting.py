@@ -65,8 +65,10 @@ def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: i
 
     folder.parent.mkdir(parents=True, exist_ok=True)
     remove_abandoned(folder.parent, time.time())
-    making = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
+    own = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
+    making = own / folder.name
     try:
+        making.mkdir()  # unlike `own`, which only we can enter, as open as the cache's other files
         copy = shutil.copy(weights.path, making / "model.pt")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -76,7 +78,7 @@ def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: i
             raise FileNotFoundError(f"it is not where it should be: {made}")
         put_in_place(making, folder)
     finally:
-        shutil.rmtree(making, ignore_errors=True)
+        shutil.rmtree(own, ignore_errors=True)
 
 
 def remove_abandoned(cache: Path, now_s: float) -> None:

@@ -101,3 +101,9 @@ def test_an_export_is_made_once_and_openvino_and_onnx_share_it(model_folder: Pat
     cached = [each.name for each in (model_folder / "cache").iterdir() if each.is_dir()]
     assert len([name for name in cached if name.endswith("-onnx")]) == 1
     assert not [name for name in cached if name.startswith(".")]
+
+
+def test_who_may_read_the_cache_may_read_what_is_exported(model_folder: Path) -> None:
+    load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics").close()
+    cache = model_folder / "cache"
+    assert {each.stat().st_mode for each in cache.iterdir() if each.is_dir()} == {cache.stat().st_mode}
