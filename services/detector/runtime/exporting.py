@@ -5,7 +5,9 @@ import shutil
 import tempfile
 import time
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -37,30 +39,29 @@ def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: i
         ModelError: the export failed.
     """
     name = f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
-    if (cache / name / FILES[kind]).is_file():
-        return cache / name / FILES[kind]
-    folder = writable(cache, spare) / name
-    if not (folder / FILES[kind]).is_file():
-        log.info("exporting %s for %s, once", weights.path.name, kind)
-        try:
-            _export(weights, kind, folder, device, longest)
-        except Exception as error:
-            raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
-    return folder / FILES[kind]
-
-
-def writable(cache: Path, spare: Path) -> Path:
-    """Return the cache, or with a warning `spare` if the cache cannot be written."""
+    for place in (cache, spare):
+        if (place / name / FILES[kind]).is_file():
+            return place / name / FILES[kind]
+    log.info("exporting %s for %s, once", weights.path.name, kind)
+    export = partial(_export, weights, kind, device=device, longest=longest)
     try:
-        cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=cache):
-            return cache
+        return _kept(export, cache / name, spare / name) / FILES[kind]
+    except Exception as error:
+        raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
+
+
+def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
+    """Export to a folder in the cache, or with a warning to `spare` if that cannot be written, be it full."""
+    try:
+        export(folder)
     except OSError as error:
-        log.warning("--cache %s: %s: what is exported is not kept", cache, error.strerror)
+        log.warning("--cache %s: %s: what is exported is not kept", folder.parent, error.strerror or error)
+        export(spare)
         return spare
+    return folder
 
 
-def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: int) -> None:
+def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest: int) -> None:
     from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
 
     folder.parent.mkdir(parents=True, exist_ok=True)

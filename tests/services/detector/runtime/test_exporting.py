@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from services.detector.runtime.exporting import ABANDONED_S, MAKING, put_in_place, remove_abandoned, writable
+from services.detector.runtime.exporting import ABANDONED_S, MAKING, put_in_place, remove_abandoned
 
 
 def made(folder: Path, content: str) -> Path:
@@ -50,17 +50,3 @@ def test_what_a_killed_process_left_behind_is_removed_and_nothing_else(tmp_path:
 def test_a_cache_with_nothing_left_behind_stays_as_it_is(tmp_path: Path) -> None:
     remove_abandoned(tmp_path / "absent", 0)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_cache_that_can_be_written_is_made_and_left_empty(tmp_path: Path) -> None:
-    cache = tmp_path / "some" / "cache"
-    assert writable(cache, tmp_path / "spare") == cache
-    assert not list(cache.iterdir())
-
-
-def test_instead_of_a_cache_that_cannot_be_written_there_is_the_spare_one_and_it_is_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (tmp_path / "file").touch()
-    assert writable(tmp_path / "file" / "cache", tmp_path / "spare") == tmp_path / "spare"
-    assert f"--cache {tmp_path / 'file' / 'cache'}: Not a directory: what is exported is not kept" in caplog.text
