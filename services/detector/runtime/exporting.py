@@ -1,6 +1,7 @@
 """Exported models, made once per content of the weights and kept."""
 
 import logging
+import os
 import shutil
 import tempfile
 import time
@@ -92,6 +93,9 @@ def remove_abandoned(cache: Path, now_s: float) -> None:
 
 def put_in_place(made: Path, folder: Path) -> None:
     """Make `folder` of what was made, at once, unless somebody else was quicker."""
+    for file in filter(Path.is_file, made.rglob("*")):
+        with file.open("rb") as written:
+            os.fsync(written.fileno())  # a machine may lose its power before what has its name already is written
     try:
         made.rename(folder)
     except OSError:

@@ -20,6 +20,14 @@ def test_what_is_put_in_place_is_whole_and_the_first_ones(tmp_path: Path) -> Non
     assert (place / "model.onnx").read_text() == "first"
 
 
+def test_what_gets_its_place_is_on_the_disk_by_then(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[Path] = []
+    monkeypatch.setattr(os, "fsync", lambda file: written.append(Path(f"/proc/self/fd/{file}").readlink()))
+    folder = made(tmp_path / "one", "first")
+    put_in_place(folder, tmp_path / "place")
+    assert written == [folder / "model.onnx"]
+
+
 def test_any_number_at_once(tmp_path: Path) -> None:
     place = tmp_path / "place"
     folders = [made(tmp_path / str(n), str(n)) for n in range(16)]
