@@ -18,7 +18,7 @@ from gateway.ros1.tasks import cancel_and_wait
 from gateway.shaping.shaping import Shaping
 from gateway.stream import StreamForward
 from gateway.subscriptions import Subscriptions
-from gateway.translators import kind_of
+from gateway.translators import StreamKind
 from schemas.keys import CameraKey, SensorKey
 from schemas.status import ReturnStatus, StreamStatus
 
@@ -34,7 +34,7 @@ class _Offer:
 
     task: asyncio.Task[None]
     topic: str
-    of_points: bool
+    kind: StreamKind
     offered: asyncio.Event = field(default_factory=asyncio.Event)
     forward: Forward | None = None
 
@@ -97,8 +97,7 @@ class Offers:
         await self._withdraw(
             key
             for key, offer in self._offers.items()
-            if key not in plan.streams
-            or (plan.streams[key].topic, plan.of_points(key)) != (offer.topic, offer.of_points)
+            if key not in plan.streams or (plan.streams[key].topic, plan.kind_of(key)) != (offer.topic, offer.kind)
         )
         await self._end_results(
             camera
@@ -107,7 +106,7 @@ class Offers:
         )
         for key, source in plan.streams.items():
             if key not in self._offers:
-                self._offer(key, source.topic, of_points=plan.of_points(key))
+                self._offer(key, source.topic, plan.kind_of(key))
         self._begin_results(plan)
         for offer in self._offers.values():
             await offer.offered.wait()
@@ -116,8 +115,7 @@ class Offers:
         """Withdraw everything."""
         await self.change(NOTHING)
 
-    def _offer(self, key: SensorKey, topic: str, *, of_points: bool) -> None:
-        kind = kind_of(key, of_points=of_points)
+    def _offer(self, key: SensorKey, topic: str, kind: StreamKind) -> None:
         if key not in self._streams:
             self._streams[key] = StreamForward(
                 key, topic, kind, self._boot_id, self._shaping.thinning(key), useful=self._shaping.useful(key)
@@ -126,7 +124,7 @@ class Offers:
         stream.topic, stream.kind = topic, kind
         offered = asyncio.Event()
         task = self._group.create_task(self._run(key, stream, offered))
-        self._offers[key] = _Offer(task, topic, of_points, offered)
+        self._offers[key] = _Offer(task, topic, kind, offered)
 
     async def _run(self, key: SensorKey, stream: StreamForward, offered: asyncio.Event) -> None:
         async with offering(self._bus, stream, self._shaping.outlet) as forward:

@@ -8,12 +8,12 @@ from typing import Final
 from gateway.discovery.cameras import best, with_sides_joined
 from gateway.discovery.candidates import READERS, Candidate, one_of_each_image, shows_colors
 from gateway.discovery.naming import name_cameras
-from gateway.discovery.reading import Path, read
+from gateway.discovery.reading import Path, read, says_rectified
 from gateway.discovery.sieve import why_not
 from gateway.discovery.topics import Topic, calibrations_of, image_of
 from gateway.discovery.wishes import Wishes
 from gateway.nodes import ros_chunk
-from gateway.translators import camera_info, transforms
+from gateway.translators import StreamKind, camera_info, kind_of, transforms
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.status import MAX_STREAMS
 
@@ -57,6 +57,17 @@ class Plan:
             return False
         points = self.streams.get(StreamKey(key.camera, Stream.POINTS))
         return points is not None and key in self.streams and points.topic == self.streams[key].topic
+
+    def kind_of(self, key: SensorKey) -> StreamKind:
+        """Return what one of the streams carries."""
+        return kind_of(key, of_points=self.of_points(key), of_rectified=self._of_rectified(key))
+
+    def _of_rectified(self, key: SensorKey) -> bool:
+        """Whether a stream is the calibration of a picture that is named as rectified ones are."""
+        if not isinstance(key, StreamKey):
+            return False
+        pictures = (self.streams.get(StreamKey(key.camera, of)) for of, info in INFOS.items() if info is key.stream)
+        return any(picture is not None and says_rectified(picture.topic) for picture in pictures)
 
 
 def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:

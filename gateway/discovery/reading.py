@@ -21,6 +21,8 @@ WORDS: Final = (
 )
 """What names of pictures are made of; what else a chunk says is the camera's name."""
 
+RECTIFIED: Final = frozenset({"rect", "rectified"})
+
 DEVICES: Final = frozenset({"cam", "camera", "webcam", "lidar"})
 """A last chunk with one of these is a camera of which there is one picture."""
 
@@ -45,6 +47,11 @@ class Reading:
     onto: frozenset[str]
     leaf: str
     before: int
+
+
+def says_rectified(name: str) -> bool:
+    """Return whether a picture's name says, as ROS's do, that the lens was taken out of it."""
+    return not RECTIFIED.isdisjoint(re.split("[/_]", name.lower()))
 
 
 def read(name: str) -> Reading | None:

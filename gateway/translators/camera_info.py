@@ -2,6 +2,8 @@
 
 from typing import Any, Final
 
+import msgspec
+
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import label, stamp_of, stamped
@@ -10,6 +12,8 @@ from schemas.errors import SchemaError
 from schemas.header import Header
 
 TYPE_NAME: Final = "sensor_msgs/CameraInfo"
+
+UNTURNED: Final = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
 
 
 def camera_info(message: Message, header: Header) -> CameraInfo:
@@ -30,6 +34,19 @@ def camera_info(message: Message, header: Header) -> CameraInfo:
         binning_y=found.binning_y,
         roi=_region(found.roi),
     )
+
+
+def rectified_info(message: Message, header: Header) -> CameraInfo:
+    """Translate the calibration of a rectified picture, whose camera is the straight one that P describes.
+
+    ROS has one camera info for both: K and D are of the picture as the sensor took it. Where P has no focal length
+    it stays as it is.
+    """
+    found = camera_info(message, header)
+    if not (found.p[0] > 0 and found.p[5] > 0):
+        return found
+    k = [*found.p[0:3], *found.p[4:7], *found.p[8:11]]
+    return msgspec.structs.replace(found, distortion_model="plumb_bob", d=[], k=k, r=UNTURNED)
 
 
 def _region(roi: Any) -> Region:

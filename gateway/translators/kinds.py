@@ -46,11 +46,20 @@ _KINDS: Final[dict[str, StreamKind]] = {
     ROS: StreamKind(RawMessage, QoS.IMAGE, {ANY: each(raw.raw)}),  # they may be large: the newest wins
 }
 
+_INFO_OF_RECTIFIED: Final = StreamKind(
+    CameraInfo, QoS.RESULT, {camera_info.TYPE_NAME: each(camera_info.rectified_info)}, max_bytes=_INFO.max_bytes
+)
+
 _COLOR_OF_POINTS: Final = StreamKind(ImageFrame, QoS.IMAGE, {ros_point_cloud.TYPE_NAME: each(cloud_image)})
 
 
-def kind_of(key: SensorKey, *, of_points: bool = False) -> StreamKind:
-    """Return what a stream that sensors send carries. of_points: it is the colours of a point cloud."""
+def kind_of(key: SensorKey, *, of_points: bool = False, of_rectified: bool = False) -> StreamKind:
+    """Return what a stream that sensors send carries.
+
+    of_points: it is the colours of a point cloud. of_rectified: it is the calibration of a rectified picture.
+    """
     if of_points:
         return _COLOR_OF_POINTS
+    if of_rectified:
+        return _INFO_OF_RECTIFIED
     return _KINDS[key.stream if isinstance(key, StreamKey) else key.kind]

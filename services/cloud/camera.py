@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
 from time import perf_counter_ns
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import msgspec
 
@@ -29,6 +29,8 @@ from services.cloud.account import (
     MALFORMED_POINTS,
     MALFORMED_TRANSFORMS,
     REPLACED,
+    TOO_MANY_POINTS,
+    TOO_MANY_TRANSFORMS,
     UNJOINED,
     UNPLACED,
     UNWANTED,
@@ -43,8 +45,16 @@ log = logging.getLogger(__name__)
 
 M = TypeVar("M", bound=Message)
 
-TRANSFORMS: Final = 1000
-"""Messages of transforms that wait to be taken at most."""
+POINTS_WAITING: Final = 8
+TRANSFORMS_WAITING: Final = 1000
+"""Messages that wait to be taken at most."""
+
+_LOST: Final[dict[type[Any], str]] = {
+    Detections: REPLACED,
+    PointCloud: TOO_MANY_POINTS,
+    Transforms: TOO_MANY_TRANSFORMS,
+}
+"""What is more than can wait counts as that; of calibrations the newest is all that matters."""
 
 
 class Camera:
@@ -81,10 +91,10 @@ class Camera:
         try:
             async with (
                 bus.announce(str(token)),
-                bus.subscribe(str(tf_static), QUEUE(TRANSFORMS)) as static,
-                bus.subscribe(str(tf), QUEUE(TRANSFORMS), history=False) as moving,
+                bus.subscribe(str(tf_static), QUEUE(TRANSFORMS_WAITING)) as static,
+                bus.subscribe(str(tf), QUEUE(TRANSFORMS_WAITING), history=False) as moving,
                 bus.subscribe(self._key.stream(Stream.INFO), LATEST) as infos,
-                bus.subscribe(points.stream(Stream.POINTS), LATEST, history=False) as clouds,
+                bus.subscribe(points.stream(Stream.POINTS), QUEUE(POINTS_WAITING), history=False) as clouds,
                 bus.subscribe(self._key.stream(Stream.DETECTIONS), LATEST, history=False) as detections,
                 TaskGroup() as group,
             ):
@@ -119,7 +129,8 @@ class Camera:
         take: Callable[[M], None],
     ) -> None:
         async for sample in samples:
-            self._account.dropped[REPLACED] += sample.replaced if schema is Detections else 0
+            if schema in _LOST:
+                self._account.dropped[_LOST[schema]] += sample.replaced
             message = self._decoded(sample, schema, of, malformed)
             if message is not None:
                 take(message)

@@ -24,8 +24,11 @@ from services.geometry.transforms import TransformTree
 Numbers = NDArray[Any]
 
 NO_INFO: Final = "no camera info of the colour image arrived, so no points can be projected into it"
-FIXED_FRAMES: Final = ("map", "odom")
-"""Frames that stand still, the preferred one first: through them points of one instant are seen at another."""
+FIXED_FRAMES: Final = ("odom", "map")
+"""Frames that stand still, the preferred one first: through them points of one instant are seen at another.
+
+By REP 105 of ROS a robot moves without leaps in odom alone: in map it leaps whenever it is found to be elsewhere.
+"""
 
 FARTHEST_M: Final = MAX_COORDINATE_M / 2
 """How far away a target frame may be: what is near the points is then within what messages carry."""

@@ -135,8 +135,8 @@ class Waiting:
             return False
         if picture.stamp_ns == points.stamp_ns:
             return True
-        still = [self._is_open(fixed, picture) for fixed in FIXED_FRAMES]
-        return None in still or True not in still
+        still = [{self._is_open(fixed, each) for each in (picture, points)} for fixed in FIXED_FRAMES]
+        return {None} in still or not any(False not in each for each in still)
 
     def _is_open(self, target: str, source: Header) -> bool | None:
         """Return whether a transform may still become known; None where it is known."""

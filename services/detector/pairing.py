@@ -75,9 +75,12 @@ class PairedModel:
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""
         masked = [request for request in batch if request.masks]
-        async with asyncio.TaskGroup() as group:
-            boxes = group.create_task(self._boxes.infer([replace(request, masks=False) for request in batch]))
-            masks = group.create_task(self._masks.infer(masked))
+        try:
+            async with asyncio.TaskGroup() as group:
+                boxes = group.create_task(self._boxes.infer([replace(request, masks=False) for request in batch]))
+                masks = group.create_task(self._masks.infer(masked))
+        except ExceptionGroup as failed:
+            raise failed.exceptions[0] from failed
         left = iter(masks.result())
         return [
             _joined(request, outcome, next(left)) if request.masks else outcome

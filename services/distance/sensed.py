@@ -53,9 +53,9 @@ class Sensed:
         if isinstance(found, NoPartner):
             return Moment(found.reason, frames, open=not found.final)
         depth = found.item
-        from_depth, _ = self._lookup(header.frame_id, depth.header.frame_id, found.stamp_ns)
+        from_depth, early = self._lookup(header.frame_id, depth.header.frame_id, found.stamp_ns)
         instant = Instant(detections, depth, self.info, self.depth_info, from_depth)
-        return Moment(instant, frames, open=frames_open)
+        return Moment(instant, frames, open=frames_open or early)
 
     def _frames(self, camera: str, stamp_ns: int) -> tuple[tuple[Frame, ...], bool]:
         found = [(name, *self._lookup(name, camera, stamp_ns)) for name in self.frames]

@@ -1,11 +1,14 @@
 """Exported models, made once per content of the weights and kept."""
 
 import logging
+import os
 import shutil
 import tempfile
 import time
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -37,36 +40,37 @@ def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: i
         ModelError: the export failed.
     """
     name = f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
-    if (cache / name / FILES[kind]).is_file():
-        return cache / name / FILES[kind]
-    folder = writable(cache, spare) / name
-    if not (folder / FILES[kind]).is_file():
-        log.info("exporting %s for %s, once", weights.path.name, kind)
-        try:
-            _export(weights, kind, folder, device, longest)
-        except Exception as error:
-            raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
-    return folder / FILES[kind]
-
-
-def writable(cache: Path, spare: Path) -> Path:
-    """Return the cache, or with a warning `spare` if the cache cannot be written."""
+    for place in (cache, spare):
+        if (place / name / FILES[kind]).is_file():
+            return place / name / FILES[kind]
+    log.info("exporting %s for %s, once", weights.path.name, kind)
+    export = partial(_export, weights, kind, device=device, longest=longest)
     try:
-        cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=cache):
-            return cache
+        return _kept(export, cache / name, spare / name) / FILES[kind]
+    except Exception as error:
+        raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
+
+
+def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
+    """Export to a folder in the cache, or with a warning to `spare` if that cannot be written, be it full."""
+    try:
+        export(folder)
     except OSError as error:
-        log.warning("--cache %s: %s: what is exported is not kept", cache, error.strerror)
+        log.warning("--cache %s: %s: what is exported is not kept", folder.parent, error.strerror or error)
+        export(spare)
         return spare
+    return folder
 
 
-def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: int) -> None:
+def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest: int) -> None:
     from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
 
     folder.parent.mkdir(parents=True, exist_ok=True)
     remove_abandoned(folder.parent, time.time())
-    making = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
+    own = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
+    making = own / folder.name
     try:
+        making.mkdir()  # unlike `own`, which only we can enter, as open as the cache's other files
         copy = shutil.copy(weights.path, making / "model.pt")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -76,7 +80,7 @@ def _export(weights: "Weights", kind: str, folder: Path, device: str, longest: i
             raise FileNotFoundError(f"it is not where it should be: {made}")
         put_in_place(making, folder)
     finally:
-        shutil.rmtree(making, ignore_errors=True)
+        shutil.rmtree(own, ignore_errors=True)
 
 
 def remove_abandoned(cache: Path, now_s: float) -> None:
@@ -89,6 +93,9 @@ def remove_abandoned(cache: Path, now_s: float) -> None:
 
 def put_in_place(made: Path, folder: Path) -> None:
     """Make `folder` of what was made, at once, unless somebody else was quicker."""
+    for file in filter(Path.is_file, made.rglob("*")):
+        with file.open("rb") as written:
+            os.fsync(written.fileno())  # a machine may lose its power before what has its name already is written
     try:
         made.rename(folder)
     except OSError:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from gateway.discovery import Plan, Wishes, plan
 from gateway.discovery.plan import NOTHING
 from gateway.discovery.topics import Topic
+from gateway.translators import kind_of
 from schemas.keys import SensorKey, StreamKey, sensor_key
 from schemas.status import MAX_STREAMS
 from tests.gateway.discovery.graphs import COMPRESSED, DRIVERS, IMAGE, INFO, POINTS, REALSENSE, TF, graph, mapping
@@ -231,3 +232,19 @@ def test_a_camera_with_a_colour_image_needs_none_from_its_points() -> None:
 def test_the_settings_can_name_a_cloud_for_both() -> None:
     made = plan([], Wishes("r1", named(front__color="/p", front__points="/p", rear__color="/p"), discover=False))
     assert [key.name for key in made.streams if made.of_points(key)] == ["front/color"]
+
+
+@pytest.mark.parametrize(
+    ("color", "depth", "rectified"),
+    [
+        ("/front/image_raw", "/front/depth/image_raw", set()),
+        ("/front/image_rect_color", "/front/depth/image_raw", {"front/info"}),
+        ("/front/image_color_rect/compressed", "/front/depth/image_raw", {"front/info"}),
+        ("/front/image_color", "/front/image_depth_rect", {"front/depth_info"}),
+        ("/correct/image_raw", "/direct/depth/image_raw", set()),
+    ],
+)
+def test_the_calibration_of_a_rectified_picture_is_another_one(color: str, depth: str, rectified: set[str]) -> None:
+    infos = {"front__info": "/front/camera_info", "front__depth_info": "/front/camera_info", "tf": "/tf"}
+    made = plan([], Wishes("r1", named(front__color=color, front__depth=depth, **infos), discover=False))
+    assert {key.name for key in made.streams if made.kind_of(key) is not kind_of(key)} == rectified

@@ -1,16 +1,18 @@
 import asyncio
+from collections.abc import AsyncIterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
 
 import pytest
 
+from bus import Publisher as BusPublisher
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import Stream
 from schemas.objects import ObjectClouds
-from services.cloud.account import FAILED, Account
-from services.cloud.camera import Camera
+from services.cloud.account import FAILED, TOO_MANY_POINTS, Account
+from services.cloud.camera import POINTS_WAITING, Camera
 from services.cloud.measuring import Limits
 from services.geometry.room import Room
 from tests.gateway.ros1.waiting import until
@@ -35,8 +37,11 @@ def answered(account: Account, count: int) -> bool:
     return account.measured + account.dropped[FAILED] == count
 
 
-async def answers(publisher: Publisher, executor: Executor, frames: int) -> Account:
-    """Return the account of a camera whose objects are cut out that often."""
+@asynccontextmanager
+async def at_work(
+    publisher: Publisher, executor: Executor
+) -> AsyncIterator[tuple[dict[Stream, BusPublisher], Account]]:
+    """Yield what sends a camera's points and detections while its objects are cut out, and its account."""
     network, account = FakeNetwork(), Account(FRONT)
     async with AsyncExitStack() as stack:
         theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
@@ -55,12 +60,40 @@ async def answers(publisher: Publisher, executor: Executor, frames: int) -> Acco
         async with asyncio.TaskGroup() as group:
             working = group.create_task(camera.run(FRONT, publisher.put))
             await until(lambda: all(each.wanted for each in front.values()), "all is wanted")
-            for seq in range(1, frames + 1):
-                front[Stream.POINTS].put(codec.encode(registered(seq)))
-                front[Stream.DETECTIONS].put(codec.encode(found(seq)))
-                await until(partial(answered, account, seq), f"{seq} were answered")
+            yield front, account
             working.cancel()
+
+
+async def answers(publisher: Publisher, executor: Executor, frames: int) -> Account:
+    """Return the account of a camera whose objects are cut out that often."""
+    async with at_work(publisher, executor) as (front, account):
+        for seq in range(1, frames + 1):
+            front[Stream.POINTS].put(codec.encode(registered(seq)))
+            front[Stream.DETECTIONS].put(codec.encode(found(seq)))
+            await until(partial(answered, account, seq), f"{seq} were answered")
     return account
+
+
+async def test_points_that_come_at_once_are_kept_each_for_the_detections_of_its_instant() -> None:
+    publisher = Publisher()
+    with ThreadPoolExecutor(1) as executor:
+        async with at_work(publisher, executor) as (front, _):
+            for seq in (1, 2, 3):
+                front[Stream.POINTS].put(codec.encode(registered(seq)))
+            front[Stream.DETECTIONS].put(codec.encode(found(1)))
+            await until(lambda: publisher.taken, "the first is answered")
+    assert [(each.header.seq, len(each.objects)) for each in publisher.taken] == [(1, 1)]
+
+
+async def test_points_that_are_more_than_can_wait_are_counted() -> None:
+    publisher = Publisher()
+    with ThreadPoolExecutor(1) as executor:
+        async with at_work(publisher, executor) as (front, account):
+            for seq in range(1, POINTS_WAITING + 4):
+                front[Stream.POINTS].put(codec.encode(registered(seq)))
+            front[Stream.DETECTIONS].put(codec.encode(found(POINTS_WAITING + 3)))
+            await until(partial(answered, account, 1), "the last is answered")
+    assert account.load(serving=True).dropped == {TOO_MANY_POINTS: 3}
 
 
 async def test_clouds_that_cannot_be_published_are_the_only_ones_that_fail(caplog: pytest.LogCaptureFixture) -> None:

@@ -115,6 +115,14 @@ def test_points_of_another_instant_are_seen_through_what_stands_still() -> None:
     assert same[:3, 3] == pytest.approx([-0.5, 0, 0])
 
 
+def test_a_correction_of_the_map_is_no_movement_of_the_robot() -> None:
+    at_rest = (("odom", "base_link", 0, 5.0), ("base_link", "lens", 0, 0.2), ("base_link", "lidar", 0, -0.3))
+    corrected = tree(("map", "odom", 1000, 0.0), ("map", "odom", 2000, 1.0), *at_rest)
+    moves = moves_of(at(2000, "lens"), at(1500, "lidar"), corrected)
+    assert not isinstance(moves, str)
+    assert moves[:3, 3] == pytest.approx([-0.5, 0, 0])
+
+
 def test_without_what_stands_still_nothing_is_taken_to_have_moved() -> None:
     fixed = tree(("base_link", "lens", 0, 0.2), ("base_link", "lidar", 0, -0.3))
     moves = moves_of(at(2000, "lens"), at(1500, "lidar"), fixed)

@@ -172,6 +172,20 @@ def test_where_the_camera_was_at_its_own_instant_is_waited_for(fixed: str) -> No
     assert rig.took(0.1) == (1, 1000)
 
 
+@pytest.mark.parametrize("fixed", ["map", "odom"])
+def test_where_the_lidar_was_at_an_instant_after_the_pictures_is_waited_for(fixed: str) -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    for at in (900, 1000):
+        rig.waiting.transforms(moved(fixed, "base_link", at), static=False)
+    rig.found(1, 1000)
+    rig.points(1015)
+    assert rig.took(0.1) is None
+    rig.waiting.transforms(moved(fixed, "base_link", 1100), static=False)
+    assert rig.took(0.1) == (1, 1015)
+
+
 def test_one_frame_that_stands_still_is_enough() -> None:
     rig = Rig()
     rig.waiting.transforms(moved("base_link", "lens", 0), static=True)

@@ -2,7 +2,7 @@ import pytest
 
 from schemas.detections import Box, Detection, Mask
 from schemas.tuning import Tuning
-from services.detector.model import SILENT, Failed, Found, Request, TuningError
+from services.detector.model import SILENT, Failed, Found, ModelError, Request, TuningError
 from services.detector.pairing import PairedModel, joined
 from tests.services.detector.fakes import FakeModel
 from tests.services.detector.test_worker import FRONT, frame
@@ -50,6 +50,14 @@ async def test_without_masks_there_are_boxes_and_it_is_said_and_without_boxes_no
     assert "r1/front: frame 7 has no masks, failed in the model: RuntimeError('this image is fatal')" in caplog.text
     (failed,) = await PairedModel(FakeModel(), ToldModel(at_once=True)).infer([request])
     assert isinstance(failed, Failed)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+async def test_what_ends_one_model_is_the_error_that_callers_of_any_model_know(which: int) -> None:
+    models = [FakeModel(), FakeModel()]
+    models[which].broken = True
+    with pytest.raises(ModelError, match="no memory"):
+        await PairedModel(*models).infer([Request(FRONT, frame(0), masks=True)])
 
 
 async def test_the_second_model_is_asked_only_where_masks_are_wanted() -> None:

@@ -83,3 +83,17 @@ def test_depth_in_another_frame_needs_the_transform_between_the_two() -> None:
     assert isinstance(moment.instant, Instant)
     assert isinstance(moment.instant.color_from_depth, np.ndarray)
     assert moment.instant.color_from_depth[0, 3] == 0.02
+
+
+def test_where_a_depth_camera_is_that_moves_may_be_waited_for_too() -> None:
+    made = sensed()
+    keep(made, 5, frame_id="lens")
+    made.transforms.take(transforms((FRAME, "lens", 1.0), stamp_ns=stamp_of(4)), static=False)
+    moment = made.at(detections([], 5))
+    assert moment.open
+    made.transforms.take(transforms((FRAME, "lens", 2.0), stamp_ns=stamp_of(6)), static=False)
+    moment = made.at(detections([], 5))
+    assert not moment.open
+    assert isinstance(moment.instant, Instant)
+    assert isinstance(moment.instant.color_from_depth, np.ndarray)
+    assert moment.instant.color_from_depth[0, 3] == pytest.approx(1.5)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from services.detector.runtime.exporting import ABANDONED_S, MAKING, put_in_place, remove_abandoned, writable
+from services.detector.runtime.exporting import ABANDONED_S, MAKING, put_in_place, remove_abandoned
 
 
 def made(folder: Path, content: str) -> Path:
@@ -18,6 +18,14 @@ def test_what_is_put_in_place_is_whole_and_the_first_ones(tmp_path: Path) -> Non
     put_in_place(made(tmp_path / "one", "first"), place)
     put_in_place(made(tmp_path / "two", "second"), place)
     assert (place / "model.onnx").read_text() == "first"
+
+
+def test_what_gets_its_place_is_on_the_disk_by_then(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[Path] = []
+    monkeypatch.setattr(os, "fsync", lambda file: written.append(Path(f"/proc/self/fd/{file}").readlink()))
+    folder = made(tmp_path / "one", "first")
+    put_in_place(folder, tmp_path / "place")
+    assert written == [folder / "model.onnx"]
 
 
 def test_any_number_at_once(tmp_path: Path) -> None:
@@ -50,17 +58,3 @@ def test_what_a_killed_process_left_behind_is_removed_and_nothing_else(tmp_path:
 def test_a_cache_with_nothing_left_behind_stays_as_it_is(tmp_path: Path) -> None:
     remove_abandoned(tmp_path / "absent", 0)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_cache_that_can_be_written_is_made_and_left_empty(tmp_path: Path) -> None:
-    cache = tmp_path / "some" / "cache"
-    assert writable(cache, tmp_path / "spare") == cache
-    assert not list(cache.iterdir())
-
-
-def test_instead_of_a_cache_that_cannot_be_written_there_is_the_spare_one_and_it_is_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    (tmp_path / "file").touch()
-    assert writable(tmp_path / "file" / "cache", tmp_path / "spare") == tmp_path / "spare"
-    assert f"--cache {tmp_path / 'file' / 'cache'}: Not a directory: what is exported is not kept" in caplog.text

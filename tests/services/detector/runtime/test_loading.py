@@ -1,6 +1,9 @@
 """Weights that are not what they should be are refused in one line; what is exported is made once."""
 
+import errno
+import os
 import pickle
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +104,36 @@ def test_an_export_is_made_once_and_openvino_and_onnx_share_it(model_folder: Pat
     cached = [each.name for each in (model_folder / "cache").iterdir() if each.is_dir()]
     assert len([name for name in cached if name.endswith("-onnx")]) == 1
     assert not [name for name in cached if name.startswith(".")]
+
+
+def test_what_a_cache_cannot_hold_is_made_elsewhere_and_it_is_said(
+    tmp_path: Path, model_folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").touch()
+    cache = tmp_path / "file" / "cache"
+    load(settings(model_folder, runtime="onnx", cache=cache), tmp_path / "ultralytics").close()
+    assert f"--cache {cache}: Not a directory: what is exported is not kept" in caplog.text
+    assert len(list((tmp_path / "ultralytics").rglob("*.onnx"))) == 1
+
+
+def test_a_cache_that_gets_full_is_none(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = shutil.copy
+
+    def filling(source: Path, to: Path) -> Path:
+        copy(source, to)
+        if to.is_relative_to(tmp_path / "cache"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(to))
+        return to
+
+    monkeypatch.setattr(shutil, "copy", filling)
+    load(settings(tmp_path, runtime="onnx"), tmp_path / "ultralytics").close()
+    assert f"--cache {tmp_path / 'cache'}: No space left on device: what is exported is not kept" in caplog.text
+    assert not list((tmp_path / "cache").iterdir())
+
+
+def test_who_may_read_the_cache_may_read_what_is_exported(model_folder: Path) -> None:
+    load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics").close()
+    cache = model_folder / "cache"
+    assert {each.stat().st_mode for each in cache.iterdir() if each.is_dir()} == {cache.stat().st_mode}
