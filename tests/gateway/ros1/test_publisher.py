@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from contextlib import asynccontextmanager
+import threading
+from contextlib import asynccontextmanager, suppress
 from typing import TYPE_CHECKING
 
 import pytest
@@ -40,6 +41,35 @@ async def subscriber(to: Publication) -> AsyncIterator[asyncio.StreamReader]:
         finally:
             writer.transport.abort()
             await serving
+
+
+@asynccontextmanager
+async def talkative(to: Publication, enough: threading.Event) -> AsyncIterator[None]:
+    """Send to a publication what no subscriber sends, faster than it is read, for at most 3 seconds: then `enough`."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        peer = socket.create_connection(listener.getsockname())
+        ours, _ = listener.accept()
+    ours.setblocking(False)  # noqa: FBT003 - socket's own signature
+    giving_up = threading.Timer(3, lambda: (enough.set(), peer.shutdown(socket.SHUT_RDWR)))
+    with ours, peer:
+        serving = asyncio.ensure_future(to.serve(ours, ACCEPTED))
+        talking = threading.Thread(target=talk, args=(peer,))
+        giving_up.start()
+        talking.start()
+        await asyncio.sleep(0.1)
+        try:
+            yield
+        finally:
+            giving_up.cancel()
+            peer.shutdown(socket.SHUT_RDWR)
+            await serving
+            talking.join()
+
+
+def talk(peer: socket.socket) -> None:
+    with suppress(OSError):
+        while True:
+            peer.sendall(bytes(1 << 20))
 
 
 async def read_message(reader: asyncio.StreamReader) -> bytes:
@@ -109,6 +139,14 @@ async def test_subscriber_that_leaves_in_the_middle_of_a_message() -> None:
         await reader.readexactly(1000)
     assert topic.subscriber_count == 0
     assert topic.counters.sent == 0
+
+
+async def test_subscriber_that_talks_without_end_keeps_nobody_from_being_served() -> None:
+    topic, enough = publication(), threading.Event()
+    async with subscriber(topic) as quiet, talkative(topic, enough):
+        topic.publish(b"news")
+        assert await read_message(quiet) == b"news"
+        assert not enough.is_set()
 
 
 async def test_closing_ends_the_connections() -> None:
