@@ -14,6 +14,7 @@ MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
 DEPTH: Final = "a depth image, not a picture"
 UNWANTED: Final = "no longer wanted"
+SPARED: Final = "more than a second opinion needs"
 
 TOO_MANY: Final = (REPLACED, STALE)
 """Reasons that say that frames came faster than they could be looked at."""

@@ -11,25 +11,27 @@ from schemas import codec
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import Stream, StreamKey, Wanted
-from services.detector.account import DEPTH, REPLACED, UNWANTED
+from services.detector.account import DEPTH, REPLACED, SPARED, UNWANTED
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
 from services.detector.lateness import Lateness
 from services.detector.pixels import shows_colours
+from services.detector.role import Role
+from services.detector.sparing import Sparing
 
 log = logging.getLogger(__name__)
 
 
-async def feed(bus: Bus, camera: Camera, board: Board, consumer: str, asked: Asked) -> None:
+async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: str, role: Role) -> None:
     """Put the camera's newest frame on the board whenever its results are wanted, for ever.
 
-    consumer: the name under which the gateway is told where its frames go. asked: how many of them it is asked for.
+    asked: how many frames its gateway is asked for. worker, role: under whose name it is told where they go.
     """
-    token = Wanted(StreamKey(camera.key, Stream.COLOR), clock_id(), consumer)
+    token = Wanted(StreamKey(camera.key, Stream.COLOR), clock_id(), role.consumer(worker))
 
     async def receive() -> None:
         camera.account.begin()
-        lateness = Lateness()
+        lateness, sparing = Lateness(), Sparing(role.most_hz)
         try:
             async with (
                 bus.announce(str(token)),
@@ -38,7 +40,7 @@ async def feed(bus: Bus, camera: Camera, board: Board, consumer: str, asked: Ask
             ):
                 telling = group.create_task(asked.tell(bus, token))
                 async for sample in frames:
-                    accept(camera, board, sample, lateness)
+                    accept(camera, board, sample, lateness, sparing)
                 telling.cancel()
         finally:
             camera.account.dropped[UNWANTED] += board.discard(camera.key)
@@ -46,7 +48,7 @@ async def feed(bus: Bus, camera: Camera, board: Board, consumer: str, asked: Ask
     await while_wanted(camera.demand, receive)
 
 
-def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness) -> None:
+def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness, sparing: Sparing) -> None:
     """Put a frame on the board, or count why not."""
     try:
         frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
@@ -59,6 +61,9 @@ def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness) -> 
         return
     if not shows_colours(frame):
         camera.account.dropped[DEPTH] += 1
+        return
+    if not sparing.passes(sample.received_ns):
+        camera.account.dropped[SPARED] += 1
         return
     late_ns = lateness.late_ns(frame.header.received_ns, sample.received_ns)
     camera.account.dropped[REPLACED] += board.post(camera.key, Waiting(frame, sample.received_ns, late_ns))

@@ -15,7 +15,7 @@ class Role:
 
     service: its name in the keys of workers; cameras are shared with workers of the same alone. lists: the stream of
     its class lists. lists_only: it makes nothing else of a camera, and answers no images.
-    most_hz: the most frames a second of a camera that its gateway is asked for, None for all that can be used.
+    most_hz: about how many frames a second of a camera it asks for and looks at, None for all that it can.
     prefix: of its name as a consumer of frames.
     """
 
@@ -33,4 +33,4 @@ class Role:
 DETECTOR: Final = Role(worker_keys.DETECTOR, Stream.CLASSES)
 
 OPINION: Final = Role(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0, prefix="opinion.")
-"""Enough for counts to settle. What it gets beyond that a detector of the same camera asked for."""
+"""Its rate is enough for counts to settle, and leaves most of a machine to a detector on it."""

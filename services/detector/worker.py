@@ -104,7 +104,7 @@ class Worker:
                 self._cameras[key] = camera
                 group.create_task(say_unwanted(camera.demand, took_over))
                 try:
-                    await feed(self._bus, camera, self._board, self._role.consumer(self._name), asked)
+                    await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
                 finally:
                     await self._finish(key)
         finally:

@@ -3,11 +3,10 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
-from itertools import count
 
 import pytest
 
-from bus import QUEUE, NotServedError, Publisher
+from bus import QUEUE, NotServedError
 from bus.fake import FakeNetwork
 from schemas import codec, keys, worker_keys
 from schemas.budget import RateBudget
@@ -16,13 +15,13 @@ from schemas.keys import Stream
 from schemas.status import WorkerStatus
 from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
+from services.detector.account import SPARED
 from services.detector.requests import answering
 from services.detector.role import DETECTOR, OPINION
 from services.detector.worker import Worker
 from tests.contract.waiting import next_of
 from tests.services.detector.fakes import FakeModel
-from tests.services.detector.test_worker import FRONT, Rig, frame, receive, until
-from tests.services.detector.told_model import ToldModel
+from tests.services.detector.test_worker import FRONT, Rig, frame, loads_after, receive, until
 
 COUNTED = (Stream.CLASSES, Stream.DETECTIONS, Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 
@@ -51,10 +50,9 @@ async def test_a_second_opinion_is_a_class_list_on_a_stream_of_its_own(rig: Rig)
             await stack.enter_async_context(rig.bus.subscribe(FRONT.stream(stream), QUEUE(9))) for stream in COUNTED
         ]
         await until(lambda: camera.wanted)
-        for seq in (1, 2):
-            camera.put(codec.encode(frame(seq)))
-            seen = await receive(lists, ClassList)
-            assert (seen.header.seq, [each.name for each in seen.classes], seen.model) == (seq, ["box"], "fake")
+        camera.put(codec.encode(frame(3)))
+        seen = await receive(lists, ClassList)
+        assert (seen.header.seq, [each.name for each in seen.classes], seen.model) == (3, ["box"], "fake")
         assert [each.counts.received for each in counted] == [0] * len(COUNTED)
 
 
@@ -107,28 +105,39 @@ def test_gateways_tell_it_from_a_detector_of_the_same_name(worker: str) -> None:
 
 
 async def test_one_that_has_more_time_asks_for_no_more() -> None:
-    network, model = FakeNetwork(), ToldModel()
+    network, model = FakeNetwork(), FakeModel()
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
-        Rig(theirs, FakeModel()).camera(FRONT) as camera,
+        Rig(theirs, model).camera(FRONT) as camera,
         theirs.subscribe(keys.budget(FRONT), QUEUE(9)) as budgets,
         theirs.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
         asyncio.TaskGroup() as group,
     ):
-        tokens = [WorkerAlive(OPINION.service, "w1")]
-        working = group.create_task(Worker(ours, model, tokens, role=OPINION, max_age_s=60, join_s=0).run())
-        sending = group.create_task(_send_more_than_it_takes(camera, model))
-        said = [await receive(budgets, RateBudget) for _ in range(3)]
-        sending.cancel()
+        worker = Worker(ours, model, [WorkerAlive(OPINION.service, "w1")], role=OPINION, join_s=0)
+        working = group.create_task(worker.run())
+        await until(lambda: camera.wanted)
+        said = [(await receive(budgets, RateBudget)).hz]
+        for limit_hz in (9.0, 0.5):
+            worker._pace.limit_hz = limit_hz
+            worker._share_pace([FRONT])
+            said.append((await receive(budgets, RateBudget)).hz)
         working.cancel()
-    assert [budget.hz for budget in said] == [OPINION.most_hz] * 3
+    assert said == [2.0, 2.0, 0.5]
 
 
-async def _send_more_than_it_takes(camera: Publisher, model: ToldModel) -> None:
-    """Send 50 frames a second to a model that looks at 10 a second."""
-    for seq in count():
-        camera.put(codec.encode(frame(seq)))
-        if seq % 5 == 0 and model.answers:
-            model.answers[-1].set()
-        await asyncio.sleep(0.02)
+async def test_it_looks_at_few_of_many_frames_and_counts_the_others(rig: Rig) -> None:
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.OPINION), QUEUE(99)) as lists,
+        rig.bus.subscribe(worker_keys.EVERY_WORKER_STATUS, QUEUE(99)) as statuses,
+    ):
+        await until(lambda: camera.wanted)
+        for seq in range(50):
+            camera.put(codec.encode(frame(seq)))
+            await asyncio.sleep(0.02)
+        assert (await receive(lists, ClassList)).header.seq == 0
+        load = (await loads_after(statuses, inferred=3))["front"]
+        while load.inferred + load.dropped[SPARED] < 50:
+            load = (await loads_after(statuses, inferred=3))["front"]
+    assert load.inferred <= 12
