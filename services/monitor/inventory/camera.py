@@ -9,12 +9,15 @@ from schemas.detections import ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
 from services.monitor.inventory.order import FrameOrder
-from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.settling import NS, Debounce
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.inventory.view import Tracked, View, Vocabularies
 
 MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
+
+AFTERMATH_NS: Final = 60 * NS
+"""How long a camera stays contested after its last second opinion has grown old, so that everybody sees that."""
 
 
 class CameraView:
@@ -83,8 +86,9 @@ class CameraView:
         return True
 
     def contested(self, since_ns: int) -> bool:
-        """Whether several models look: two that may speak ever did, or a second opinion came since then."""
-        return len(self.views) > 1 or any(view.last_ns >= since_ns for view in self.opinions.values())
+        """Whether several models may have looked: ever, or with second opinions since then or shortly before."""
+        late_ns = since_ns - AFTERMATH_NS
+        return len(self.views) > 1 or any(view.last_ns >= late_ns for view in self.opinions.values())
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
@@ -124,6 +128,12 @@ class CameraView:
             if tracked.first_ns:
                 yield tracked.sighting(self.key, name, self.speaker.model, nearest_since_ns)
 
+    def others(self, since_ns: int) -> Iterator[View]:
+        """Yield the models that spoke since then, and not only once, other than the one that speaks for the camera."""
+        for view in chain(self.views.values(), self.opinions.values()):
+            if view is not self.speaker and view.last_ns >= since_ns and view.lists > 1:
+                yield view
+
     def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
         """Return the classes of which two models that spoke since then settled on different counts: speaker's, other's.
 
@@ -132,9 +142,7 @@ class CameraView:
         found: dict[str, tuple[int, int]] = {}
         if self.speaker is None:
             return found
-        for view in chain(self.views.values(), self.opinions.values()):
-            if view is self.speaker or view.last_ns < since_ns or view.lists < 2:
-                continue
+        for view in self.others(since_ns):
             for name in {**self.speaker.classes, **view.classes}:
                 ours, theirs = self.speaker.count_of(name), view.count_of(name)
                 if ours != theirs and all(each.knows(name, self._vocabularies) for each in (self.speaker, view)):

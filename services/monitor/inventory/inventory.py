@@ -122,8 +122,8 @@ class Inventory:
 
     def tick(self, now_ns: int) -> list[Change]:
         """Let time pass; return what is not known any more."""
-        since_ns = now_ns - self.limits.lost_ns
-        self._disputed = {key for key in self._disputed if self._cameras[key].contested(since_ns)}
+        fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
+        self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
         silent = [each for each in self._cameras.values() if each.last_ns < since_ns and each.speaker and not each.lost]
         return [change for camera in silent for change in camera.lose(now_ns)]
 

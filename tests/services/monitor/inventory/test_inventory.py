@@ -46,6 +46,27 @@ def test_a_silent_camera_is_not_available(age_ns: int, *, available: bool) -> No
     assert entry.available is available
 
 
+def test_a_second_opinion_makes_no_camera_and_is_looked_at_once_there_is_one() -> None:
+    inventory = quick()
+    assert not inventory.opine(seen(0, {"box": 2}, model="new"), S)
+    assert list(inventory.in_order()) == []
+    online(inventory)
+    for seq in (1, 2):
+        assert inventory.opine(seen(seq, {"box": 2}, model="new"), seq * S)
+    assert list(inventory.entries(2 * S)) == []
+    for seq in (1, 2):
+        inventory.see(seen(seq, {"box": 1}), seq * S)
+    assert not inventory.opine(seen(2, {"box": 2}, model="new"), 3 * S)
+    camera = inventory.camera(FRONT)
+    assert camera is not None
+    assert camera.disagreements(S) == {"box": (1, 2)}
+    inventory.tick(65 * S)
+    assert inventory.disputed() == {FRONT}
+    inventory.tick(65 * S + 1)
+    assert inventory.disputed() == set()
+    assert [(each.sighting.count, each.sighting.model) for each in inventory.entries(3 * S)] == [(1, "m")]
+
+
 def test_entries_are_ordered_and_can_be_asked_for_one_by_one() -> None:
     inventory = quick()
     other = CameraKey("r2", "front")
@@ -142,24 +163,3 @@ def test_whoever_follows_is_told_of_what_is_new_comes_or_goes() -> None:
     news.robots.clear()
     inventory.see(seen(0, {}, key=REAR), S)
     assert (REAR in news.cameras, news.robots) == (True, {"r1"})
-
-
-def test_a_second_opinion_makes_no_camera_and_is_looked_at_once_there_is_one() -> None:
-    inventory = quick()
-    assert not inventory.opine(seen(0, {"box": 2}, model="new"), S)
-    assert list(inventory.in_order()) == []
-    online(inventory)
-    for seq in (1, 2):
-        assert inventory.opine(seen(seq, {"box": 2}, model="new"), seq * S)
-    assert list(inventory.entries(2 * S)) == []
-    for seq in (1, 2):
-        inventory.see(seen(seq, {"box": 1}), seq * S)
-    assert not inventory.opine(seen(2, {"box": 2}, model="new"), 3 * S)
-    camera = inventory.camera(FRONT)
-    assert camera is not None
-    assert camera.disagreements(S) == {"box": (1, 2)}
-    inventory.tick(62 * S)
-    assert inventory.disputed() == {FRONT}
-    inventory.tick(62 * S + 1)
-    assert inventory.disputed() == set()
-    assert [(each.sighting.count, each.sighting.model) for each in inventory.entries(3 * S)] == [(1, "m")]
