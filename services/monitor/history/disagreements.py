@@ -77,8 +77,4 @@ class Disagreements:
 
 def _who_counts(camera: CameraView, name: str, count: int, since_ns: int) -> str:
     """Return the model, other than the one that speaks, that counts so many of a class."""
-    for view in camera.views.values():
-        theirs = view.classes.get(name)
-        if view is not camera.speaker and view.last_ns >= since_ns and theirs and theirs.count.count == count:
-            return view.model
-    return ""
+    return next((view.model for view in camera.others(since_ns) if view.count_of(name) == count), "")
