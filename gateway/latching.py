@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Final
@@ -19,6 +19,11 @@ log = logging.getLogger(__name__)
 
 MAX_PUBLISHERS: Final = 64
 MAX_BYTES: Final = 64 << 20
+
+
+def has_room(others: Collection[int], size: int) -> bool:
+    """Whether a message of a size is kept beside those of other publishers, whose sizes are given, in bytes."""
+    return len(others) < MAX_PUBLISHERS and sum(others) + size <= MAX_BYTES
 
 
 @dataclass(slots=True, eq=False)
@@ -103,8 +108,7 @@ class Latched:
             self._add_up(kept)
 
     def _has_room(self, publisher: str, size: int) -> bool:
-        others = [kept.size for name, kept in self._kept.items() if name != publisher]
-        return len(others) < MAX_PUBLISHERS and sum(others) + size <= MAX_BYTES
+        return has_room([kept.size for name, kept in self._kept.items() if name != publisher], size)
 
     def _say_full(self) -> None:
         if not self.problem:

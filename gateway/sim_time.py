@@ -44,7 +44,7 @@ async def _listen(node: Node, clock: SimClock) -> None:
             sparing.warning("%s from %s: %s", TOPIC, message.callerid, error)
             return
         if jumped:
-            log.info("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)
+            sparing.warning("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)
 
     log.info("%s is set: ROS time is what %s says", PARAMETER, TOPIC)
     async with node.subscribe(TOPIC, TYPE_NAME, on_message):

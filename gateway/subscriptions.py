@@ -4,6 +4,7 @@ from collections.abc import AsyncIterator, Callable, Collection
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 
+from gateway.latching import has_room
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
 
@@ -18,7 +19,7 @@ class _Reader:
 
 @dataclass(slots=True)
 class _Shared:
-    """A topic's subscription. latched: what each latching publisher sent last, for readers that come later."""
+    """A topic's subscription. latched: what latching publishers sent last, while there is room, for later readers."""
 
     readers: list[_Reader] = field(default_factory=list)
     latched: dict[str, Message] = field(default_factory=dict)
@@ -26,9 +27,14 @@ class _Shared:
 
     def on_message(self, message: Message) -> None:
         if message.publisher.latching:
-            self.latched[message.uri] = message
+            self._keep(message)
         for reader in list(self.readers):
             reader.take(message)
+
+    def _keep(self, message: Message) -> None:
+        self.latched.pop(message.uri, None)
+        if has_room([len(kept.data) for kept in self.latched.values()], len(message.data)):
+            self.latched[message.uri] = message
 
     def on_gone(self, uri: str) -> None:
         self.latched.pop(uri, None)

@@ -98,10 +98,13 @@ def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
 
 @dataclass(slots=True)
 class _Stream:
+    """alone, missed: since it last met another, its frames that met none, and those of others that did not meet it."""
+
     run: _Run
     rate: float = 0
     last_ns: int = 0
     alone: int = 0
+    missed: int = 0
 
 
 class Instants:
@@ -129,12 +132,13 @@ class Instants:
         return instant.picked[max_hz]
 
     def moment(self, stream: str, stamp_ns: int, received_ns: int) -> Moment | None:
-        """Return what a stream's frame shares with those of other streams; None for one that is picked from by itself.
+        """Return what a stream's frame shares with those of other streams; None where it never is of their instants.
 
-        stamp_ns, received_ns: see `pick`.
+        One of which others have fewer frames, that are all of its instants, is not such a stream. stamp_ns,
+        received_ns: see `pick`.
         """
         state, instant = self._meet(stream, stamp_ns, received_ns)
-        return None if state.alone > ALONE else instant.moment
+        return None if min(state.alone, state.missed) > ALONE else instant.moment
 
     def _moment(self) -> Moment:
         self._moments += 1
@@ -164,8 +168,11 @@ class Instants:
     def _note_company(self, stream: str, state: _Stream, instant: _Instant) -> None:
         if not instant.streams:
             state.alone += 1
-        for other in instant.streams:
-            self._streams[other].alone = state.alone = 0
+        for name, other in self._streams.items():
+            if name in instant.streams:
+                other.alone = state.alone = other.missed = state.missed = 0
+            elif name != stream:
+                other.missed += 1
         instant.streams.add(stream)
 
     def _decide(self, stream: str, state: _Stream, instant: _Instant) -> None:

@@ -1,8 +1,8 @@
 """The uplink's budget: what may go to the link now, and what waits. Pure: time is an argument."""
 
+from collections import Counter
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
-from math import inf
 from typing import Final, Generic, TypeVar
 
 BACKLOG_S: Final = 0.1
@@ -29,12 +29,11 @@ class Moment:
 
 @dataclass(slots=True)
 class _Waiting(Generic[T]):
-    """begins: the stream's place in the order, in bytes: those begin later that were given more so far."""
+    """since: the stream's place in the order, in bytes, when it began to wait."""
 
     item: T
     size: int
-    begins: float
-    moment: Moment | None
+    since: float
 
 
 class Uplink(Generic[S, T]):
@@ -45,15 +44,17 @@ class Uplink(Generic[S, T]):
     equally (start-time fair queueing), so one with large items does not starve one with small ones, nor itself.
     Times are seconds of any clock that does not go back.
 
-    An item of a moment that has begun is not replaced by one of a moment that has not, and goes before any such; the
-    next moment to begin is the newest. So streams whose items come in other orders send those of the same moments.
+    An item of a moment that has begun is not replaced by one of a moment that has not, and goes before any such. The
+    next moment to begin is the one of which the most streams have an item that waits, the newest of several; its items
+    are not replaced by those of moments with fewer. So streams whose items come in other orders, or more rarely, send
+    those of the same moments.
     """
 
     def __init__(self, bytes_per_s: float) -> None:
         self._rate = bytes_per_s
         self._backlog = 0.0
         self._at = 0.0
-        self._waiting: dict[tuple[S, bool], _Waiting[T]] = {}
+        self._waiting: dict[tuple[S, Moment | None], _Waiting[T]] = {}
         self._begun: dict[Hashable, int] = {}
         self._lost: list[T] = []
         self._ends: dict[S, float] = {}
@@ -65,27 +66,30 @@ class Uplink(Generic[S, T]):
         self._backlog += size
 
     def offer(self, stream: S, item: T, size: int, moment: Moment | None = None) -> int:
-        """Let an item wait; return how many of its stream that costs: an older one, or itself where it is too late."""
-        begun = moment is not None and moment.begun
-        if moment is not None and not begun and moment.number < self._begun.get(moment.of, moment.number):
+        """Let an item wait; return how many of its stream that costs: older ones, or itself where it is too late."""
+        if moment is not None and not moment.begun and moment.number < self._begun.get(moment.of, moment.number):
             return 1
-        replaced = self._waiting.get((stream, begun))
-        begins = replaced.begins if replaced else max(self._now, self._ends.get(stream, 0))
-        self._waiting[stream, begun] = _Waiting(item, size, begins, moment)
-        return int(replaced is not None)
+        since = min(
+            (waits.since for (other, _), waits in self._waiting.items() if other == stream),
+            default=max(self._now, self._ends.get(stream, 0.0)),
+        )
+        replaced = int((stream, moment) in self._waiting)
+        self._waiting[stream, moment] = _Waiting(item, size, since)
+        return replaced + self._replace(stream, moment)
 
     def release(self, now: float) -> list[tuple[S, T]]:
         """Return what may go now, in this order."""
         self._drain(now)
         released = []
         while (place := self._next()) is not None and self._wait_s(self._waiting[place].size) <= 0:
+            self._now = self._begins(place)
             going = self._waiting.pop(place)
             self._backlog += going.size
-            self._now = going.begins
-            self._ends[place[0]] = going.begins + going.size
-            released.append((place[0], going.item))
-            if going.moment is not None and not going.moment.begun:
-                self._begin(going.moment)
+            stream, moment = place
+            self._ends[stream] = self._now + going.size
+            released.append((stream, going.item))
+            if moment is not None and not moment.begun:
+                self._begin(moment)
         self._forget()
         return released
 
@@ -102,7 +106,10 @@ class Uplink(Generic[S, T]):
     def discard(self, stream: S) -> int:
         """Forget a stream; return how many items of it waited."""
         self._ends.pop(stream, None)
-        return sum(self._waiting.pop((stream, begun), None) is not None for begun in (True, False))
+        places = [place for place in self._waiting if place[0] == stream]
+        for place in places:
+            del self._waiting[place]
+        return len(places)
 
     @property
     def backlog(self) -> float:
@@ -113,30 +120,43 @@ class Uplink(Generic[S, T]):
         self._backlog = max(0.0, self._backlog - self._rate * max(0.0, now - self._at))
         self._at = max(self._at, now)
 
-    def _next(self) -> tuple[S, bool] | None:
-        newest: dict[Hashable, float] = {}
-        for (_, begun), waits in self._waiting.items():
-            if waits.moment is not None:
-                number = inf if begun else waits.moment.number
-                newest[waits.moment.of] = max(number, newest.get(waits.moment.of, number))
+    def _next(self) -> tuple[S, Moment | None] | None:
+        company = Counter(moment for _, moment in self._waiting if moment is not None)
+        first: dict[Hashable, tuple[bool, int, int]] = {}
+        for moment, streams in company.items():
+            first[moment.of] = max(_rank(moment, streams), first.get(moment.of, (False, 0, 0)))
         eligible = (
-            (stream, begun)
-            for (stream, begun), waits in self._waiting.items()
-            if begun or waits.moment is None or waits.moment.number == newest[waits.moment.of]
+            (stream, moment)
+            for stream, moment in self._waiting
+            if moment is None or _rank(moment, company[moment]) == first[moment.of]
         )
-        return min(eligible, key=lambda place: self._waiting[place].begins, default=None)
+        return min(eligible, key=self._begins, default=None)
+
+    def _begins(self, place: tuple[S, Moment | None]) -> float:
+        """Return a stream's place in the order, in bytes: those begin later that were given more so far."""
+        return max(self._waiting[place].since, self._ends.get(place[0], 0.0))
+
+    def _replace(self, stream: S, moment: Moment | None) -> int:
+        """Let go of what will not go now that the stream has an item of the moment; return how many that costs it."""
+        vain = [
+            (each, of)
+            for each, of in self._waiting
+            if each == stream and of is not moment and _is_begun(of) == _is_begun(moment) and None in (of, moment)
+        ]
+        if moment is not None:
+            vain += _vain([(s, m) for s, m in self._waiting if m and m.of == moment.of and m.begun == moment.begun])
+        items = [(place[0], self._waiting.pop(place).item) for place in vain]
+        self._lost += [item for each, item in items if each != stream]
+        return sum(each == stream for each, _ in items)
 
     def _begin(self, moment: Moment) -> None:
         """What waits of the moment is not replaced from now on, what waits of earlier ones is lost."""
         moment.begun = True
         self._begun[moment.of] = moment.number
-        for (stream, begun), waits in list(self._waiting.items()):
-            if begun or waits.moment is None or waits.moment.of != moment.of:
-                continue
-            if waits.moment is moment:
-                self._waiting[stream, True] = self._waiting.pop((stream, False))
-            elif waits.moment.number < moment.number:
-                self._lost.append(self._waiting.pop((stream, False)).item)
+        for place in list(self._waiting):
+            other = place[1]
+            if other is not None and other.of == moment.of and not other.begun and other.number < moment.number:
+                self._lost.append(self._waiting.pop(place).item)
 
     def _wait_s(self, size: int) -> float:
         room = max(0.0, self._rate * BACKLOG_S - size)
@@ -145,3 +165,27 @@ class Uplink(Generic[S, T]):
     def _forget(self) -> None:
         """Streams that were given less than those served now have no claim to more than their share later."""
         self._ends = {stream: ends for stream, ends in self._ends.items() if ends > self._now}
+
+
+def _rank(moment: Moment, streams: int) -> tuple[bool, int, int]:
+    """Return what those that go first have most of."""
+    return (True, 0, 0) if moment.begun else (False, streams, moment.number)
+
+
+def _is_begun(moment: Moment | None) -> bool:
+    return moment is not None and moment.begun
+
+
+def _vain(places: list[tuple[S, Moment]]) -> list[tuple[S, Moment]]:
+    """Return what is neither its stream's newest nor of the moment to begin next.
+
+    places: of moments of one, which have all begun or all not: of those that have begun no stream needs two.
+    """
+    company = Counter(moment for _, moment in places)
+    first = max(company, key=lambda moment: _rank(moment, company[moment]))
+    newest = dict(sorted(places, key=lambda place: place[1].number))
+    return [
+        (stream, moment)
+        for stream, moment in places
+        if moment is not newest[stream] and (moment.begun or moment is not first)
+    ]

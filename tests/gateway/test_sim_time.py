@@ -40,6 +40,25 @@ async def test_the_clock_is_followed_while_the_parameter_says_so(caplog: pytest.
         await asyncio.wait([following])
 
 
+async def test_two_that_tell_different_times_do_not_fill_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    clock = SimClock()
+    async with (
+        RosMaster() as master,
+        Node("/player", master_uri=master.uri) as player,
+        Node("/gateway", master_uri=master.uri, poll_interval=0.1) as node,
+        player.advertise(TOPIC, TYPE_NAME, queue_size=40) as publication,
+    ):
+        await player.master.call("setParam", PARAMETER, True)  # noqa: FBT003 - its value
+        following = asyncio.create_task(follow_sim_time(node, clock, poll_s=POLL_S))
+        await until(lambda: publication.subscriber_count, "the clock is subscribed to")
+        for second in [50, 1] * 20:
+            publication.publish(struct.pack("<II", second, 0))
+        await until(lambda: clock.jumps == 20, "all of it is told")
+        assert caplog.text.count("went back") == 1
+        following.cancel()
+        await asyncio.wait([following])
+
+
 async def test_a_master_that_goes_away_has_not_changed_its_mind() -> None:
     clock = SimClock()
     async with AsyncExitStack() as stack:

@@ -6,6 +6,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
 
+from gateway import latching
 from gateway.ros1.node import Node
 from gateway.ros1.publisher import Publication
 from gateway.ros1.rosmaster import RosMaster
@@ -15,6 +16,7 @@ from tests.gateway.ros1.waiting import until
 
 STRING = "std_msgs/String"
 WORD = b"\x02\x00\x00\x00hi"
+LONGER = b"\x05\x00\x00\x00hello"
 
 
 class Reader:
@@ -85,6 +87,21 @@ async def test_who_comes_later_is_told_what_was_latched_and_both_that_it_has_gon
             await readers.enter_async_context(rig.other.reading())
             assert rig.other.heard == [WORD]
         await until(lambda: len(rig.one.gone) == len(rig.other.gone) == 1, "both are told")
+
+
+async def test_what_latching_publishers_sent_is_kept_for_later_readers_only_as_far_as_there_is_room(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(latching, "MAX_BYTES", len(WORD))
+    async with rig.sensor.advertise("/word", STRING, latch=True) as publication, rig.one.reading():
+        publication.publish(WORD)
+        await until(lambda: rig.one.heard == [WORD], "it is heard")
+        async with rig.other.reading():
+            assert rig.other.heard == [WORD]
+        publication.publish(LONGER)
+        await until(lambda: rig.one.heard == [WORD, LONGER], "the longer one is heard too")
+        async with rig.other.reading():
+            assert rig.other.heard == [WORD]
 
 
 async def test_readers_that_come_and_go_at_the_same_instant_never_meet_a_subscription_that_ends(rig: Rig) -> None:

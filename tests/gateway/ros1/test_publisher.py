@@ -50,7 +50,12 @@ async def talkative(to: Publication, enough: threading.Event) -> AsyncIterator[N
         peer = socket.create_connection(listener.getsockname())
         ours, _ = listener.accept()
     ours.setblocking(False)  # noqa: FBT003 - socket's own signature
-    giving_up = threading.Timer(3, lambda: (enough.set(), peer.shutdown(socket.SHUT_RDWR)))
+
+    def give_up() -> None:
+        enough.set()
+        peer.shutdown(socket.SHUT_RDWR)
+
+    giving_up = threading.Timer(3, give_up)
     with ours, peer:
         serving = asyncio.ensure_future(to.serve(ours, ACCEPTED))
         talking = threading.Thread(target=talk, args=(peer,))

@@ -199,6 +199,20 @@ def test_streams_share_a_moment_and_one_that_is_alone_has_none() -> None:
     second = instants.moment("color", 2 * SECOND_NS, 0)
     assert second is not None
     assert (second.of, second.number > first.number, second.begun) == (first.of, True, False)
-    lidar = [instants.moment("points", n * SECOND_NS + SECOND_NS // 2, 0) for n in range(ALONE + 1)]
+    lidar = []
+    for n in range(3, ALONE + 5):
+        instants.moment("color", n * SECOND_NS, 0)
+        lidar.append(instants.moment("points", n * SECOND_NS + SECOND_NS // 2, 0))
     assert None not in lidar[:ALONE]
-    assert lidar[ALONE] is None
+    assert lidar[-1] is None
+
+
+@pytest.mark.parametrize("first", ["color", "depth"])
+def test_a_stream_shares_the_moments_of_one_that_has_far_fewer(first: str) -> None:
+    instants = Instants()
+    for n in range(1, 200):
+        fewer = n % 30 == 0
+        streams = sorted(["color"] * fewer + ["depth"], reverse=first == "depth")
+        moments = [instants.moment(stream, n * 33 * MS, 0) for stream in streams]
+        assert None not in moments
+        assert len(set(map(id, moments))) == 1

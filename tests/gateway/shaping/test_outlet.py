@@ -130,10 +130,23 @@ async def test_on_a_thin_uplink_a_cameras_streams_send_the_same_instants(rig: Ri
         for outlet in (color, depth) if seq % 2 else (depth, color):
             outlet.put(stamped(seq))
     color.put(stamped(4))
-    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 4]
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(3)] == [0, 3, 4]
     depth.put(stamped(4))
-    assert [(await receive(depths, ImageFrame)).header.seq for _ in range(2)] == [0, 4]
-    assert color.counts.dropped == depth.counts.dropped == {OVER_BUDGET: 3}
+    assert [(await receive(depths, ImageFrame)).header.seq for _ in range(3)] == [0, 3, 4]
+    assert color.counts.dropped == depth.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_on_a_thin_uplink_depth_of_the_few_frames_that_a_worker_can_use_goes_with_them(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
+    color, frames = await rig.outlet(COLOR, shaping)
+    depth, depths = await rig.outlet(DEPTH, shaping)
+    for seq in range(0, 40, 2):
+        if seq % 20 == 10:
+            color.put(stamped(seq))
+        depth.put(stamped(seq))
+    assert [(await receive(frames, ImageFrame)).header.seq] == [30]
+    assert 30 in [(await receive(depths, ImageFrame)).header.seq for _ in range(3)]
+    assert color.counts.dropped == {OVER_BUDGET: 1}
 
 
 def stamped(seq: int) -> ImageFrame:

@@ -147,15 +147,20 @@ def test_a_clock_that_stands_still_or_goes_back_gives_nothing() -> None:
     assert uplink.release(10 + BACKLOG_S) == [("color", 1)]
 
 
-def moment_items(sizes: dict[str, int], late_ms: dict[str, int], seconds: int) -> dict[str, list[int]]:
-    """Return by stream the moments that were sent, of 30 a second, each stream's item so much later than its moment."""
+def moment_items(
+    sizes: dict[str, int], late_ms: dict[str, int], seconds: int, every: dict[str, int] | None = None
+) -> dict[str, list[int]]:
+    """Return by stream the moments that were sent, of 30 a second, each stream's item so much later than its moment.
+
+    every: of so many moments a stream has an item of one only.
+    """
     uplink: Uplink[str, int] = Uplink(RATE)
     moments = [Moment("front", number) for number in range(30 * seconds)]
     sent: dict[str, list[int]] = {stream: [] for stream in sizes}
     for now_ms in range(seconds * 1000):
         for stream, size in sizes.items():
             number, phase = divmod(now_ms - late_ms[stream], 33)
-            if phase == 0 and 0 <= number < len(moments):
+            if phase == 0 and 0 <= number < len(moments) and number % (every or {}).get(stream, 1) == 0:
                 uplink.offer(stream, number, size, moments[number])
         for stream, number in uplink.release(now_ms / 1000):
             sent[stream].append(number)
@@ -178,6 +183,29 @@ def test_what_is_of_one_moment_is_sent_together(sizes: dict[str, int]) -> None:
     for other in others:
         assert len(first & other) >= 0.95 * max(len(first), len(other)) - 1
     assert sum(len(sent[stream]) * size for stream, size in sizes.items()) >= 0.8 * RATE * 20
+    assert all(numbers == sorted(numbers) for numbers in sent.values())
+
+
+@pytest.mark.parametrize(
+    ("sizes", "every"),
+    [
+        ({"color": FULL // 5, "depth": 3 * FULL}, {"color": 6}),
+        ({"color": FULL // 5, "depth": FULL // 2, "points": FULL}, {"color": 6}),
+        ({"color": FULL // 3, "depth": FULL, "points": FULL}, {"points": 3}),
+        ({"color": FULL // 5, "depth": FULL}, {"color": 30}),
+    ],
+)
+@pytest.mark.parametrize("late_ms", [{"color": 0, "depth": 5, "points": 15}, {"color": 20, "depth": 15, "points": 0}])
+def test_a_stream_with_fewer_items_is_sent_with_those_of_its_moments(
+    sizes: dict[str, int], every: dict[str, int], late_ms: dict[str, int]
+) -> None:
+    sent = moment_items(sizes, late_ms, 20, every)
+    together = set.intersection(*map(set, sent.values()))
+    (rare,) = every
+    asked = 600 / every[rare]
+    carried = RATE * 20 / sum(sizes.values())
+    assert len(together) >= 0.9 * min(asked, carried) - 1
+    assert len(sent[rare]) <= len(together) + 2
     assert all(numbers == sorted(numbers) for numbers in sent.values())
 
 
