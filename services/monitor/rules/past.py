@@ -10,13 +10,14 @@ from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.presence import MONITOR, Presence
+from services.monitor.rules.spoken import NEVER, spoken_for
 
 FOREVER_NS: Final = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Something begins or ends. first: nobody saw it begin, as nothing is kept of the camera before.
+    """Something begins or ends. unseen: nobody saw it do so, as nobody spoke for the camera before, or since.
 
     of: None where a monitor knows who is there, and looks at everybody.
     """
@@ -24,7 +25,7 @@ class Step:
     at_ns: int
     of: Lasting | None
     begins: bool = False
-    first: bool = False
+    unseen: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,15 +71,20 @@ class Past:
 
     def steps(self) -> list[Step]:
         """Return everything but the monitors' own runs, in order; what ends at a moment before what begins then."""
-        began: dict[CameraKey, int] = {}
+        spoken = spoken_for(self.presences)
+        began_ns: dict[CameraKey, int] = {}
         for interval in self.intervals:
-            began[interval.key] = min(interval.since_ns, began.get(interval.key, interval.since_ns))
+            began_ns[interval.key] = min(interval.since_ns, began_ns.get(interval.key, interval.since_ns))
         steps = []
-        for each in chain(self.intervals, self.presences, self.disagreements):
-            if each.place == MONITOR:
-                continue
-            first = isinstance(each, Interval) and each.since_ns == began[each.key]
-            steps.append(Step(each.since_ns, each, begins=True, first=first))
-            if not each.open:
-                steps.append(Step(each.until_ns, each))
+        for interval in self.intervals:
+            of = spoken.get(interval.key, NEVER)
+            first = interval.since_ns == began_ns[interval.key] or of.was_there_first(interval)
+            steps.append(Step(interval.since_ns, interval, begins=True, unseen=first))
+            if not interval.open:
+                lost_ns = of.lost_ns(interval)
+                steps.append(Step(lost_ns or interval.until_ns, interval, unseen=lost_ns is not None))
+        for each in chain(self.presences, self.disagreements):
+            if each.place != MONITOR:
+                steps.append(Step(each.since_ns, each, begins=True))
+                steps += [] if each.open else [Step(each.until_ns, each)]
         return sorted(steps, key=lambda step: (step.at_ns, step.begins))
