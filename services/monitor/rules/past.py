@@ -71,20 +71,31 @@ class Past:
 
     def steps(self) -> list[Step]:
         """Return everything but the monitors' own runs, in order; what ends at a moment before what begins then."""
+        return sorted(chain(self._seen(), self._known()), key=lambda step: (step.at_ns, step.begins))
+
+    def _seen(self) -> Iterator[Step]:
+        """Yield how what was in view came and went."""
         spoken = spoken_for(self.presences)
-        began_ns: dict[CameraKey, int] = {}
-        for interval in self.intervals:
-            began_ns[interval.key] = min(interval.since_ns, began_ns.get(interval.key, interval.since_ns))
-        steps = []
-        for interval in self.intervals:
-            of = spoken.get(interval.key, NEVER)
-            first = interval.since_ns == began_ns[interval.key] or of.was_there_first(interval)
-            steps.append(Step(interval.since_ns, interval, begins=True, unseen=first))
-            if not interval.open:
-                lost_ns = of.lost_ns(interval)
-                steps.append(Step(lost_ns or interval.until_ns, interval, unseen=lost_ns is not None))
+        first_ns: dict[CameraKey, int] = {}
+        for each in self.intervals:
+            first_ns[each.key] = min(each.since_ns, first_ns.get(each.key, each.since_ns))
+        began = {(each.place, each.since_ns) for each in self.intervals}
+        for each in self.intervals:
+            of = spoken.get(each.key, NEVER)
+            unseen = each.since_ns == first_ns[each.key] or of.was_there_first(each)
+            if each.open or each.until_ns > each.since_ns:
+                yield Step(each.since_ns, each, begins=True, unseen=unseen)
+                counted = (each.place, each.until_ns) in began
+                lost_ns = None if counted else of.lost_ns(each)
+                if not each.open:
+                    yield Step(lost_ns or each.until_ns, each, unseen=lost_ns is not None)
+
+    def _known(self) -> Iterator[Step]:
+        """Yield who came and went, and what models disagreed about when."""
         for each in chain(self.presences, self.disagreements):
-            if each.place != MONITOR:
-                steps.append(Step(each.since_ns, each, begins=True))
-                steps += [] if each.open else [Step(each.until_ns, each)]
-        return sorted(steps, key=lambda step: (step.at_ns, step.begins))
+            if each.place == MONITOR:
+                continue
+            if each.open or each.until_ns > each.since_ns:
+                yield Step(each.since_ns, each, begins=True)
+            if not each.open:
+                yield Step(each.until_ns, each)

@@ -37,6 +37,23 @@ def test_what_nobody_saw_go_goes_when_its_camera_is_thought_silent() -> None:
     assert steps == {(5, False), (9, False)}
 
 
+def test_what_is_only_counted_otherwise_before_a_camera_falls_silent_is_not_lost() -> None:
+    camera = replace(there(1, 9, camera="front"), heard_ns=6 * S)
+    steps = Past([interval(2, 6), interval(6, 7, is_open=True)], [camera]).steps()
+    assert [(step.at_ns // S, step.begins, step.unseen) for step in steps] == [
+        (1, True, False),
+        (2, True, True),
+        (6, False, False),
+        (6, True, False),
+        (9, False, False),
+    ]
+
+
+def test_what_ended_when_it_began_is_not_there_afterwards() -> None:
+    past = Past([interval(5, 5)], [there(2, 2)], [disagreement(3, 3)])
+    assert [(step.at_ns // S, step.begins) for step in past.steps()] == [(2, False), (3, False)]
+
+
 def test_a_past_reaches_from_what_ended_first_to_what_lasted_longest() -> None:
     assert (Past().first_ns, Past().last_ns) == (FOREVER_NS, 0)
     past = Past([interval(5, 8), interval(1, 9)], RUNS, [disagreement(8, 70)])
