@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -148,7 +148,8 @@ class HistoryKeeper:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._watch())
                 while True:
-                    await self._attempt()
+                    wait_s = await _whole(self._attempt())
+                    await asyncio.sleep(wait_s)
         finally:
             await self._end()
 
@@ -164,7 +165,8 @@ class HistoryKeeper:
                     self._disagreements.note(camera, now_ns)
             await asyncio.sleep(NOTE_S)
 
-    async def _attempt(self) -> None:
+    async def _attempt(self) -> float:
+        """Write what there is to write; return after how many seconds to do so again."""
         try:
             if self._store is None:
                 self._store = await Store.open(self._settings.history)
@@ -173,9 +175,8 @@ class HistoryKeeper:
             await self._flush(self._store)
         except HistoryError as error:
             await self._fail(error)
-            await asyncio.sleep(RETRY_S)
-        else:
-            await asyncio.sleep(FLUSH_S)
+            return RETRY_S
+        return FLUSH_S
 
     async def _take_the_lead(self, store: Store) -> None:
         leads = await store.lead()
@@ -276,3 +277,12 @@ class HistoryKeeper:
             log.warning("the end of the history was not kept: %s", error)
         finally:
             await self._store.close()
+
+
+async def _whole(work: Coroutine[None, None, float]) -> float:
+    """Await work to its end, even if cancelled: a statement that is broken off may leave its database locked."""
+    task = asyncio.ensure_future(work)
+    try:
+        return await asyncio.shield(task)
+    finally:
+        await asyncio.wait([task])

@@ -19,10 +19,14 @@ RESTORED_NS: Final = 86_400 * NS
 
 
 class Presence(Lasting, frozen=True, gc=False):
-    """As long as a robot's gateway was there, a camera was spoken for, or one monitor raised alerts (neither named)."""
+    """As long as a robot's gateway was there, a camera was spoken for, or one monitor raised alerts (neither named).
+
+    heard_ns: when the last class list of a camera came before it was thought silent.
+    """
 
     robot: str = ""
     camera: str = ""
+    heard_ns: int | None = None
 
     @property
     def place(self) -> Place:
@@ -75,12 +79,13 @@ class Attendance:
             yield
         for camera in self._speaking.advance(now_ns, told):
             key = camera.key
-            self._note((key.robot, key.camera), now_ns, there=self._inventory.speaks(camera, now_ns))
+            speaks = self._inventory.speaks(camera, now_ns)
+            self._note((key.robot, key.camera), now_ns, there=speaks, heard_ns=camera.last_ns)
             yield
 
-    def _note(self, place: Place, now_ns: int, *, there: bool) -> None:
+    def _note(self, place: Place, now_ns: int, *, there: bool, heard_ns: int | None = None) -> None:
         was_there = self._ledger.opened(Presence, place) is not None
         if there and not was_there:
             self._ledger.begin(presence_of(place, self._before.get(place, now_ns)))
         elif was_there and not there:
-            self._ledger.end(Presence, place, now_ns)
+            self._ledger.end(Presence, place, now_ns, heard_ns=heard_ns)

@@ -61,6 +61,7 @@ def row_of_presence(there: Presence) -> dict[str, Any]:
         "since_ns": there.since_ns,
         "until_ns": there.until_ns,
         "open": there.open,
+        "heard_ns": there.heard_ns,
     }
 
 

@@ -69,9 +69,13 @@ presence: Final = Table(
     Column("since_ns", BigInteger, primary_key=True),
     Column("until_ns", BigInteger, nullable=False),
     Column("open", Boolean, nullable=False),
+    Column("heard_ns", BigInteger),
     Index("presence_by_end", "until_ns"),
 )
-"""As long as a robot's gateway was there, or a camera was spoken for; without a robot: as long as one monitor led."""
+"""As long as a robot's gateway was there, or a camera was spoken for; without a robot: as long as one monitor led.
+
+heard_ns: when the last class list of a camera came before it was thought silent.
+"""
 
 _index_of_open(presence)
 

@@ -10,13 +10,14 @@ from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.presence import MONITOR, Presence
+from services.monitor.rules.spoken import NEVER, spoken_for
 
 FOREVER_NS: Final = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Something begins or ends. first: nobody saw it begin, as nothing is kept of the camera before.
+    """Something begins or ends. unseen: nobody saw it do so, as nobody spoke for the camera before, or since.
 
     of: None where a monitor knows who is there, and looks at everybody.
     """
@@ -24,7 +25,7 @@ class Step:
     at_ns: int
     of: Lasting | None
     begins: bool = False
-    first: bool = False
+    unseen: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,15 +71,31 @@ class Past:
 
     def steps(self) -> list[Step]:
         """Return everything but the monitors' own runs, in order; what ends at a moment before what begins then."""
-        began: dict[CameraKey, int] = {}
-        for interval in self.intervals:
-            began[interval.key] = min(interval.since_ns, began.get(interval.key, interval.since_ns))
-        steps = []
-        for each in chain(self.intervals, self.presences, self.disagreements):
+        return sorted(chain(self._seen(), self._known()), key=lambda step: (step.at_ns, step.begins))
+
+    def _seen(self) -> Iterator[Step]:
+        """Yield how what was in view came and went."""
+        spoken = spoken_for(self.presences)
+        first_ns: dict[CameraKey, int] = {}
+        for each in self.intervals:
+            first_ns[each.key] = min(each.since_ns, first_ns.get(each.key, each.since_ns))
+        began = {(each.place, each.since_ns) for each in self.intervals}
+        for each in self.intervals:
+            of = spoken.get(each.key, NEVER)
+            unseen = each.since_ns == first_ns[each.key] or of.was_there_first(each)
+            if each.open or each.until_ns > each.since_ns:
+                yield Step(each.since_ns, each, begins=True, unseen=unseen)
+                counted = (each.place, each.until_ns) in began
+                lost_ns = None if counted else of.lost_ns(each)
+                if not each.open:
+                    yield Step(lost_ns or each.until_ns, each, unseen=lost_ns is not None)
+
+    def _known(self) -> Iterator[Step]:
+        """Yield who came and went, and what models disagreed about when."""
+        for each in chain(self.presences, self.disagreements):
             if each.place == MONITOR:
                 continue
-            first = isinstance(each, Interval) and each.since_ns == began[each.key]
-            steps.append(Step(each.since_ns, each, begins=True, first=first))
+            if each.open or each.until_ns > each.since_ns:
+                yield Step(each.since_ns, each, begins=True)
             if not each.open:
-                steps.append(Step(each.until_ns, each))
-        return sorted(steps, key=lambda step: (step.at_ns, step.begins))
+                yield Step(each.until_ns, each)

@@ -175,7 +175,7 @@ def _dispute(camera: _Camera, of: Disagreement, *, begins: bool) -> None:
 
 def _changes(steps: Iterable[Step], memory: _Memory) -> Iterator[Change]:
     """Yield what came and went: an interval that begins where one of the same class ends is another count of it."""
-    some = [(step, step.of) for step in steps if isinstance(step.of, Interval)]
+    some = [(step, step.of) for step in steps if isinstance(step.of, Interval) and (step.begins or not step.unseen)]
     ended = {of.place for step, of in some if not step.begins}
     began = {of.place for step, of in some if step.begins}
     for step, of in some:
@@ -183,7 +183,7 @@ def _changes(steps: Iterable[Step], memory: _Memory) -> Iterator[Change]:
             continue
         sighting = _sighting(of, memory.cameras[of.key].counts[of.name])
         kind = ChangeKind.APPEARED if step.begins else ChangeKind.VANISHED
-        yield Change(kind, sighting, step.at_ns, first_look=step.first)
+        yield Change(kind, sighting, step.at_ns, first_look=step.unseen)
 
 
 def _sighting(interval: Interval, seen: int) -> Sighting:

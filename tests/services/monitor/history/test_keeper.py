@@ -4,6 +4,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +15,7 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import MONITOR, Place, Presence
 from services.monitor.history.settings import NONE, HistorySettings, default_url
+from services.monitor.history.store import Store
 from services.monitor.inventory.inventory import Inventory, Limits
 from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.sighting import ChangeKind
@@ -246,6 +248,25 @@ async def test_a_database_that_is_not_there_yet_keeps_no_monitor_from_beginning(
         (tmp_path / "new").unlink()
         await until(monitor.written)
     assert [each.count for each in await kept(url)] == [1]
+
+
+async def test_a_monitor_that_ends_while_it_writes_finishes_what_it_began(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, ended = asyncio.Event(), []
+    write = Store.write
+
+    async def writing(store: Store, *some: Any) -> None:
+        begun.set()
+        await write(store, *some)
+        ended.append(some)
+
+    monkeypatch.setattr(Store, "write", writing)
+    async with monitoring(url) as monitor:
+        monitor.see(1, box=1)
+        await begun.wait()
+    assert [len(some) for some in ended] == [4, 4], "the one that was under way, and the last one"
+    assert [each.name for each in await kept(url)] == ["box"]
 
 
 async def test_no_history_is_no_problem() -> None:

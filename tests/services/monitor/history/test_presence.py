@@ -75,6 +75,18 @@ def test_a_camera_is_there_as_long_as_it_is_spoken_for() -> None:
     assert fleet.noted(23) == [("r1/", 1, 23, False), ("r1/front", 22, 23, False)]
 
 
+def test_it_is_kept_when_a_silent_camera_was_heard_last() -> None:
+    fleet = Fleet()
+    fleet.inventory.robot_presence("r1", alive=True)
+    fleet.inventory.camera_presence(FRONT, alive=True)
+    for second in (1, 2, 3):
+        fleet.see(second)
+        fleet.noted(second)
+    deque(fleet.attendance.note(9 * S), maxlen=0)
+    (gone,) = fleet.ledger.pending(9)
+    assert gone == Presence("r1", "front", 3 * S, since_ns=2 * S, until_ns=9 * S, open=False)
+
+
 def test_who_is_back_at_once_after_a_restart_was_there_all_along() -> None:
     fleet = Fleet()
     settle_s = SETTLE_NS // S

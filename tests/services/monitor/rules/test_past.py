@@ -1,3 +1,5 @@
+from msgspec.structs import replace
+
 from services.monitor.rules.past import FOREVER_NS, Past, Run
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
@@ -20,11 +22,36 @@ def test_a_run_ends_at_the_latest_when_the_next_one_begins() -> None:
 
 def test_steps_are_in_order_and_what_ends_does_so_before_what_begins() -> None:
     past = Past([interval(5, 8), interval(8, 9, is_open=True)], [there(2, 8), *RUNS], [disagreement(8, 9)])
-    steps = [(step.at_ns // S, type(step.of).__name__, step.begins, step.first) for step in past.steps()]
+    steps = [(step.at_ns // S, type(step.of).__name__, step.begins, step.unseen) for step in past.steps()]
     assert steps[:2] == [(2, "Presence", True, False), (5, "Interval", True, True)]
     assert sorted(steps[2:4]) == [(8, "Interval", False, False), (8, "Presence", False, False)]
     assert sorted(steps[4:6]) == [(8, "Disagreement", True, False), (8, "Interval", True, False)]
     assert steps[6:] == [(9, "Disagreement", False, False)]
+
+
+def test_what_nobody_saw_go_goes_when_its_camera_is_thought_silent() -> None:
+    camera = replace(there(1, 9, camera="front"), heard_ns=6 * S)
+    steps = {(step.at_ns // S, step.unseen) for step in Past([interval(2, 6)], [camera]).steps() if not step.begins}
+    assert steps == {(9, True), (9, False)}
+    steps = {(step.at_ns // S, step.unseen) for step in Past([interval(2, 5)], [camera]).steps() if not step.begins}
+    assert steps == {(5, False), (9, False)}
+
+
+def test_what_is_only_counted_otherwise_before_a_camera_falls_silent_is_not_lost() -> None:
+    camera = replace(there(1, 9, camera="front"), heard_ns=6 * S)
+    steps = Past([interval(2, 6), interval(6, 7, is_open=True)], [camera]).steps()
+    assert [(step.at_ns // S, step.begins, step.unseen) for step in steps] == [
+        (1, True, False),
+        (2, True, True),
+        (6, False, False),
+        (6, True, False),
+        (9, False, False),
+    ]
+
+
+def test_what_ended_when_it_began_is_not_there_afterwards() -> None:
+    past = Past([interval(5, 5)], [there(2, 2)], [disagreement(3, 3)])
+    assert [(step.at_ns // S, step.begins) for step in past.steps()] == [(2, False), (3, False)]
 
 
 def test_a_past_reaches_from_what_ended_first_to_what_lasted_longest() -> None:

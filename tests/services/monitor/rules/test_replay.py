@@ -168,6 +168,31 @@ def test_a_disagreement_says_who_counts_what() -> None:
     assert raised.alert.text == "two models count 3 and 1 box in view of r1/front"
 
 
+SILENT = [
+    replace(there(2, 23, camera="front"), heard_ns=20 * S),
+    there(99, 120, camera="front", is_open=True),
+    count(2, 10, 1, name="pallet"),
+    count(5, 20, 2),
+    count(98, 120, 1, open=True),
+    LED,
+]
+"""A camera from whose view a pallet went, that fell silent with two boxes in view, and was back with one."""
+
+
+@pytest.mark.parametrize(
+    ("rule", "alerts"),
+    [
+        ({"when": "over", "count": 1}, [(5, "raised"), (99, "resolved")]),
+        ({"when": "disappears"}, []),
+        ({"when": "disappears", "class": "pallet"}, [(10, "raised")]),
+        ({"when": "under", "count": 1}, [(4, "raised"), (5, "resolved")]),
+        ({"when": "appears"}, [(5, "raised")]),
+    ],
+)
+def test_silence_changes_nothing_that_is_not_known(rule: dict[str, Any], alerts: list[tuple[int, str]]) -> None:
+    assert tried({"class": "box", **rule}, *SILENT) == alerts
+
+
 def test_alerts_go_on_over_a_restart() -> None:
     many = {"when": "over", "class": "box", "count": 1}
     runs = [there(1, 50, ""), there(60, 99, "", is_open=True)]
