@@ -14,12 +14,10 @@ from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Finding, Look, findings, found_in
 from services.monitor.rules.model import AnyRule, RuleBook, SilentRule
+from services.monitor.rules.waiting import Place, Waiting
 
 MAX_SUBJECTS: Final = 100_000
 """How many robots, cameras and classes are followed over all rules together."""
-
-Place = tuple[str, str, str]
-"""Robot, camera and class that an alert is about; the latter two may be empty."""
 
 
 class UnknownAlertError(Exception):
@@ -60,9 +58,8 @@ class RuleEngine:
         self._most = most
         self._book = book
         self._subjects: dict[str, dict[Place, _Subject]] = {rule.name: {} for rule in book.rules}
-        self._waiting: dict[tuple[str, Place], _Subject] = {}
+        self._waiting = Waiting()
         self._alerts: dict[str, tuple[Alert, Place]] = {}
-        self._next_ns = 0
         self._effects: list[Effect] = []
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
         self._robots: dict[str, list[SilentRule]] = {}
@@ -88,8 +85,7 @@ class RuleEngine:
                 self._change(alert, AlertState.RESOLVED, now_ns)
         self._book = book
         self._subjects = {rule.name: kept.get(rule.name, {}) for rule in book.rules}
-        self._waiting = {key: subject for key, subject in self._waiting.items() if key[0] in same}
-        self._next_ns = 0
+        self._waiting.keep(same)
         self._cameras.clear()
         self._robots.clear()
         self._full = self._refused = False
@@ -107,7 +103,7 @@ class RuleEngine:
             else:
                 subject.holds, subject.since_ns, subject.text = True, alert.raised_ns, alert.text
                 subject.alert, subject.raised_ns = alert, alert.raised_ns
-                self._waiting.pop((alert.rule, place), None)
+                self._waiting.discard(alert.rule, place)
 
     def changed(self, changes: Iterable[Change], now_ns: int) -> None:
         """Take what changed in the inventory."""
@@ -148,27 +144,26 @@ class RuleEngine:
         return True
 
     def next_ns(self) -> int | None:
-        """Return when something that is waited for may be due first, None if nothing is."""
-        rules = {rule.name: rule for rule in self._book.rules}
-        return min((self._due_ns(rules[name], subject) for (name, _), subject in self._waiting.items()), default=None)
+        """Return when something that is waited for is due next, None if nothing is."""
+        return self._waiting.next_ns()
 
     def due(self, now_ns: int) -> list[Effect]:
         """Let time pass; return what became of alerts since this was asked last."""
-        if self._waiting and now_ns >= self._next_ns:
-            self._raise_due(now_ns)
+        self._raise_due(now_ns)
         self._escalate_due(now_ns)
         self._full = False
         effects, self._effects = self._effects, []
         return effects
 
     def _raise_due(self, now_ns: int) -> None:
-        rules = {rule.name: rule for rule in self._book.rules}
+        self._waiting.ripen(now_ns)
+        if not self._waiting.ripe:
+            return
         local = _local(now_ns, self._book.timezone)
-        for (name, place), subject in list(self._waiting.items()):
-            rule = rules[name]
-            if now_ns >= self._due_ns(rule, subject) and rule.applies_at(local):
-                self._raise(rule, place, subject, now_ns)
-        self._next_ns = self.next_ns() or now_ns
+        applying = [rule for rule in self._book.rules if rule.name in self._waiting.ripe and rule.applies_at(local)]
+        for rule in applying:
+            for place in list(self._waiting.ripe[rule.name]):
+                self._raise(rule, place, self._subjects[rule.name][place], now_ns)
 
     def _escalate_due(self, now_ns: int) -> None:
         after_s = {rule.name: rule.escalate_after_s for rule in self._book.rules if rule.escalate_after_s is not None}
@@ -226,11 +221,10 @@ class RuleEngine:
                 return
         if found.holds and not subject.holds:
             subject.holds, subject.since_ns = True, now_ns
-            self._waiting[rule.name, place] = subject
-            self._next_ns = min(self._next_ns, self._due_ns(rule, subject))
+            self._waiting.add(rule.name, place, self._due_ns(rule, subject))
         elif not found.holds and subject.holds:
             subject.holds = False
-            self._waiting.pop((rule.name, place), None)
+            self._waiting.discard(rule.name, place)
             if subject.alert is not None:
                 self._change(subject.alert, AlertState.RESOLVED, now_ns)
             if rule.cooldown_s == 0:
@@ -279,7 +273,7 @@ class RuleEngine:
             raised_ns=now_ns,
             changed_ns=now_ns,
         )
-        del self._waiting[rule.name, place]
+        self._waiting.discard(rule.name, place)
         subject.alert, subject.raised_ns = alert, now_ns
         self._alerts[alert.id] = (alert, place)
         self._effects.append(Effect(alert, rule, raised=True))

@@ -1,0 +1,62 @@
+"""What holds and is not yet to be told, by when it may be. Pure."""
+
+from collections.abc import Collection
+from heapq import heapify, heappop, heappush
+from typing import Final
+
+Place = tuple[str, str, str]
+"""Robot, camera and class that an alert is about; the latter two may be empty."""
+
+SLACK: Final = 64
+"""Entries of what waits no more that are put up with, beside as many as there are others."""
+
+
+class Waiting:
+    """Places by rule, each until it is discarded; what one costs hardly depends on how many there are.
+
+    Places whose time has come are `ripe`: a rule that does not apply at this time of the day takes them later.
+    """
+
+    def __init__(self) -> None:
+        self.ripe: dict[str, dict[Place, None]] = {}
+        self._due: dict[tuple[str, Place], int] = {}
+        self._queue: list[tuple[int, str, Place]] = []
+
+    def add(self, rule: str, place: Place, due_ns: int) -> None:
+        """Have a place wait until a moment, epoch nanoseconds."""
+        self._due[rule, place] = due_ns
+        heappush(self._queue, (due_ns, rule, place))
+        if len(self._queue) > 2 * len(self._due) + SLACK:
+            self._rebuild()
+
+    def discard(self, rule: str, place: Place) -> None:
+        """Forget a place, if it waits."""
+        self._due.pop((rule, place), None)
+        if rule in self.ripe:
+            self.ripe[rule].pop(place, None)
+            if not self.ripe[rule]:
+                del self.ripe[rule]
+
+    def keep(self, rules: Collection[str]) -> None:
+        """Forget the places of all other rules."""
+        self._due = {key: due_ns for key, due_ns in self._due.items() if key[0] in rules}
+        self.ripe = {rule: places for rule, places in self.ripe.items() if rule in rules}
+        self._rebuild()
+
+    def ripen(self, now_ns: int) -> None:
+        """Let time pass."""
+        while self._queue and self._queue[0][0] <= now_ns:
+            due_ns, rule, place = heappop(self._queue)
+            if self._due.get((rule, place)) == due_ns:
+                del self._due[rule, place]
+                self.ripe.setdefault(rule, {})[place] = None
+
+    def next_ns(self) -> int | None:
+        """Return when the next place is ripe, None if none waits for that."""
+        while self._queue and self._due.get(self._queue[0][1:]) != self._queue[0][0]:
+            heappop(self._queue)
+        return self._queue[0][0] if self._queue else None
+
+    def _rebuild(self) -> None:
+        self._queue = [(due_ns, rule, place) for (rule, place), due_ns in self._due.items()]
+        heapify(self._queue)
