@@ -120,6 +120,10 @@ def _engines(
     return runtime, engine, reference
 
 
+def _gpu(device: "torch.device") -> int | None:
+    return device.index or 0 if device.type == "cuda" else None
+
+
 def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place: Place, reference: Engine) -> Engine:
     file = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest, spare=place.spare)
     match runtime:
@@ -128,7 +132,7 @@ def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place
         case "onnx":
             from services.detector.runtime.onnx_engine import OnnxEngine  # noqa: PLC0415
 
-            return OnnxEngine(file("onnx"), place.threads, cuda=device.type == "cuda")
+            return OnnxEngine(file("onnx"), place.threads, gpu=_gpu(device))
         case "openvino":
             from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415
 

@@ -1,5 +1,6 @@
 """A model under ONNX Runtime."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +15,7 @@ from services.detector.runtime.postprocess import Output
 _CPU: Final = "CPUExecutionProvider"
 _CUDA: Final = "CUDAExecutionProvider"
 ERRORS_ONLY: Final = 3
+Provider = str | tuple[str, dict[str, str]]
 NO_MEMORY: Final = (
     "failed to allocate memory",
     "out of memory",
@@ -37,14 +39,19 @@ def is_out_of_memory(error: Exception) -> bool:
     return any(sign in str(error).lower() for sign in NO_MEMORY)
 
 
-class OnnxEngine:
-    """Runs an ONNX file on the processor, or on the GPU where the installed ONNX Runtime can."""
+def providers(gpu: int | None, able: Sequence[str]) -> list[Provider]:
+    """Return what is to compute, of what the installed ONNX Runtime is able to use. gpu: its number, None for none."""
+    if gpu is None or _CUDA not in able:
+        return [_CPU]
+    return [(_CUDA, {"device_id": str(gpu)}), _CPU]
 
-    def __init__(self, path: Path, threads: int, *, cuda: bool) -> None:
-        able = cuda and _CUDA in onnxruntime.get_available_providers()
-        self._session = onnxruntime.InferenceSession(
-            path, session_options(threads), providers=[_CUDA, _CPU] if able else [_CPU]
-        )
+
+class OnnxEngine:
+    """Runs an ONNX file on the processor, or on a GPU where the installed ONNX Runtime can; see `providers`."""
+
+    def __init__(self, path: Path, threads: int, *, gpu: int | None) -> None:
+        able = onnxruntime.get_available_providers()
+        self._session = onnxruntime.InferenceSession(path, session_options(threads), providers=providers(gpu, able))
         self._input = self._session.get_inputs()[0].name
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:

@@ -1,6 +1,6 @@
 import pytest
 
-from services.detector.runtime.onnx_engine import is_out_of_memory
+from services.detector.runtime.onnx_engine import is_out_of_memory, providers
 
 
 @pytest.mark.parametrize(
@@ -17,3 +17,9 @@ def test_what_says_that_the_gpu_has_too_little_memory(text: str) -> None:
 
 def test_other_errors_say_nothing_of_memory() -> None:
     assert not is_out_of_memory(RuntimeError("Got invalid dimensions for input: images"))
+
+
+def test_the_gpu_that_was_asked_for_computes_where_onnx_runtime_can_use_it() -> None:
+    cpu, cuda = "CPUExecutionProvider", "CUDAExecutionProvider"
+    assert providers(1, [cuda, cpu]) == [(cuda, {"device_id": "1"}), cpu]
+    assert providers(1, [cpu]) == providers(None, [cuda, cpu]) == [cpu]
