@@ -82,7 +82,7 @@ class Uplink(Generic[S, T]):
         self._drain(now)
         released = []
         while (place := self._next()) is not None and self._wait_s(self._waiting[place].size) <= 0:
-            self._now = self._begins(place)
+            self._now = max(self._now, self._begins(place))
             going = self._waiting.pop(place)
             self._backlog += going.size
             stream, moment = place

@@ -77,7 +77,7 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
             made = YOLO(copy).export(format=kind, dynamic=True, imgsz=longest, device=device, verbose=False)
         Path(copy).unlink()
         if Path(made) != making / FILES[kind]:
-            raise FileNotFoundError(f"it is not where it should be: {made}")
+            raise RuntimeError(f"it is not where it should be: {made}")
         put_in_place(making, folder)
     finally:
         shutil.rmtree(own, ignore_errors=True)
