@@ -1,10 +1,12 @@
 """What the bus offers; `bus.open_bus` gives the real one and `bus.fake.FakeNetwork` the one for tests."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, NamedTuple, Protocol, Self
+from typing import Final, Protocol, Self
+
+import msgspec
 
 
 class QoS(Enum):
@@ -42,7 +44,7 @@ QUEUE: Final = Queue
 DEFAULT_ENCODING: Final = "application/octet-stream"
 
 
-class Sample(NamedTuple):
+class Sample(msgspec.Struct, frozen=True, gc=False):
     """A message as it arrived.
 
     `received_ns` is `time.time_ns()` at arrival in this process, or some milliseconds later where samples of many keys
@@ -150,6 +152,14 @@ class Subscription(Protocol):
 
     async def __anext__(self) -> Sample:
         """Wait for the next sample.
+
+        Raises:
+            BusError: another task is waiting here already.
+
+        """
+
+    def batches(self, most: int) -> AsyncIterator[list[Sample]]:
+        """Iterate over what is there at once, in order, `most` samples at most: where many come, each costs less so.
 
         Raises:
             BusError: another task is waiting here already.

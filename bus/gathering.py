@@ -14,7 +14,7 @@ ROOM: Final = 16_384
 """Samples that wait to be fetched; then the link waits."""
 
 AT_ONCE: Final = 1_000
-PAUSE_S: Final = 0.005
+PAUSE_S: Final = 0.02
 """How long what comes after a batch waits at most: so many are fetched together where many come."""
 
 _log: Final = logging.getLogger(__name__)

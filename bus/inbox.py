@@ -5,6 +5,7 @@ import contextlib
 import threading
 from asyncio import AbstractEventLoop
 from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Generic, TypeVar
 
 from bus.errors import BusError
@@ -77,6 +78,11 @@ class Inbox(Generic[T]):
                 await waiter
             finally:
                 self._waiter = None
+
+    def take_waiting(self, most: int) -> list[Taken[str, T]]:
+        """Take what is there already, in order."""
+        with self._lock:
+            return list(islice(iter(self._mailbox.take, None), most))
 
     def _wake(self) -> None:
         with self._lock:

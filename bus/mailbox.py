@@ -4,7 +4,9 @@ import heapq
 from collections import OrderedDict, deque
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Final, Generic, NamedTuple, Protocol, TypeVar, final
+from typing import Final, Generic, Protocol, TypeVar, final
+
+import msgspec
 
 MAX_KEYS: Final = 10_000
 """How many keys a box knows at once."""
@@ -13,7 +15,7 @@ K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 
 
-class Taken(NamedTuple, Generic[K, T]):
+class Taken(msgspec.Struct, Generic[K, T], frozen=True, gc=False):
     """An item and how many of its key were dropped since the last of that key was taken."""
 
     key: K

@@ -2,12 +2,14 @@
 
 import time
 from asyncio import AbstractEventLoop
-from collections.abc import Iterable
+from collections.abc import AsyncIterator, Iterable
 from typing import Final, Self, assert_never
+
+from msgspec.structs import replace
 
 from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
 from bus.inbox import Inbox
-from bus.mailbox import Fifo, Mailbox, PerKey
+from bus.mailbox import Fifo, Mailbox, PerKey, Taken
 
 
 def _mailbox(keep: Latest | Queue) -> Mailbox[str, Sample]:
@@ -51,8 +53,16 @@ class SampleReader:
         return self
 
     async def __anext__(self) -> Sample:
-        _, sample, dropped = await self._inbox.take()
-        return sample._replace(replaced=dropped) if dropped else sample
+        return _sample(await self._inbox.take())
+
+    async def batches(self, most: int) -> AsyncIterator[list[Sample]]:
+        """Iterate over what is there at once."""
+        async for first in self:
+            yield [first, *map(_sample, self._inbox.take_waiting(most - 1))]
+
+
+def _sample(taken: Taken[str, Sample]) -> Sample:
+    return replace(taken.item, replaced=taken.dropped) if taken.dropped else taken.item
 
 
 MAX_TOKENS: Final = 100_000

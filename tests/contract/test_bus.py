@@ -133,6 +133,24 @@ async def test_a_queue_keeps_order_and_counts_what_it_drops(buses: tuple[Bus, Bu
         assert subscription.counts == SubscriptionCounts(received=8, dropped=5)
 
 
+async def test_what_waits_comes_in_batches_until_the_end(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    async with there.publisher(KEY, QoS.RESULT) as out:
+        async with here.subscribe(KEY, QUEUE(5)) as subscription:
+            await until(lambda: out.wanted)
+            for number in range(8):
+                out.put(bytes([number]))
+            await until(lambda: subscription.counts.received == 8)
+            batches = subscription.batches(3)
+            batch = [(sample.payload[0], sample.replaced) for sample in await anext(batches)]
+            assert batch == [(3, 3), (4, 0), (5, 0)]
+            assert [sample.payload[0] for sample in await anext(batches)] == [6, 7]
+            waiting = asyncio.create_task(anext(batches, None))
+            out.put(b"more")
+            assert [sample.payload for sample in await asyncio.wait_for(waiting, PATIENCE_S) or ()] == [b"more"]
+        assert [batch async for batch in batches] == []
+
+
 async def test_results_of_one_publisher_keep_their_order(buses: tuple[Bus, Bus]) -> None:
     here, there = buses
     async with here.subscribe("fleet/**", QUEUE(100)) as subscription, there.publisher(KEY, QoS.RESULT) as out:
