@@ -9,15 +9,18 @@ EARLY: Final = 0.3
 
 
 class Sparing:
-    """Passes about so many frames a second, all of them for None."""
+    """Passes so many frames a second, as far as there are so many; all of them for None."""
 
     def __init__(self, most_hz: float | None) -> None:
-        self._apart_ns = 0 if most_hz is None else round((1 - EARLY) * SECOND_NS / most_hz)
-        self._last_ns: int | None = None
+        self._turn_ns = 0 if most_hz is None else round(SECOND_NS / most_hz)
+        self._due_ns: int | None = None
 
     def passes(self, arrived_ns: int) -> bool:
         """Return whether a frame is looked at that arrived then, by a clock that may be set back."""
-        if self._last_ns is not None and 0 <= arrived_ns - self._last_ns < self._apart_ns:
+        due_ns = arrived_ns if self._due_ns is None else self._due_ns
+        early_ns, soon_ns = due_ns - arrived_ns, EARLY * self._turn_ns
+        if soon_ns < early_ns <= self._turn_ns + soon_ns:
             return False
-        self._last_ns = arrived_ns
+        gap = early_ns > soon_ns or early_ns < -self._turn_ns  # the clock was set back, or no frames came for a while
+        self._due_ns = (arrived_ns if gap else due_ns) + self._turn_ns  # one that is late does not delay the next
         return True
