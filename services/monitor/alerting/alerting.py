@@ -185,12 +185,12 @@ class Alerting:
 def look_at(inventory: Inventory, camera: CameraView, now_ns: int) -> Look:
     """Return what is known of a camera now."""
     since_ns = now_ns - inventory.limits.stale_ns
-    sightings = list(camera.sightings(since_ns))
+    sighted = list(camera.sighted())
     return Look(
         key=camera.key,
         speaks=inventory.speaks(camera, now_ns),
-        counts={each.name: each.count for each in sightings},
-        nearest={each.name: each.nearest_m for each in sightings if each.nearest_m is not None},
+        counts={name: tracked.count.count for name, tracked in sighted},
+        nearest={name: near for name, tracked in sighted if (near := tracked.nearest_since(since_ns)) is not None},
         disagreements=camera.disagreements(since_ns),
     )
 

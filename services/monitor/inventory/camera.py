@@ -122,11 +122,14 @@ class CameraView:
 
     def sightings(self, nearest_since_ns: int = 0) -> Iterator[Sighting]:
         """Yield each class that is or was in view; a distance older than `nearest_since_ns` is left out."""
-        if self.speaker is None:
-            return
-        for name, tracked in self.speaker.classes.items():
-            if tracked.first_ns:
+        if self.speaker is not None:
+            for name, tracked in self.sighted():
                 yield tracked.sighting(self.key, name, self.speaker.model, nearest_since_ns)
+
+    def sighted(self) -> Iterator[tuple[str, Tracked]]:
+        """Yield each class that is or was in view, to be looked at only."""
+        if self.speaker is not None:
+            yield from ((name, tracked) for name, tracked in self.speaker.classes.items() if tracked.first_ns)
 
     def others(self, since_ns: int) -> Iterator[View]:
         """Yield the models that spoke since then, and not only once, other than the one that speaks for the camera."""

@@ -72,6 +72,10 @@ class Tracked:
         if nearest_m is not None:
             self.closest_m = nearest_m if self.closest_m is None else min(self.closest_m, nearest_m)
 
+    def nearest_since(self, since_ns: int) -> float | None:
+        """Return how near the nearest in view is; a distance older than `since_ns` is not known any more."""
+        return self.nearest_m if self.count.count and self.nearest_ns >= since_ns else None
+
     def sighting(self, key: CameraKey, name: str, model: str, nearest_since_ns: int = 0) -> Sighting:
         """Return it as it stands; a distance older than `nearest_since_ns` is not known any more."""
         return Sighting(
@@ -84,7 +88,7 @@ class Tracked:
             last_ns=self.last_ns,
             model=model,
             worker=self.worker,
-            nearest_m=self.nearest_m if self.count.count and self.nearest_ns >= nearest_since_ns else None,
+            nearest_m=self.nearest_since(nearest_since_ns),
             closest_m=self.closest_m,
         )
 

@@ -34,11 +34,11 @@ class Look(msgspec.Struct, frozen=True, gc=False):
 
 
 class Finding(msgspec.Struct, frozen=True, gc=False):
-    """Whether what a rule is about is so for a class, and in words."""
+    """Whether what a rule is about is so for a class, and in words where it is."""
 
     name: str
     holds: bool
-    text: str
+    text: str = ""
 
 
 def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
@@ -51,13 +51,13 @@ def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
             return
         case SilentRule():
             if rule.of_cameras:
-                yield Finding("", not look.speaks, f"{look.key} says nothing")
+                yield Finding("", not look.speaks, "" if look.speaks else f"{look.key} says nothing")
         case OverRule() if look.speaks:
-            count = look.counts.get(rule.of, 0)
-            yield Finding(rule.of, count > rule.count, f"{count} {rule.of} in view of {look.key}, over {rule.count}")
+            over = look.counts.get(rule.of, 0) > rule.count
+            yield Finding(rule.of, over, _counted(rule.of, look, f"over {rule.count}") if over else "")
         case UnderRule() if look.speaks:
-            count = look.counts.get(rule.of, 0)
-            yield Finding(rule.of, count < rule.count, f"{count} {rule.of} in view of {look.key}, under {rule.count}")
+            under = look.counts.get(rule.of, 0) < rule.count
+            yield Finding(rule.of, under, _counted(rule.of, look, f"under {rule.count}") if under else "")
         case NearerRule() if look.speaks:
             yield _nearer(rule, look)
         case DisagreeRule() if look.speaks:
@@ -86,17 +86,24 @@ def found_in(change: Change, rule: AnyRule) -> Finding | None:
             assert_never(change.kind)
 
 
+def _counted(name: str, look: Look, bound: str) -> str:
+    return f"{look.counts.get(name, 0)} {name} in view of {look.key}, {bound}"
+
+
 def _nearer(rule: NearerRule, look: Look) -> Finding:
     """Return whether it is near; what is not in view, or at no known distance, is not."""
     nearest = look.nearest.get(rule.of)
-    if nearest is None:
-        return Finding(rule.of, holds=False, text="")
+    if nearest is None or nearest >= rule.than_m:
+        return Finding(rule.of, holds=False)
     text = f"{rule.of} {nearest:.2f} m from {look.key}, nearer than {rule.than_m:g} m"
-    return Finding(rule.of, nearest < rule.than_m, text)
+    return Finding(rule.of, holds=True, text=text)
 
 
 def _disagreements(rule: DisagreeRule, look: Look) -> Iterator[Finding]:
     for name in [rule.of] if rule.of else look.counts:
-        ours, theirs = look.disagreements.get(name, (0, 0))
-        text = f"two models count {ours} and {theirs} {name} in view of {look.key}"
-        yield Finding(name, name in look.disagreements, text)
+        counts = look.disagreements.get(name)
+        if counts is None:
+            yield Finding(name, holds=False)
+        else:
+            text = f"two models count {counts[0]} and {counts[1]} {name} in view of {look.key}"
+            yield Finding(name, holds=True, text=text)
