@@ -1,6 +1,6 @@
 """What two models that look at one camera disagreed about. Pure."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Self
 
 from schemas.keys import CameraKey
@@ -42,7 +42,18 @@ class Disagreements:
         self._ledger = ledger
         self._open: dict[CameraKey, set[str]] = {}
 
-    def note(self, camera: CameraView, now_ns: int) -> None:
+    def note(self, now_ns: int) -> Iterator[None]:
+        """Enter what is so, and yield after each camera.
+
+        Cameras at which one model looks by now are looked at once more: what models disagreed about has ended there.
+        """
+        for key in {*self._inventory.disputed(), *self._open}:
+            camera = self._inventory.camera(key)
+            if camera is not None:
+                self._note(camera, now_ns)
+            yield
+
+    def _note(self, camera: CameraView, now_ns: int) -> None:
         """Enter what is so of a camera; while nobody speaks for it nothing is."""
         found = self._found(camera, now_ns) if self._inventory.speaks(camera, now_ns) else {}
         for name in self._open.get(camera.key, set()) - found.keys():

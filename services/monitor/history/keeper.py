@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final
 
 from schemas.alerts import Alert
@@ -157,12 +158,8 @@ class HistoryKeeper:
         """Note who comes and goes and what models disagree about, whether the database can be had or not."""
         while True:
             now_ns = time.time_ns()
-            async for _ in in_turns(self._attendance.note(now_ns)):
+            async for _ in in_turns(chain(self._attendance.note(now_ns), self._disagreements.note(now_ns))):
                 pass
-            async for key in in_turns(list(self._inventory.disputed())):
-                camera = self._inventory.camera(key)
-                if camera is not None:
-                    self._disagreements.note(camera, now_ns)
             await asyncio.sleep(NOTE_S)
 
     async def _attempt(self) -> float:

@@ -25,9 +25,8 @@ class Camera:
 
     def noted(self, at_s: int) -> list[tuple[int, int, int, int, bool]]:
         """Return (ours, theirs, since, until, open)."""
-        camera = self.inventory.camera(FRONT)
-        assert camera
-        self.disagreements.note(camera, at_s * S)
+        for _ in self.disagreements.note(at_s * S):
+            pass
         some = [each for each in self.ledger.pending(100) if isinstance(each, Disagreement)]
         self.ledger.written(some)
         assert {(each.name, each.model, each.other_model) for each in some} <= {("box", "m", "n")}
@@ -67,6 +66,17 @@ def test_who_falls_silent_disagrees_no_more() -> None:
     camera.noted(2)
     camera.see(9, m=2)
     assert camera.noted(9) == [(2, 1, 2, 9, False)]
+
+
+def test_it_ends_where_a_new_model_takes_over() -> None:
+    camera = Camera()
+    for at_s in (1, 2):
+        camera.see(at_s, m=2, n=1)
+    assert camera.noted(2) == [(2, 1, 2, 2, True)]
+    camera.see(3 + STALE_S, n=1)
+    camera.inventory.tick((3 + STALE_S) * S)
+    assert camera.inventory.disputed() == set()
+    assert camera.noted(4 + STALE_S) == [(2, 1, 2, 4 + STALE_S, False)]
 
 
 def test_of_three_models_it_is_the_one_that_counts_otherwise() -> None:
