@@ -93,9 +93,12 @@ def remove_abandoned(cache: Path, now_s: float) -> None:
 
 def put_in_place(made: Path, folder: Path) -> None:
     """Make `folder` of what was made, at once, unless somebody else was quicker."""
-    for file in filter(Path.is_file, made.rglob("*")):
-        with file.open("rb") as written:
-            os.fsync(written.fileno())  # a machine may lose its power before what has its name already is written
+    for each in (*made.rglob("*"), made):  # folders too: they say which files there are
+        descriptor = os.open(each, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)  # a machine may lose its power before what has its name already is written
+        finally:
+            os.close(descriptor)
     try:
         made.rename(folder)
     except OSError:

@@ -25,7 +25,7 @@ def test_what_gets_its_place_is_on_the_disk_by_then(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(os, "fsync", lambda file: written.append(Path(f"/proc/self/fd/{file}").readlink()))
     folder = made(tmp_path / "one", "first")
     put_in_place(folder, tmp_path / "place")
-    assert written == [folder / "model.onnx"]
+    assert written == [folder / "model.onnx", folder]
 
 
 def test_any_number_at_once(tmp_path: Path) -> None:
