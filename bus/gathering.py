@@ -14,8 +14,13 @@ ROOM: Final = 16_384
 """Samples that wait to be fetched; then the link waits."""
 
 AT_ONCE: Final = 1_000
-PAUSE_S: Final = 0.02
-"""How long what comes after a batch waits at most: so many are fetched together where many come."""
+
+TOGETHER: Final = 100
+"""So many are worth waiting for: each costs less than it does where fewer come together."""
+
+SHORTEST_S: Final = 0.005
+LONGEST_S: Final = 0.02
+"""How long what comes after a batch waits for others at least, and at most."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -37,20 +42,21 @@ class Gathering:
         self._thread.join(grace_s)
 
     def _run(self) -> None:
-        while self._fetch():
-            time.sleep(PAUSE_S)
+        wait_s = SHORTEST_S
+        while number := self._fetch():
+            wait_s = next_wait_s(wait_s, number)
+            time.sleep(wait_s)
 
-    def _fetch(self) -> bool:
-        """Deliver what waits, once something does; return False if nothing comes any more."""
+    def _fetch(self) -> int:
+        """Deliver what waits, once something does; return how many, 0 if nothing comes any more."""
         batch = self._next()  # not kept until the next one, which may be long in coming: it holds shared memory
-        if not batch:
-            return False
-        try:
-            with panics_are_errors():
-                self._deliver(batch)
-        except Exception:  # noqa: BLE001 - whatever is wrong with one message, the link waits until others are fetched
-            _log.exception("not all of %d messages were taken in", len(batch))
-        return True
+        if batch:
+            try:
+                with panics_are_errors():
+                    self._deliver(batch)
+            except Exception:  # noqa: BLE001 - whatever is wrong with one message, the link waits until others are fetched
+                _log.exception("not all of %d messages were taken in", len(batch))
+        return len(batch)
 
     def _next(self) -> list[zenoh.Sample]:
         """Wait for samples; there are none when none come any more."""
@@ -63,3 +69,8 @@ class Gathering:
         except zenoh.ZError:  # it is closed
             pass
         return batch
+
+
+def next_wait_s(before_s: float, number: int) -> float:
+    """Return how long to wait for about TOGETHER to come, after `number` came in about `before_s`."""
+    return min(LONGEST_S, max(SHORTEST_S, before_s * TOGETHER / number))

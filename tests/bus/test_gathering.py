@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from bus.gathering import AT_ONCE, Gathering
+from bus.gathering import AT_ONCE, LONGEST_S, SHORTEST_S, TOGETHER, Gathering, next_wait_s
 from tests.contract.waiting import PATIENCE_S
 
 
@@ -97,3 +97,14 @@ def test_what_cannot_be_delivered_keeps_nothing_else_from_it(caplog: pytest.LogC
     gathering.join(PATIENCE_S)
     assert taken == ["good"]
     assert "not all of 1 messages were taken in" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("per_s", "wait_s"),
+    [(1, LONGEST_S), (TOGETHER / LONGEST_S, LONGEST_S), (TOGETHER / 0.01, 0.01), (1e6, SHORTEST_S)],
+)
+def test_so_many_are_waited_for_but_never_long(per_s: float, wait_s: float) -> None:
+    wait = SHORTEST_S
+    for _ in range(20):
+        wait = next_wait_s(wait, max(1, round(per_s * wait)))
+    assert wait == pytest.approx(wait_s, rel=0.02)
