@@ -38,7 +38,8 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
         "mode": settings.mode,
         "connect": {
             "endpoints": settings.connect,
-            "timeout_ms": 0,
+            # One try for a client, which opens its session again; others' sessions are open at once and go on trying.
+            "timeout_ms": 0 if settings.mode == "client" else -1,
             "exit_on_failure": settings.mode == "client",
             "retry": {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2},
         },

@@ -17,6 +17,11 @@ def _endpoint(value: str) -> str:
     return value
 
 
+def port_of(endpoint: str) -> str:
+    """Return the port of an endpoint, or of a link's end."""
+    return re.split("[?#]", endpoint, maxsplit=1)[0].rpartition(":")[2]
+
+
 Endpoint = Annotated[str, AfterValidator(_endpoint)]
 
 
