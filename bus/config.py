@@ -50,6 +50,7 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
             "unicast": {"open_timeout": OPEN_TIMEOUT_MS, "accept_timeout": OPEN_TIMEOUT_MS},
             "link": {
                 "tcp": {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES},
+                "tls": _tls(settings),
                 "tx": {
                     "lease": lease_ms,
                     "keep_alive": max(4, ceil(lease_ms / MAX_FLUSH_MS)),
@@ -62,4 +63,20 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
             },
             "shared_memory": {"enabled": settings.shared_memory},
         },
+    }
+
+
+def _tls(settings: BusSettings) -> dict[str, Any]:
+    """Have both ends of a link show a certificate of the same authority, and the listener's be for the name sought."""
+    sockets = {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES}
+    if settings.tls_ca is None:
+        return sockets
+    certificate, key = str(settings.tls_certificate), str(settings.tls_key)
+    return sockets | {
+        "root_ca_certificate": str(settings.tls_ca),
+        "enable_mtls": True,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
     }

@@ -242,5 +242,5 @@ def _camera(fleet: Fleet, key: str, *, alive: bool) -> None:
 
 def _how_to_join(settings: MonitorSettings) -> str:
     if settings.listen:
-        return f"gateways and detectors join with --connect {settings.listen[0]}"
-    return f"connected to {', '.join(settings.connect) or 'whom scouting finds'}"
+        return f"gateways and detectors join with --connect {settings.listen[0].partition('#')[0]}"
+    return f"connects to {', '.join(settings.connect) or 'whom scouting finds'}"
