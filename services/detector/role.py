@@ -15,7 +15,7 @@ class Role:
 
     service: its name in the keys of workers; cameras are shared with workers of the same alone. lists: the stream of
     its class lists. lists_only: it makes nothing else of a camera, and answers no images.
-    most_hz: about how many frames a second of a camera it asks for and looks at, None for all that it can.
+    most_hz: about how many frames a second of a camera it asks for at most and looks at, None for all that it can.
     prefix: of its name as a consumer of frames.
     """
 

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from typing import Final
 
 from bus import Bus
@@ -17,7 +18,7 @@ from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_CLASSES, MAX_STREAMS, WorkerStatus
 from schemas.worker_keys import WorkerAlive
-from services.detector.account import Account
+from services.detector.account import REPLACED, SPARED, Account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
@@ -91,7 +92,8 @@ class Worker:
             self._painters.shutdown(wait=False, cancel_futures=True)
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        account = opened(self._accounts, key, self._asked, MAX_STREAMS, Account)
+        unread = REPLACED if self._role.most_hz is None else SPARED  # a newer one is as good for an opinion
+        account = opened(self._accounts, key, self._asked, MAX_STREAMS, partial(Account, unread=unread))
         asked = self._asked[key] = Asked()
         asked.ask(self._role.most_hz)
         self._took_over[key] = took_over
