@@ -26,7 +26,10 @@ class Role:
     prefix: str = ""
 
     def consumer(self, worker: str) -> str:
-        """Return the name under which a worker asks gateways for frames: a detector beside it may be its namesake."""
+        """Return the name under which a worker asks gateways for frames: a detector beside it may be its namesake.
+
+        No detector's own name begins with another role's prefix; see `DetectorSettings`.
+        """
         return self.prefix + worker[-(LONGEST_NAME - len(self.prefix)) :]
 
 
