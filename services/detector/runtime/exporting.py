@@ -1,5 +1,6 @@
 """Exported models, made once per content of the weights and kept."""
 
+import errno
 import logging
 import os
 import shutil
@@ -26,6 +27,11 @@ ABANDONED_S: Final = 24 * 3600
 """Age at which a folder that was never put in place is that of a process that was killed: exports take minutes."""
 
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
+
+UNWRITABLE: Final = frozenset(
+    {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
+)
+"""What fails because of where it is written."""
 
 
 def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, spare: Path) -> Path:
@@ -56,7 +62,9 @@ def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
     try:
         export(folder)
     except OSError as error:
-        log.warning("--cache %s: %s: what is exported is not kept", folder.parent, error.strerror or error)
+        if error.errno not in UNWRITABLE:
+            raise
+        log.warning("--cache %s: %s: what is exported is not kept", folder.parent, error.strerror)
         export(spare)
         return spare
     return folder
