@@ -1,16 +1,17 @@
 """Exported models, made once per content of the weights and kept."""
 
 import errno
+import hashlib
 import logging
 import os
 import shutil
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -21,12 +22,17 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-PACKAGE: Final = "ultralytics-opencv-headless"
 MAKING: Final = ".exporting-"
 ABANDONED_S: Final = 24 * 3600
 """Age at which a folder that was never put in place is that of a process that was killed: exports take minutes."""
 
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
+
+EXPORTERS: Final[Mapping[str, tuple[str, ...]]] = {
+    "onnx": ("ultralytics", "torch", "onnx"),
+    "engine": ("ultralytics", "torch", "onnx", "tensorrt"),
+}
+"""What makes each kind; an engine is loaded by no other version of what made it."""
 
 UNWRITABLE: Final = frozenset(
     {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
@@ -34,18 +40,18 @@ UNWRITABLE: Final = frozenset(
 """What fails because of where it is written."""
 
 
-def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, spare: Path) -> Path:
+def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, gpu: str, spare: Path) -> Path:
     """Return the model as a file that other libraries run, exported by Ultralytics if it is not in the cache yet.
 
     Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
 
-    kind: of FILES. device: an engine is for one, an ONNX file for any. spare: where it goes if the cache cannot be
+    kind: of FILES. device: to export on. gpu: what kind of GPU that is. spare: where it goes if the cache cannot be
     written.
 
     Raises:
         ModelError: the export failed.
     """
-    name = f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
+    name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu)
     for place in (cache, spare):
         if (place / name / FILES[kind]).is_file():
             return place / name / FILES[kind]
@@ -55,6 +61,18 @@ def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: i
         return _kept(export, cache / name, spare / name) / FILES[kind]
     except Exception as error:
         raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
+
+
+def entry(digest: str, kind: str, longest: int, exporters: Sequence[str], gpu: str) -> str:
+    """Return an export's name in the cache. exporters: with their versions. gpu: an engine is for that kind alone."""
+    about = [longest, *exporters, gpu if kind == "engine" else ""]
+    return f"{digest[:32]}-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}-{kind}"
+
+
+def installed(packages: Iterable[str]) -> list[str]:
+    """Return the names and versions of what was installed to import these packages: `onnxruntime` has several."""
+    names = packages_distributions()
+    return sorted({f"{each} {version(each)}" for package in packages for each in names.get(package, ())})
 
 
 def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:

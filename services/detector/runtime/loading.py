@@ -107,7 +107,8 @@ def _engines(
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     reference = TorchEngine(weights.yolo.model, device)
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
-    place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported")
+    gpu = "" if device.type != "cuda" else torch.cuda.get_device_name(device)
+    place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported", gpu=gpu)
     make = partial(_make, weights=weights, device=device, place=place, reference=reference)
     blank = _blank(longest, weights.stride)
     if settings.runtime == "auto":
@@ -125,7 +126,8 @@ def _gpu(device: "torch.device") -> int | None:
 
 
 def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place: Place, reference: Engine) -> Engine:
-    file = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest, spare=place.spare)
+    export = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest)
+    file = partial(export, gpu=place.gpu, spare=place.spare)
     match runtime:
         case "torch":
             return reference

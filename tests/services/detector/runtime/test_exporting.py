@@ -1,10 +1,11 @@
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from services.detector.runtime.exporting import ABANDONED_S, MAKING, put_in_place, remove_abandoned
+from services.detector.runtime.exporting import ABANDONED_S, MAKING, entry, installed, put_in_place, remove_abandoned
 
 
 def made(folder: Path, content: str) -> Path:
@@ -58,3 +59,34 @@ def test_what_a_killed_process_left_behind_is_removed_and_nothing_else(tmp_path:
 def test_a_cache_with_nothing_left_behind_stays_as_it_is(tmp_path: Path) -> None:
     remove_abandoned(tmp_path / "absent", 0)
     assert not list(tmp_path.iterdir())
+
+
+EXPORTERS = ("tensorrt 10.3.0", "torch 2.9.0", "ultralytics 8.3.9")
+
+
+def engine(longest: int = 640, exporters: Sequence[str] = EXPORTERS, gpu: str = "NVIDIA L4") -> str:
+    return entry("d" * 64, "engine", longest, exporters, gpu)
+
+
+def test_an_engine_is_for_one_size_one_gpu_and_one_version_of_what_made_it() -> None:
+    newer = ("tensorrt 10.4.0", *EXPORTERS[1:])
+    names = {engine(), engine(longest=320), engine(exporters=newer), engine(gpu="NVIDIA A100-SXM4-40GB")}
+    assert len(names) == 4
+    assert engine() in names, "the same at every start"
+    assert entry("e" * 64, "engine", 640, EXPORTERS, "NVIDIA L4") not in names
+    assert all(name.endswith("-engine") and len(name) < 100 for name in names)
+
+
+def test_an_onnx_file_is_for_any_gpu_and_one_version_of_what_made_it() -> None:
+    names = {entry("d" * 64, "onnx", 640, EXPORTERS[1:], gpu) for gpu in ("", "NVIDIA L4")}
+    assert len(names) == 1
+    assert entry("d" * 64, "onnx", 640, ("torch 2.8.0", EXPORTERS[2]), "") not in names
+
+
+def test_a_package_may_be_installed_under_another_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    about = tmp_path / "fastruntime_gpu-1.2.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: fastruntime-gpu\nVersion: 1.2\n")
+    (about / "top_level.txt").write_text("fastruntime\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert installed({"fastruntime", "absent"}) == ["fastruntime-gpu 1.2"]
