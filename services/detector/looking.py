@@ -5,7 +5,7 @@ Lists of classes are published as soon as the model has answered; objects are fo
 
 import logging
 import time
-from asyncio import Event, Queue, Semaphore, Task, TaskGroup
+from asyncio import Event, Queue, Semaphore, Task, TaskGroup, timeout
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -16,7 +16,7 @@ from schemas.keys import CameraKey
 from services.detector.account import STALE, UNWANTED, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
-from services.detector.model import Found, Model, Outcome, Request
+from services.detector.model import Found, Model, ModelError, Outcome, Request
 from services.detector.tracking import Tracking
 
 PATIENCE_S: Final = 0.005
@@ -27,6 +27,9 @@ SPARE_S: Final = 0.03
 
 LEAST_AGE_S: Final = 0.08
 """How old a frame may be at least, however quick the model is: links have their ups and downs."""
+
+HUNG_S: Final = 60.0
+"""A model that has not answered for so long never will; calls of new shapes may take seconds."""
 
 WEIGHT_OF_NEWEST: Final = 0.1
 
@@ -81,7 +84,11 @@ class Looking:
         self._done = 0
 
     async def run(self) -> None:
-        """Work for ever."""
+        """Work for ever.
+
+        Raises:
+            ModelError: the model is of no more use, or has not answered for HUNG_S. In a group.
+        """
         async with TaskGroup() as group:
             group.create_task(self._publish_classes())
             group.create_task(self._publish_objects())
@@ -135,7 +142,10 @@ class Looking:
             self._busy_since_s = begun_s
         self._calls += 1
         try:
-            return await self._model.infer(requests)
+            async with timeout(HUNG_S):
+                return await self._model.infer(requests)
+        except TimeoutError as error:
+            raise ModelError(f"{self._model.name} has not answered for {HUNG_S:g} s") from error
         finally:
             now_s = time.monotonic()
             self._calls -= 1
