@@ -65,6 +65,7 @@ def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -
             Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
             _tuning(settings),
+            blank=_blank(longest, weights.stride),
             reference=None if runtime == "torch" else reference,
             max_batch=BATCH_ON_GPU if on_gpu else 1,
             in_flight=3 if on_gpu else 2,
