@@ -137,11 +137,11 @@ class Worker:
         """Ask for the same rate of each camera, one after the other."""
         limit, most = self._pace.limit_hz, self._role.most_hz
         for turn, key in enumerate(cameras):
-            if limit is None:
-                self._asked[key].ask(most)
-            else:
+            if limit is not None:
                 each = limit / len(cameras)
                 self._asked[key].ask(each if most is None else min(each, most), turn / limit)
+            elif self._asked[key].hz != most:
+                self._asked[key].ask(most)
 
     def _status(self) -> WorkerStatus:
         accounts = list(self._accounts.items())[-MAX_STREAMS:]

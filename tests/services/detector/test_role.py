@@ -118,6 +118,9 @@ async def test_one_that_has_more_time_asks_for_no_more() -> None:
         working = group.create_task(worker.run())
         await until(lambda: camera.wanted)
         said = [(await receive(budgets, RateBudget)).hz]
+        worker._share_pace([FRONT])
+        await asyncio.sleep(0.05)
+        assert budgets.counts.received == 1, "that another camera came or went is no news of this one"
         for limit_hz in (9.0, 0.5):
             worker._pace.limit_hz = limit_hz
             worker._share_pace([FRONT])
