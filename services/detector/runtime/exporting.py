@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from services.detector.model import ModelError, first_line
+from services.detector.runtime.engine import BATCH_ON_GPU
 
 if TYPE_CHECKING:
     from services.detector.runtime.weights import Weights
@@ -27,6 +28,9 @@ ABANDONED_S: Final = 24 * 3600
 """Age at which a folder that was never put in place is that of a process that was killed: exports take minutes."""
 
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
+
+BATCHES: Final = {"onnx": 1, "engine": BATCH_ON_GPU}
+"""Images that each kind is made for: an engine takes no more of them at once, an ONNX file any number."""
 
 EXPORTERS: Final[Mapping[str, tuple[str, ...]]] = {
     "onnx": ("ultralytics", "torch", "onnx"),
@@ -65,7 +69,7 @@ def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: i
 
 def entry(digest: str, kind: str, longest: int, exporters: Sequence[str], gpu: str) -> str:
     """Return an export's name in the cache. exporters: with their versions. gpu: an engine is for that kind alone."""
-    about = [longest, *exporters, gpu if kind == "engine" else ""]
+    about = [longest, BATCHES[kind], *exporters, gpu if kind == "engine" else ""]
     return f"{digest[:32]}-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}-{kind}"
 
 
@@ -100,7 +104,9 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
         copy = shutil.copy(weights.path, making / "model.pt")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = YOLO(copy).export(format=kind, dynamic=True, imgsz=longest, device=device, verbose=False)
+            made = YOLO(copy).export(
+                format=kind, dynamic=True, batch=BATCHES[kind], imgsz=longest, device=device, verbose=False
+            )
         Path(copy).unlink()
         if Path(made) != making / FILES[kind]:
             raise RuntimeError(f"it is not where it should be: {made}")

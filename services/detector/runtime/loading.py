@@ -13,7 +13,7 @@ from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
-from services.detector.runtime.engine import Engine
+from services.detector.runtime.engine import BATCH_ON_GPU, Engine
 from services.detector.runtime.exporting import exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     import torch
 
     from services.detector.runtime.weights import Weights
-
-BATCH_ON_GPU = 8
-"""Images of different cameras that one call computes together where that costs little more than one."""
 
 
 def load_all(settings: DetectorSettings, folder: Path) -> Model:

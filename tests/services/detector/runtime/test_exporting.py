@@ -2,10 +2,23 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
-from services.detector.runtime.exporting import ABANDONED_S, MAKING, entry, installed, put_in_place, remove_abandoned
+from services.detector.runtime.engine import BATCH_ON_GPU
+from services.detector.runtime.exporting import (
+    ABANDONED_S,
+    FILES,
+    MAKING,
+    entry,
+    exported,
+    installed,
+    put_in_place,
+    remove_abandoned,
+)
+from services.detector.runtime.offline import keep_offline
+from services.detector.settings import SHIPPED_MODEL
 
 
 def made(folder: Path, content: str) -> Path:
@@ -59,6 +72,38 @@ def test_what_a_killed_process_left_behind_is_removed_and_nothing_else(tmp_path:
 def test_a_cache_with_nothing_left_behind_stays_as_it_is(tmp_path: Path) -> None:
     remove_abandoned(tmp_path / "absent", 0)
     assert not list(tmp_path.iterdir())
+
+
+class Exporter:
+    """Stands in for Ultralytics' model, and remembers how it was exported."""
+
+    batches: ClassVar[dict[str, int]] = {}
+
+    def __init__(self, path: Path) -> None:
+        self._folder = path.parent
+
+    def export(self, *, format: str, batch: int, dynamic: bool, **_: object) -> Path:  # noqa: A002 - theirs
+        """Write an empty file."""
+        assert dynamic
+        self.batches[format] = batch
+        (self._folder / FILES[format]).touch()
+        return self._folder / FILES[format]
+
+
+def test_an_engine_is_made_for_as_many_images_at_once_as_it_gets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep_offline(tmp_path / "ultralytics", download=False)
+    from ultralytics import models  # noqa: PLC0415
+
+    from services.detector.runtime.weights import Weights  # noqa: PLC0415
+
+    monkeypatch.setattr(models, "YOLO", Exporter)
+    weights = Weights(SHIPPED_MODEL, "d" * 64, None, {}, segments=True, longest=640, stride=32)
+    for kind, file in FILES.items():
+        made = exported(weights, kind, tmp_path / "cache", "cuda:0", 640, gpu="NVIDIA L4", spare=tmp_path / "spare")
+        assert made.name == file
+    assert Exporter.batches == {"onnx": 1, "engine": BATCH_ON_GPU}
 
 
 EXPORTERS = ("tensorrt 10.3.0", "torch 2.9.0", "ultralytics 8.3.9")
