@@ -38,10 +38,8 @@ EXPORTERS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """What makes each kind; an engine is loaded by no other version of what made it."""
 
-UNWRITABLE: Final = frozenset(
-    {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
-)
-"""What fails because of where it is written."""
+UNWRITABLE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES})
+"""What an exporter fails with because of where it writes."""
 
 
 def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, gpu: str, spare: Path) -> Path:
@@ -84,9 +82,7 @@ def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
     try:
         export(folder)
     except OSError as error:
-        if error.errno not in UNWRITABLE:
-            raise
-        log.warning("--cache %s: %s: what is exported is not kept", folder.parent, error.strerror)
+        log.warning("--cache %s: %s: what is exported is not kept", folder.parent, error.strerror or error)
         export(spare)
         return spare
     return folder
@@ -104,9 +100,14 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
         copy = shutil.copy(weights.path, making / "model.pt")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = YOLO(copy).export(
-                format=kind, dynamic=True, batch=BATCHES[kind], imgsz=longest, device=device, verbose=False
-            )
+            try:
+                made = YOLO(copy).export(
+                    format=kind, dynamic=True, batch=BATCHES[kind], imgsz=longest, device=device, verbose=False
+                )
+            except OSError as error:
+                if error.errno in UNWRITABLE:
+                    raise
+                raise RuntimeError(first_line(error)) from error
         Path(copy).unlink()
         if Path(made) != making / FILES[kind]:
             raise RuntimeError(f"it is not where it should be: {made}")

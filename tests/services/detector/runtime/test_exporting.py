@@ -1,11 +1,13 @@
+import errno
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import ClassVar
+from typing import Self
 
 import pytest
 
+from services.detector.model import ModelError
 from services.detector.runtime.engine import BATCH_ON_GPU
 from services.detector.runtime.exporting import (
     ABANDONED_S,
@@ -75,35 +77,67 @@ def test_a_cache_with_nothing_left_behind_stays_as_it_is(tmp_path: Path) -> None
 
 
 class Exporter:
-    """Stands in for Ultralytics' model, and remembers how it was exported."""
+    """Stands in for Ultralytics' model, and remembers how it was exported. error: what it fails with in the cache."""
 
-    batches: ClassVar[dict[str, int]] = {}
+    def __init__(self, error: OSError | None = None) -> None:
+        self.batches: dict[str, int] = {}
+        self._error = error
+        self._folder = Path()
 
-    def __init__(self, path: Path) -> None:
+    def __call__(self, path: Path) -> Self:
+        """Load a model."""
         self._folder = path.parent
+        return self
 
     def export(self, *, format: str, batch: int, dynamic: bool, **_: object) -> Path:  # noqa: A002 - theirs
         """Write an empty file."""
         assert dynamic
         self.batches[format] = batch
+        if self._error is not None and "cache" in self._folder.parts:
+            raise self._error
         (self._folder / FILES[format]).touch()
         return self._folder / FILES[format]
 
 
-def test_an_engine_is_made_for_as_many_images_at_once_as_it_gets(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Exporter], Path]:
+    """Return what exports the shipped model as a kind, by an exporter; see `exported`."""
     keep_offline(tmp_path / "ultralytics", download=False)
     from ultralytics import models  # noqa: PLC0415
 
     from services.detector.runtime.weights import Weights  # noqa: PLC0415
 
-    monkeypatch.setattr(models, "YOLO", Exporter)
     weights = Weights(SHIPPED_MODEL, "d" * 64, None, {}, segments=True, longest=640, stride=32)
-    for kind, file in FILES.items():
-        made = exported(weights, kind, tmp_path / "cache", "cuda:0", 640, gpu="NVIDIA L4", spare=tmp_path / "spare")
-        assert made.name == file
-    assert Exporter.batches == {"onnx": 1, "engine": BATCH_ON_GPU}
+
+    def export(kind: str, exporter: Exporter) -> Path:
+        monkeypatch.setattr(models, "YOLO", exporter)
+        return exported(weights, kind, tmp_path / "cache", "cuda:0", 640, gpu="NVIDIA L4", spare=tmp_path / "spare")
+
+    return export
+
+
+def test_an_engine_is_made_for_as_many_images_at_once_as_it_gets(export: Callable[[str, Exporter], Path]) -> None:
+    exporter = Exporter()
+    assert [export(kind, exporter).name for kind in FILES] == list(FILES.values())
+    assert exporter.batches == {"onnx": 1, "engine": BATCH_ON_GPU}
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES])
+def test_what_cannot_be_written_into_the_cache_goes_elsewhere(
+    export: Callable[[str, Exporter], Path], number: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    made = export("onnx", Exporter(OSError(number, os.strerror(number))))
+    assert made.is_relative_to(tmp_path / "spare")
+    assert f"--cache {tmp_path / 'cache'}: {os.strerror(number)}: what is exported is not kept" in caplog.text
+
+
+def test_an_exporter_that_fails_for_another_reason_is_not_the_caches_fault(
+    export: Callable[[str, Exporter], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    missing = FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), "libnvinfer.so")
+    with pytest.raises(ModelError, match=r"cannot be exported for engine: .* No such file or directory: 'libnvinfer"):
+        export("engine", Exporter(missing))
+    assert "--cache" not in caplog.text
 
 
 EXPORTERS = ("tensorrt 10.3.0", "torch 2.9.0", "ultralytics 8.3.9")

@@ -133,18 +133,6 @@ def test_a_cache_that_gets_full_is_none(
     assert not list((tmp_path / "cache").iterdir())
 
 
-def test_an_export_that_fails_for_another_reason_is_not_the_caches_fault(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def damaged(source: Path, _: Path) -> Path:
-        raise OSError(errno.EIO, os.strerror(errno.EIO), str(source))
-
-    monkeypatch.setattr(shutil, "copy", damaged)
-    said = refusal(tmp_path, runtime="onnx")
-    assert said.startswith(f"{SHIPPED_MODEL.name} cannot be exported for onnx: [Errno 5] Input/output error: ")
-    assert "--cache" not in caplog.text
-
-
 def test_who_may_read_the_cache_may_read_what_is_exported(model_folder: Path) -> None:
     load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics").close()
     cache = model_folder / "cache"
