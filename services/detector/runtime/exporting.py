@@ -89,31 +89,48 @@ def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
 
 
 def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest: int) -> None:
-    from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
-
     folder.parent.mkdir(parents=True, exist_ok=True)
     remove_abandoned(folder.parent, time.time())
     own = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
     making = own / folder.name
     try:
         making.mkdir()  # unlike `own`, which only we can enter, as open as the cache's other files
-        copy = shutil.copy(weights.path, making / "model.pt")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                made = YOLO(copy).export(
-                    format=kind, dynamic=True, batch=BATCHES[kind], imgsz=longest, device=device, verbose=False
-                )
-            except OSError as error:
-                if error.errno in UNWRITABLE:
-                    raise
-                raise RuntimeError(first_line(error)) from error
-        Path(copy).unlink()
-        if Path(made) != making / FILES[kind]:
+        copy = Path(shutil.copy(weights.path, making / "model.pt"))
+        made = _made(copy, kind, device, longest)
+        copy.unlink()
+        if made != making / FILES[kind]:
             raise RuntimeError(f"it is not where it should be: {made}")
         put_in_place(making, folder)
     finally:
         shutil.rmtree(own, ignore_errors=True)
+
+
+def _made(copy: Path, kind: str, device: str, longest: int) -> Path:
+    """Have Ultralytics export a copy of the weights into its folder.
+
+    Raises:
+        OSError: that cannot be written.
+        Exception: anything else.
+    """
+    import torch  # noqa: PLC0415 - it is heavy, and is here by now
+    from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
+
+    threads = torch.get_num_threads()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model = YOLO(copy)
+            return Path(
+                model.export(
+                    format=kind, dynamic=True, batch=BATCHES[kind], imgsz=longest, device=device, verbose=False
+                )
+            )
+    except OSError as error:
+        if error.errno in UNWRITABLE:
+            raise
+        raise RuntimeError(first_line(error)) from error
+    finally:
+        torch.set_num_threads(threads)  # Ultralytics has set a number of its own
 
 
 def remove_abandoned(cache: Path, now_s: float) -> None:

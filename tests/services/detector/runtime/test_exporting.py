@@ -91,7 +91,10 @@ class Exporter:
 
     def export(self, *, format: str, batch: int, dynamic: bool, **_: object) -> Path:  # noqa: A002 - theirs
         """Write an empty file."""
+        import torch  # noqa: PLC0415 - it is heavy
+
         assert dynamic
+        torch.set_num_threads(1)  # as Ultralytics does, if to another number
         self.batches[format] = batch
         if self._error is not None and "cache" in self._folder.parts:
             raise self._error
@@ -120,6 +123,18 @@ def test_an_engine_is_made_for_as_many_images_at_once_as_it_gets(export: Callabl
     exporter = Exporter()
     assert [export(kind, exporter).name for kind in FILES] == list(FILES.values())
     assert exporter.batches == {"onnx": 1, "engine": BATCH_ON_GPU}
+
+
+def test_an_export_leaves_torch_its_threads(export: Callable[[str, Exporter], Path]) -> None:
+    import torch  # noqa: PLC0415 - it is heavy
+
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(3)
+        export("onnx", Exporter())
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES])
