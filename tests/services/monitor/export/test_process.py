@@ -100,7 +100,7 @@ async def test_alerts_are_exported_too(url: str, tmp_path: Path) -> None:
 
 async def test_what_cannot_be_exported_is_one_line(url: str, tmp_path: Path) -> None:
     missing = f"sqlite:///{tmp_path}/other.db"
-    with pytest.raises(HistoryError, match=r"other\.db does not exist"):
+    with pytest.raises(HistoryError, match=r"other\.db: it does not exist"):
         await run(ExportSettings(task="export", history=missing, to=tmp_path / "seen.csv"))
     assert not (tmp_path / "other.db").exists()
     with pytest.raises(HistoryError, match="No such file"):
