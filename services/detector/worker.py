@@ -14,6 +14,7 @@ from bus.sharing.asking import Asked
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from bus.sharing.tally import opened
+from bus.version import VERSION
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_CLASSES, MAX_STREAMS, WorkerStatus
@@ -158,4 +159,5 @@ class Worker:
                 )
                 for key, account in accounts
             ],
+            version=VERSION,
         )

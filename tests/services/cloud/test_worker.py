@@ -13,6 +13,7 @@ import pytest
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from bus.clock import clock_id
 from bus.fake import FakeNetwork
+from bus.version import VERSION
 from schemas import codec, keys, worker_keys
 from schemas.camera_info import CameraInfo
 from schemas.codec import M
@@ -124,6 +125,11 @@ async def rig() -> AsyncIterator[Rig]:
         working = group.create_task(worker.run())
         yield Rig(theirs, await stack.enter_async_context(AsyncExitStack()))
         working.cancel()
+
+
+async def test_it_says_its_version(rig: Rig) -> None:
+    async with rig.bus.subscribe(worker_keys.worker_status(SERVICE, "w1"), QUEUE(9)) as statuses:
+        assert (await receive(statuses, WorkerStatus)).version == VERSION
 
 
 async def test_nobody_wants_objects_so_nothing_is_asked_of_detector_or_gateway(rig: Rig) -> None:
