@@ -57,7 +57,7 @@ async def test_csv_has_every_column_and_what_goes_on_ends_at_the_heartbeat(
         ({"since": datetime(1970, 1, 1, 0, 0, 4, tzinfo=UTC)}, [3, 5]),
         ({"since": datetime(1970, 1, 1, 0, 0, 8, tzinfo=UTC)}, [5]),
         ({"until": datetime(1970, 1, 1, 0, 0, 3, tzinfo=UTC)}, [1, 3]),
-        ({"name": "box"}, [3, 5]),
+        ({"class": "box"}, [3, 5]),
         ({"robot": "r2"}, []),
     ],
 )
