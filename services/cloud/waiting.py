@@ -10,9 +10,9 @@ from schemas.header import Header
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
-from services.cloud.views import FIXED_FRAMES
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner, Partner
+from services.geometry.motion import FIXED_FRAMES
 from services.geometry.room import Room
 from services.geometry.transforms import TransformTree
 
@@ -135,8 +135,11 @@ class Waiting:
             return False
         if picture.stamp_ns == points.stamp_ns:
             return True
-        still = [{self._is_open(fixed, each) for each in (picture, points)} for fixed in FIXED_FRAMES]
-        return {None} in still or not any(False not in each for each in still)
+        for fixed in FIXED_FRAMES:
+            still = {self._is_open(fixed, each) for each in (picture, points)}
+            if False not in still:
+                return still == {None}
+        return True
 
     def _is_open(self, target: str, source: Header) -> bool | None:
         """Return whether a transform may still become known; None where it is known."""

@@ -198,6 +198,33 @@ def test_one_frame_that_stands_still_is_enough() -> None:
     assert rig.took(0.1) == (1, 1000)
 
 
+def test_odom_is_waited_for_though_map_is_known_already() -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    for at in (900, 1100):
+        rig.waiting.transforms(moved("map", "base_link", at), static=False)
+    for at in (900, 1000):
+        rig.waiting.transforms(moved("base_link", "odom", at), static=False)
+    rig.points(1000)
+    rig.found(1, 1015)
+    assert rig.took(0.1) is None
+    rig.waiting.transforms(moved("base_link", "odom", 1100), static=False)
+    assert rig.took(0.1) == (1, 1000)
+
+
+def test_odom_that_begins_too_late_for_an_instant_leaves_it_to_map() -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    for at in (900, 1100):
+        rig.waiting.transforms(moved("map", "base_link", at), static=False)
+    rig.waiting.transforms(moved("base_link", "odom", 1010), static=False)
+    rig.points(1000)
+    rig.found(1, 1015)
+    assert rig.took(0.1) == (1, 1000)
+
+
 def test_what_nothing_was_ever_said_of_is_not_waited_for() -> None:
     rig = Rig(target="nowhere")
     rig.points(1000)
