@@ -26,9 +26,11 @@ def is_registered(depth: CameraModel, color: CameraModel, color_from_depth: Numb
         return False
     if np.abs(color_from_depth - np.identity(4)).max() > _SAME_M:
         return False
-    some = np.array([(x, y) for x in (0, depth.width // 2, depth.width - 1) for y in (0, depth.height - 1)])
-    again = color.project(depth.unproject(some, np.ones(len(some))))
-    return bool((np.abs(again - some) <= _SAME_PIXELS).all())
+    across, down = (np.linspace(0, side - 1, 3) for side in (depth.width, depth.height))
+    some = np.array([(x, y) for x in across for y in down])
+    seen = depth.unproject(some, np.ones(len(some)))
+    sees = np.isfinite(seen).all(axis=1)
+    return bool((np.abs(color.project(seen) - some)[sees] <= _SAME_PIXELS).all())
 
 
 class Registration:

@@ -79,3 +79,11 @@ def test_what_counts_as_registered_already() -> None:
     assert not is_registered(camera(), camera(height=96, width=128, focal=100), HERE)
     assert not is_registered(camera(), camera(lens=LENSES["fish"]), HERE)
     assert is_registered(camera(lens=LENSES["fish"]), camera(lens=LENSES["fish"]), HERE)
+
+
+def test_a_lens_that_sees_nothing_in_the_corners_is_registered_to_itself() -> None:
+    circle = camera(focal=20.0, lens=LENSES["fish"])
+    assert np.isnan(circle.rays(48, 64)[0, 0, 0])
+    assert is_registered(circle, circle, HERE)
+    assert not is_registered(circle, camera(focal=20.5, lens=LENSES["fish"]), HERE)
+    assert not is_registered(camera(focal=20.0), circle, HERE)
