@@ -97,6 +97,17 @@ def test_they_wait_for_points_that_may_still_come_but_not_for_ever() -> None:
     assert rig.waiting.until_s is None
 
 
+def test_how_long_they_waited_is_said() -> None:
+    rig = Rig()
+    rig.points(1000, 1100)
+    rig.found(1, 1200, now_s=5.0)
+    assert rig.took(5.125) is None
+    rig.points(1200)
+    matched = rig.waiting.take(5.25)
+    assert matched is not None
+    assert matched.waited_s == 0.25
+
+
 def test_points_that_will_never_come_are_not_waited_for() -> None:
     rig = Rig()
     rig.points(1000, 1100, 1400)

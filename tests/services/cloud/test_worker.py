@@ -155,7 +155,7 @@ async def test_registered_points_become_objects_while_somebody_wants_them(rig: R
     (box,) = made.objects
     assert box.in_target is not None
     assert box.in_target.box.centre == pytest.approx((4.0, 0.6, 0.35), abs=0.05)
-    assert "cloud" in made.spans
+    assert made.spans.keys() >= {"join", "cloud"}
 
 
 async def test_detections_wait_for_the_points_of_their_instant(rig: Rig) -> None:
