@@ -236,6 +236,17 @@ def test_odom_that_begins_too_late_for_an_instant_leaves_it_to_map() -> None:
     assert rig.took(0.1) == (1, 1000)
 
 
+@pytest.mark.parametrize("fixed", ["map", "odom"])
+def test_what_nobody_says_any_more_is_not_waited_for(fixed: str) -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    rig.waiting.transforms(moved(fixed, "base_link", 900), static=False)
+    rig.points(2000)
+    rig.found(1, 2015)
+    assert rig.took() == (1, 2000)
+
+
 def test_what_nothing_was_ever_said_of_is_not_waited_for() -> None:
     rig = Rig(target="nowhere")
     rig.points(1000)
