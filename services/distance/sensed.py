@@ -20,9 +20,6 @@ from services.geometry.transforms import TransformTree
 DEPTH_IMAGE: Final = "depth image"
 NO_STAMP: Final = "the image has no stamp"
 
-LITTLE: Final = 2e-3
-"""Metres and radians that are no movement: depth itself errs by more, and a pixel is about as wide."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
@@ -69,15 +66,14 @@ class Sensed:
         return tuple(Frame(name, place) for name, place, _ in found), any(early for *_, early in found)
 
     def _moved(self, at_rest: Transform, image: Header, depth: Header) -> Transform:
-        """Return where depth was from where the image was taken, as far as that is known now and makes a difference.
+        """Return where depth was from where the image was taken, as far as that is known now.
 
-        Transforms are not waited for: a robot that stands still would wait for nothing.
+        What says so is not waited for: a robot that stands still would wait for nothing.
         """
         try:
-            moving = between(image, depth, self.transforms)
+            return between(image, depth, self.transforms)
         except TransformError:
             return at_rest
-        return at_rest if np.abs(moving - at_rest).max() < LITTLE else moving
 
     def _lookup(self, target: str, source: str, stamp_ns: int) -> tuple[Transform | str, bool]:
         """Return a transform or why it is not known, and whether it may become known."""

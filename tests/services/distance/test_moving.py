@@ -14,9 +14,10 @@ from schemas.image import ImageFrame
 from schemas.transforms import Transform, Transforms
 from services.distance.measuring import View, measure
 from services.distance.picking import Criteria
-from services.distance.sensed import LITTLE, Moment, Sensed
+from services.distance.sensed import Moment, Sensed
 from services.distance.views import Instant, Limits, Views
 from services.geometry.joining import Joiner
+from services.geometry.motion import LITTLE
 from services.geometry.rotation import inverse_of, matrix_of
 from tests.services.distance.scenes import FOCAL, FRAME, HEIGHT, WIDTH, calibration, depth, detections, found, head
 
