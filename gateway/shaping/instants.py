@@ -1,7 +1,7 @@
 """Which instants of a camera are sent when there are more than wanted: the same ones on all of its streams. Pure."""
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -19,6 +19,9 @@ JUMP_NS: Final = SECOND_NS
 
 ALONE: Final = 8
 """After so many frames at instants that no other stream of the camera had, a stream decides for itself."""
+
+SLOWER: Final = 1.5
+"""How many times as far apart as another's the frames of a stream are that is waited for."""
 
 TOGETHER: Final = ""
 """Whose turn it is when a camera's streams take theirs together."""
@@ -73,9 +76,10 @@ class _Run:
         _forget_oldest(self._instants)
         return made
 
-    def take_turn(self, owner: str, rate: float, stamp_ns: int) -> bool:
+    def take_turn(self, owner: str, rate: float, stamp_ns: int, awaited: Collection[int] = ()) -> bool:
         """Return whether the owner's turn has come; turns are 1 / rate seconds apart.
 
+        awaited: stamps to come that are worth more; a turn is not taken that would leave none for one of them.
         A frame may come a little before its turn, and one that comes late does not put off the next turn, so that a
         camera as fast as the rate loses none to jitter. As both together are less than a turn, no time of n turns has
         more than n + 1 frames. A turn that is far off was given by a stream with another clock: it does not count.
@@ -85,9 +89,11 @@ class _Run:
         _forget_oldest(self._due)
         if abs(stamp_ns - due) > period + JUMP_NS:
             due = stamp_ns
-        if stamp_ns < due - min(EARLY_NS, period // 4):
+        early = min(EARLY_NS, period // 4)
+        following = max(due, stamp_ns - period * 7 // 10) + period
+        if stamp_ns < due - early or any(stamp_ns < each < following - early for each in awaited):
             return False
-        self._due[owner, rate] = max(due, stamp_ns - period * 7 // 10) + period
+        self._due[owner, rate] = following
         return True
 
 
@@ -98,13 +104,34 @@ def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
 
 @dataclass(slots=True)
 class _Stream:
-    """alone, missed: since it last met another, its frames that met none, and those of others that did not meet it."""
+    """alone, missed: since it last met another, its frames that met none, and those of others that did not meet it.
+
+    gaps_ns: between its last stamps, the newest first.
+    """
 
     run: _Run
     rate: float = 0
     last_ns: int = 0
+    gaps_ns: tuple[int, int] = (0, 0)
     alone: int = 0
     missed: int = 0
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether its frames never are of others' instants. If others have fewer, that are all of its own, they are."""
+        return min(self.alone, self.missed) > ALONE
+
+    @property
+    def interval_ns(self) -> int:
+        """How far apart its frames are, one lost among them or not; not positive while nobody knows."""
+        return min(self.gaps_ns)
+
+    def next_ns(self, since_ns: int) -> int | None:
+        """Return when its first frame not before a time is to be expected; None where that is too far away to tell."""
+        if self.interval_ns <= 0:
+            return None
+        frames = -((self.last_ns - since_ns) // self.interval_ns)
+        return self.last_ns + frames * self.interval_ns if abs(frames) <= ALONE else None
 
 
 class Instants:
@@ -112,7 +139,8 @@ class Instants:
 
     Whoever has the first frame of an instant decides on it, and that holds for all: whatever a stream missed, it sends
     no frame whose instant another stream left out, nor the other way round. What is picked at a lower rate is picked at
-    a higher one too. A stream whose stamps are never those of the others is picked from by itself.
+    a higher one too. A stream whose stamps are never those of the others is picked from by itself. Where streams are
+    slower than others, a turn waits for the instant at which the slowest is to be expected.
     """
 
     def __init__(self) -> None:
@@ -134,11 +162,10 @@ class Instants:
     def moment(self, stream: str, stamp_ns: int, received_ns: int) -> Moment | None:
         """Return what a stream's frame shares with those of other streams; None where it never is of their instants.
 
-        One of which others have fewer frames, that are all of its instants, is not such a stream. stamp_ns,
-        received_ns: see `pick`.
+        stamp_ns, received_ns: see `pick`.
         """
         state, instant = self._meet(stream, stamp_ns, received_ns)
-        return None if min(state.alone, state.missed) > ALONE else instant.moment
+        return None if state.is_alone else instant.moment
 
     def _moment(self) -> Moment:
         self._moments += 1
@@ -163,6 +190,7 @@ class Instants:
             state.run = self._newest
         elif stamp_ns <= self._newest.latest_ns + JUMP_NS:
             state.run = self._newest
+        state.gaps_ns = (stamp_ns - state.last_ns, state.gaps_ns[0])
         state.last_ns = stamp_ns
 
     def _note_company(self, stream: str, state: _Stream, instant: _Instant) -> None:
@@ -176,15 +204,32 @@ class Instants:
         instant.streams.add(stream)
 
     def _decide(self, stream: str, state: _Stream, instant: _Instant) -> None:
-        if state.alone > ALONE:
+        if state.is_alone:
             instant.picked[state.rate] = state.run.take_turn(stream, state.rate, instant.stamp_ns)
             return
+        awaited = self._awaited(state, instant.stamp_ns)
         picked = True
         for rate in sorted({each.rate for each in self._streams.values()}, reverse=True):
             picked = picked and instant.picked.get(rate, True)
             if picked and rate not in instant.picked:
-                picked = state.run.take_turn(TOGETHER, rate, instant.stamp_ns)
+                picked = state.run.take_turn(TOGETHER, rate, instant.stamp_ns, awaited)
             instant.picked.setdefault(rate, picked)
+
+    def _awaited(self, state: _Stream, stamp_ns: int) -> list[int]:
+        """Return when those are to be expected next that are slower than all that an instant is to be expected of.
+
+        state: the stream that has the instant's first frame. Of its frames the nearest to another's is that one's.
+        """
+        near_ns = state.interval_ns // 2
+        company = [each for each in self._streams.values() if each.run is state.run and not each.is_alone]
+        due = [(each.interval_ns, each.next_ns(stamp_ns - near_ns)) for each in company if each is not state]
+        here = [interval for interval, next_ns in due if next_ns is not None and next_ns <= stamp_ns + near_ns]
+        slowest_ns = max([state.interval_ns, *here])
+        return [
+            next_ns
+            for interval, next_ns in due
+            if next_ns is not None and next_ns > stamp_ns + near_ns and interval > SLOWER * slowest_ns > 0
+        ]
 
 
 class Thinning:

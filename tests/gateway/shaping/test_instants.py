@@ -133,8 +133,42 @@ def test_a_slower_stream_sends_only_what_the_faster_one_sends() -> None:
     for stamp, stream in frames:
         if instants.pick(stream, stamp, stamp, 10):
             sent[stream].add(stamp)
-    assert sent["depth"] < sent["color"]
-    assert (len(sent["color"]), len(sent["depth"])) == (100, 50)
+    assert sent["depth"] <= sent["color"]
+    assert 98 <= len(sent["depth"]) <= len(sent["color"]) <= 101
+
+
+@pytest.mark.parametrize("first", ["color", "depth"])
+@pytest.mark.parametrize("late_ms", [0, 50, 250])
+@pytest.mark.parametrize(
+    ("every", "skipped", "max_hz", "depth_hz"),
+    [(3, 1, 10, 10), (3, 2, 5, 5), (2, 1, 7.5, 7.5), (5, 1, 5, 5), (4, 3, 10, 7.5), (30, 7, 10, 1), (30, 7, 2, 1)],
+)
+def test_the_faster_stream_sends_instants_at_which_the_slower_one_has_a_frame(
+    *, first: str, late_ms: int, every: int, skipped: int, max_hz: float, depth_hz: float
+) -> None:
+    instants = Instants()
+    color = stamps(30, 20, jitter=itertools.cycle([0, 2 * MS, -2 * MS, MS, -MS]))
+    depth = color[skipped::every]
+    late = {"color": 0 if first == "color" else late_ms * MS, "depth": late_ms * MS if first == "color" else 0}
+    frames = [(stamp, "color") for stamp in color] + [(stamp, "depth") for stamp in depth]
+    frames.sort(key=lambda frame: (frame[0] + late[frame[1]], frame[1] != first))
+    sent: dict[str, set[int]] = {"color": set(), "depth": set()}
+    for stamp, stream in frames:
+        if instants.pick(stream, stamp, stamp, max_hz):
+            sent[stream].add(stamp)
+    assert sent["depth"] <= sent["color"]
+    assert len(sent["depth"]) >= 0.85 * depth_hz * 20
+    assert 0.85 * min(max_hz, depth_hz) * 20 <= len(sent["color"]) <= max_hz * 20 + 2
+    assert first == "depth" or len(sent["color"]) >= 0.85 * max_hz * 20
+
+
+def test_a_stream_that_has_ended_is_waited_for_no_longer() -> None:
+    instants = Instants()
+    for n, stamp in enumerate(stamps(30)):
+        instants.pick("color", stamp, stamp, 10)
+        if n % 3 == 1:
+            instants.pick("depth", stamp, stamp, 10)
+    assert len(picked(instants, "color", stamps(30, begin=BEGIN + 10 * SECOND_NS), 10)) >= 99
 
 
 @pytest.mark.parametrize("late", [0, 5])
