@@ -35,8 +35,9 @@ class Changes:
 class Registrations:
     """Tracks which registrations are wanted, and which the master may hold.
 
-    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered. What is
-    wanted anew is registered anew, since the answer tells whoever wants it now who is there.
+    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered, or until the
+    master, which goes by role, topic and node alone, took another type in its place. What is wanted anew is registered
+    anew, since the answer tells whoever wants it now who is there.
     """
 
     def __init__(self, node: str) -> None:
@@ -66,6 +67,8 @@ class Registrations:
         if registration in self._in_flight:
             self._confirmed.add(registration)
         self._in_flight.discard(registration)
+        place = registration.role, registration.topic
+        self.held = {each for each in self.held if each == registration or (each.role, each.topic) != place}
 
     def unregistered(self, registration: Registration) -> None:
         self.held.discard(registration)

@@ -47,6 +47,20 @@ def test_registering_that_may_have_arrived_is_unregistered() -> None:
     assert book.plan() == Changes((CHAT,), ())
 
 
+def test_type_that_replaced_another_at_the_master_is_not_unregistered_with_it() -> None:
+    changed = Registration(COLOR.role, COLOR.topic, "sensor_msgs/CompressedImage")
+    book = registered(COLOR, CHAT)
+    book.wanted.discard(COLOR)
+    book.want(changed)
+    assert book.plan() == Changes((COLOR,), (changed,))
+    # The master refused to unregister: it goes by topic and node, so asked once more it would forget the new one.
+    book.registering(changed)
+    book.registered(changed)
+    assert book.plan() == NOTHING
+    book.wanted.clear()
+    assert set(book.plan().unregister) == {changed, CHAT}
+
+
 def test_what_was_never_tried_is_not_unregistered() -> None:
     book = Registrations("/ours")
     book.want(CHAT)
