@@ -79,9 +79,14 @@ class Forward:
         accepted = [name for name in kind.translators if name != ANY]
         try:
             async with (
-                latching(self.bus, self.stream.key, kind.encoding, self.outlet_of) as latched,
+                latching(self.bus, self.stream.key, self.stream.topic, kind.encoding, self.outlet_of) as latched,
                 topics.subscribe(
-                    self.stream.topic, kind.ros_type, self._on_message, accepted=accepted, on_gone=latched.forget
+                    self.stream.topic,
+                    kind.ros_type,
+                    self._on_message,
+                    accepted=accepted,
+                    on_gone=latched.forget,
+                    on_unkept=latched.say_full,
                 ) as subscription,
             ):
                 self.subscription, self.latched = subscription, latched

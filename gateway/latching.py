@@ -53,10 +53,13 @@ class Latched:
     problem: in words, once a message could not be kept, or empty.
     """
 
-    def __init__(self, bus: Bus, key: SensorKey, encoding: str, outlet_of: OutletOf, scope: TaskScope) -> None:
+    def __init__(
+        self, bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf, scope: TaskScope
+    ) -> None:
         self.problem = ""
         self._bus = bus
         self._key = key
+        self._topic = topic
         self._encoding = encoding
         self._outlet_of = outlet_of
         self._scope = scope
@@ -82,7 +85,7 @@ class Latched:
         """
         if not self._has_room(publisher, size):
             self.forget(publisher)
-            self._say_full()
+            self.say_full(size)
             return False
         kept = self._kept.get(publisher)
         if kept is None:
@@ -102,6 +105,15 @@ class Latched:
         if kept := self._kept.pop(publisher, None):
             kept.closed.set()
 
+    def say_full(self, size: int) -> None:
+        """Say, the first time, that there is no room for a message of a size in bytes."""
+        if not self.problem:
+            self.problem = (
+                f"a latched message of {size:,} bytes is not kept for late subscribers: at most {MAX_PUBLISHERS} "
+                f"publishers' are, of {MAX_BYTES >> 20} MiB together"
+            )
+            log.warning("%s, %s: %s", self._key, self._topic, self.problem)
+
     def end(self) -> None:
         """Account for what never got as far as the bus; to be called once nothing is kept any more."""
         for kept in list(self._open):
@@ -109,14 +121,6 @@ class Latched:
 
     def _has_room(self, publisher: str, size: int) -> bool:
         return has_room([kept.size for name, kept in self._kept.items() if name != publisher], size)
-
-    def _say_full(self) -> None:
-        if not self.problem:
-            self.problem = (
-                f"not every latched message is kept for late subscribers: at most {MAX_PUBLISHERS} publishers' are, "
-                f"of {MAX_BYTES >> 20} MiB together"
-            )
-            log.warning("%s: %s", self._key, self.problem)
 
     async def _keep(self, kept: _Kept) -> None:
         try:
@@ -137,10 +141,12 @@ class Latched:
 
 
 @asynccontextmanager
-async def latching(bus: Bus, key: SensorKey, encoding: str, outlet_of: OutletOf) -> AsyncIterator[Latched]:
+async def latching(
+    bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf
+) -> AsyncIterator[Latched]:
     """Keep a stream's latched messages on the bus for as long as the context lasts."""
     scope = TaskScope()
-    latched = Latched(bus, key, encoding, outlet_of, scope)
+    latched = Latched(bus, key, topic, encoding, outlet_of, scope)
     try:
         async with scope:
             yield latched

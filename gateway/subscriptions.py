@@ -19,10 +19,14 @@ class _Reader:
 
 @dataclass(slots=True)
 class _Shared:
-    """A topic's subscription. latched: what latching publishers sent last, while there is room, for later readers."""
+    """A topic's subscription. latched: what latching publishers sent last, while there is room, for later readers.
+
+    unkept: of what there was no room for, the size in bytes.
+    """
 
     readers: list[_Reader] = field(default_factory=list)
     latched: dict[str, Message] = field(default_factory=dict)
+    unkept: dict[str, int] = field(default_factory=dict)
     stack: AsyncExitStack = field(default_factory=AsyncExitStack)
 
     def on_message(self, message: Message) -> None:
@@ -32,12 +36,18 @@ class _Shared:
             reader.take(message)
 
     def _keep(self, message: Message) -> None:
-        self.latched.pop(message.uri, None)
+        self._forget(message.uri)
         if has_room([len(kept.data) for kept in self.latched.values()], len(message.data)):
             self.latched[message.uri] = message
+        else:
+            self.unkept[message.uri] = len(message.data)
+
+    def _forget(self, uri: str) -> None:
+        self.latched.pop(uri, None)
+        self.unkept.pop(uri, None)
 
     def on_gone(self, uri: str) -> None:
-        self.latched.pop(uri, None)
+        self._forget(uri)
         for reader in list(self.readers):
             reader.forget(uri)
 
@@ -58,10 +68,12 @@ class Subscriptions:
         *,
         accepted: Collection[str] = (),
         on_gone: Callable[[str], None],
+        on_unkept: Callable[[int], None],
     ) -> AsyncIterator[Subscription]:
         """Receive a topic; see `Node.subscribe`. Who shares a topic with another asks for the same types.
 
-        What latching publishers sent before is taken first.
+        What latching publishers sent before is taken first. on_unkept: told the size in bytes of each such message
+        that is there no longer, since there was no room for it.
         """
         reader = _Reader(on_message, on_gone)
         if topic not in self._shared:
@@ -75,6 +87,8 @@ class Subscriptions:
         try:
             for message in list(shared.latched.values()):
                 on_message(message)
+            for size in shared.unkept.values():
+                on_unkept(size)
             yield subscription
         finally:
             shared.readers.remove(reader)

@@ -32,7 +32,7 @@ async def bus() -> AsyncIterator[Bus]:
 
 @pytest.fixture
 async def latched(bus: Bus) -> AsyncIterator[Latched]:
-    async with latching(bus, STREAM, ENCODING, unshaped) as latched:
+    async with latching(bus, STREAM, "/mode", ENCODING, unshaped) as latched:
         yield latched
 
 
@@ -47,7 +47,7 @@ async def opened(latched: Latched) -> None:
 
 
 async def test_each_publishers_last_message_is_kept_until_it_is_forgotten(bus: Bus) -> None:
-    async with latching(bus, STREAM, ENCODING, unshaped) as latched:
+    async with latching(bus, STREAM, "/mode", ENCODING, unshaped) as latched:
         for publisher, said in (("a", "a0"), ("b", "b0"), ("a", "a1")):
             assert latched.put(publisher, text(said), 1)
         await opened(latched)
@@ -71,14 +71,17 @@ async def test_a_publisher_more_than_there_is_room_for_is_told_so(
     names = {str(number) for number in range(MAX_PUBLISHERS)}
     assert all(latched.put(name, text(name), 1) for name in names)
     assert latched.problem == ""
-    assert not latched.put("one more", text("x"), 1)
+    assert not latched.put("one more", text("x"), 7)
     assert not latched.put("and one more", text("x"), 1)
-    assert "at most 64 publishers" in latched.problem
+    assert latched.problem == (
+        "a latched message of 7 bytes is not kept for late subscribers: at most 64 publishers' are, of 64 MiB together"
+    )
     await opened(latched)
     assert await kept(bus, MAX_PUBLISHERS) == names
     latched.forget("0")
     assert latched.put("one more", text("x"), 1)
     assert [record.name for record in caplog.records].count("gateway.latching") == 1
+    assert caplog.records[-1].getMessage() == f"{KEY}, /mode: {latched.problem}"
 
 
 async def test_what_is_kept_is_bounded_together_and_an_old_message_never_outlives_a_newer_one(

@@ -24,10 +24,13 @@ class Reader:
         self._topics = topics
         self.heard: list[bytes] = []
         self.gone: list[str] = []
+        self.unkept: list[int] = []
 
     @asynccontextmanager
     async def reading(self) -> AsyncIterator[Subscription]:
-        async with self._topics.subscribe("/word", STRING, self._take, on_gone=self.gone.append) as subscription:
+        async with self._topics.subscribe(
+            "/word", STRING, self._take, on_gone=self.gone.append, on_unkept=self.unkept.append
+        ) as subscription:
             yield subscription
 
     def _take(self, message: Message) -> None:
@@ -97,11 +100,15 @@ async def test_what_latching_publishers_sent_is_kept_for_later_readers_only_as_f
         publication.publish(WORD)
         await until(lambda: rig.one.heard == [WORD], "it is heard")
         async with rig.other.reading():
-            assert rig.other.heard == [WORD]
+            assert (rig.other.heard, rig.other.unkept) == ([WORD], [])
         publication.publish(LONGER)
         await until(lambda: rig.one.heard == [WORD, LONGER], "the longer one is heard too")
         async with rig.other.reading():
-            assert rig.other.heard == [WORD]
+            assert (rig.other.heard, rig.other.unkept) == ([WORD], [len(LONGER)])
+        publication.publish(WORD)
+        await until(lambda: rig.one.heard[2:] == [WORD], "there is room again")
+        async with rig.other.reading():
+            assert (rig.other.heard, rig.other.unkept) == ([WORD, WORD], [len(LONGER)])
 
 
 async def test_readers_that_come_and_go_at_the_same_instant_never_meet_a_subscription_that_ends(rig: Rig) -> None:
