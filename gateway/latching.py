@@ -54,7 +54,7 @@ class Latched:
     """
 
     def __init__(
-        self, bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf, scope: TaskScope
+        self, bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf, *, scope: TaskScope
     ) -> None:
         self.problem = ""
         self._bus = bus
@@ -141,12 +141,10 @@ class Latched:
 
 
 @asynccontextmanager
-async def latching(
-    bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf
-) -> AsyncIterator[Latched]:
+async def latching(bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf) -> AsyncIterator[Latched]:
     """Keep a stream's latched messages on the bus for as long as the context lasts."""
     scope = TaskScope()
-    latched = Latched(bus, key, topic, encoding, outlet_of, scope)
+    latched = Latched(bus, key, topic, encoding, outlet_of, scope=scope)
     try:
         async with scope:
             yield latched
