@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from bus.settings import BusSettings
 from gateway.discovery import Wishes
-from gateway.discovery.plan import Plan, Source, cameras_of
+from gateway.discovery.plan import INFOS, Plan, Source, cameras_of
 from gateway.discovery.topics import is_topic
 from gateway.outgoing.topics import ALERTS_TOPIC, RESULTS, is_result, result_root
 from gateway.ros1.addresses import validate_host, validate_master_uri
@@ -21,7 +21,7 @@ from gateway.ros1.wire.tcpros import ANY
 from gateway.shaping.settings import ShapingSettings
 from gateway.uses import check_uses
 from schemas.errors import SchemaError
-from schemas.keys import NAME, CameraKey, SensorKey, Stream, robot_alive, sensor_key, service
+from schemas.keys import NAME, CameraKey, SensorKey, Stream, StreamKey, robot_alive, sensor_key, service
 
 MAX_SERVICES: Final = 64
 
@@ -83,6 +83,17 @@ def _topics(topics: dict[str, str]) -> dict[str, str]:
             raise ValueError(f"{error}; one looks like front/depth or tf") from error
         _check_topic(f"stream {name}", topic)
     return topics
+
+
+def _rectified(streams: list[str]) -> list[str]:
+    for name in streams:
+        try:
+            key = sensor_key("robot", name)
+        except SchemaError as error:
+            raise ValueError(str(error)) from error
+        if not isinstance(key, StreamKey) or key.stream not in INFOS:
+            raise ValueError(f"{name} is no picture of a camera, which is called like front/color or front/depth")
+    return streams
 
 
 def _actions(actions: dict[str, str]) -> dict[str, str]:
@@ -183,6 +194,14 @@ class StreamSettings(BaseModel):
         AfterValidator(_topics),
         Field(description="further streams as stream=topic, like front/depth=/front/depth/image_raw or tf=/tf"),
     ] = {}
+    rectified: Annotated[
+        list[str],
+        AfterValidator(_rectified),
+        Field(
+            description="streams whose pictures the lens was taken out of, like front/color; those with image_rect in "
+            "their topics' names are without being named here"
+        ),
+    ] = []
 
 
 class ReturnSettings(BaseModel):
@@ -268,4 +287,11 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
 
     def wishes(self) -> Wishes:
         """Return what discovery is to do."""
-        return Wishes(self.robot, self.streams(), self.discover, re.compile(self.allow), re.compile(self.deny))
+        return Wishes(
+            self.robot,
+            self.streams(),
+            self.discover,
+            re.compile(self.allow),
+            re.compile(self.deny),
+            frozenset(sensor_key(self.robot, name) for name in self.rectified),
+        )

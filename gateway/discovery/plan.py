@@ -39,12 +39,14 @@ class Plan:
     """What is to be offered.
 
     left_out: why, by topic. names: every camera's that was ever found. first: the camera that came first.
+    rectified: see `Wishes`.
     """
 
     streams: Mapping[SensorKey, Source] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     names: Mapping[Path, str] = field(default_factory=dict)
     first: str | None = None
+    rectified: frozenset[SensorKey] = frozenset()
 
     @property
     def cameras(self) -> list[CameraKey]:
@@ -63,11 +65,14 @@ class Plan:
         return kind_of(key, of_points=self.of_points(key), of_rectified=self._of_rectified(key))
 
     def _of_rectified(self, key: SensorKey) -> bool:
-        """Whether a stream is the calibration of a picture that is named as rectified ones are."""
+        """Whether a stream is the calibration of a picture that is rectified, by its topic's name or the wishes."""
         if not isinstance(key, StreamKey):
             return False
-        pictures = (self.streams.get(StreamKey(key.camera, of)) for of, info in INFOS.items() if info is key.stream)
-        return any(picture is not None and says_rectified(picture.topic) for picture in pictures)
+        pictures = [StreamKey(key.camera, of) for of, info in INFOS.items() if info is key.stream]
+        return any(
+            picture in self.streams and (picture in self.rectified or says_rectified(self.streams[picture].topic))
+            for picture in pictures
+        )
 
 
 def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
@@ -117,7 +122,7 @@ class _Planning:
             self._left_out[source.topic] = TOO_MANY
         streams = dict(islice(self._streams.items(), MAX_STREAMS))
         first = self._before.first or next((camera.camera for camera in self._cameras(streams)), None)
-        return Plan(streams, dict(sorted(self._left_out.items())), self._names, first)
+        return Plan(streams, dict(sorted(self._left_out.items())), self._names, first, self._wishes.rectified)
 
     def _cameras(self, streams: Mapping[SensorKey, Source]) -> list[CameraKey]:
         """Return the cameras with colour: those that the settings name as they do, the others by name."""

@@ -21,7 +21,8 @@ WORDS: Final = (
 )
 """What names of pictures are made of; what else a chunk says is the camera's name."""
 
-RECTIFIED: Final = frozenset({"rect", "rectified"})
+RECTIFIED: Final = frozenset({"rect", "rectified"}) | DISPARITIES
+"""Disparities are of the left one of two rectified pictures."""
 
 DEVICES: Final = frozenset({"cam", "camera", "webcam", "lidar"})
 """A last chunk with one of these is a camera of which there is one picture."""

@@ -17,6 +17,7 @@ class Wishes:
 
     named: topics that are taken as they are, published or not. discover: take what else is found.
     allow, deny: patterns that the whole name of a topic matches which is found; `deny` wins.
+    rectified: streams whose pictures are, whatever their topics' names say.
     """
 
     robot: str
@@ -24,3 +25,4 @@ class Wishes:
     discover: bool = True
     allow: re.Pattern[str] = EVERYTHING
     deny: re.Pattern[str] = NOTHING
+    rectified: frozenset[SensorKey] = frozenset()

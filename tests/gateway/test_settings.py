@@ -181,6 +181,17 @@ def test_topics_are_remapped_and_have_one_stream_each_afterwards() -> None:
         settings(remap={"/camera/color/image_raw": "/tf_static"}, cameras=cameras, topics={"tf_static": "/tf_static"})
 
 
+def test_rectified_pictures_are_named() -> None:
+    wishes = GatewaySettings(robot="r1", rectified=["front/color", "front/depth"]).wishes()
+    assert {key.name for key in wishes.rectified} == {"front/color", "front/depth"}
+
+
+@pytest.mark.parametrize("name", ["front", "front/info", "front/points", "tf", "ros/front"])
+def test_what_is_no_picture_cannot_be_rectified(name: str) -> None:
+    with pytest.raises(ValidationError, match=r"not a stream that sensors send|no picture of a camera"):
+        GatewaySettings(robot="r1", rectified=[name])
+
+
 def test_services_are_listed_by_name_and_maybe_type() -> None:
     settings = GatewaySettings(robot="r1", services=["/reset", "/arm/stop=std_srvs/Trigger"])
     assert settings.listed_services() == {"/reset": "*", "/arm/stop": "std_srvs/Trigger"}

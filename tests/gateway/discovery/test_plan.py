@@ -241,6 +241,7 @@ def test_the_settings_can_name_a_cloud_for_both() -> None:
         ("/front/image_rect_color", "/front/depth/image_raw", {"front/info"}),
         ("/front/image_color_rect/compressed", "/front/depth/image_raw", {"front/info"}),
         ("/front/image_color", "/front/image_depth_rect", {"front/depth_info"}),
+        ("/front/image_raw", "/stereo/disparity", {"front/depth_info"}),
         ("/correct/image_raw", "/direct/depth/image_raw", set()),
     ],
 )
@@ -248,3 +249,10 @@ def test_the_calibration_of_a_rectified_picture_is_another_one(color: str, depth
     infos = {"front__info": "/front/camera_info", "front__depth_info": "/front/camera_info", "tf": "/tf"}
     made = plan([], Wishes("r1", named(front__color=color, front__depth=depth, **infos), discover=False))
     assert {key.name for key in made.streams if made.kind_of(key) is not kind_of(key)} == rectified
+
+
+def test_wishes_say_that_a_picture_is_rectified_which_is_not_named_so() -> None:
+    streams = named(front__color="/a", front__info="/a/camera_info", rear__color="/b", rear__info="/b/camera_info")
+    rectified = frozenset(named(front__color="", rear__depth=""))
+    made = plan([], Wishes("r1", streams, discover=False, rectified=rectified))
+    assert {key.name for key in made.streams if made.kind_of(key) is not kind_of(key)} == {"front/info"}
