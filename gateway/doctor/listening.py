@@ -9,6 +9,7 @@ from typing import Final
 from gateway.doctor.evidence import Heard
 from gateway.doctor.reading import stamp_at, stamp_offset, translated
 from gateway.ros1.link import run_link
+from gateway.ros1.resolver import Resolver
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import (
     ANY,
@@ -101,4 +102,4 @@ async def listen(
                         if ear.full:
                             deadline.reschedule(loop.time())
 
-            await run_link(address, connection, take, handshake_timeout=patience_s)
+            await run_link(address, connection, take, resolver=Resolver(), handshake_timeout=patience_s)

@@ -12,6 +12,7 @@ from gateway.ros1.keepalive import notice_dead_peer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from gateway.ros1.resolver import Resolver
     from gateway.ros1.wire.tcpros import SubscriberConnection, SubscriberEvent
 
 
@@ -23,6 +24,7 @@ async def run_link(
     connection: SubscriberConnection,
     on_event: Callable[[SubscriberEvent], None],
     *,
+    resolver: Resolver,
     handshake_timeout: float,
     message_timeout: float = MESSAGE_TIMEOUT_S,
 ) -> None:
@@ -34,15 +36,16 @@ async def run_link(
         Ros1Error: what the connection or `on_event` raised.
 
     """
+    host, port = address
     link = _Link(connection, on_event)
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(handshake_timeout):
-            await loop.create_connection(lambda: link, *address)
+            await resolver.connect(host, lambda found: loop.create_connection(lambda: link, found, port))
             await link.first_event.wait()
     except (TimeoutError, OSError, UnicodeError) as error:  # UnicodeError: no host can be called so
         await link.abort()
-        raise UnreachableError(f"no TCPROS connection to {address[0]}:{address[1]}: {error!r}") from error
+        raise UnreachableError(f"no TCPROS connection to {host}:{port}: {error!r}") from error
     except BaseException:
         await link.abort()
         raise

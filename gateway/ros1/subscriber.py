@@ -214,7 +214,7 @@ class Subscription:
                 budget=self._budget,
             )
             sink = _Sink(self, uri, counters)
-            await run_link(address, connection, sink, handshake_timeout=self._timeout)
+            await run_link(address, connection, sink, resolver=self._client.resolver, handshake_timeout=self._timeout)
         except Ros1Error as error:
             return _failure_of(error), error
         return LinkFailure.CLOSED, "end of stream"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from urllib.parse import urlsplit
 
 from gateway.ros1.errors import HttpError, UnreachableError
+from gateway.ros1.resolver import Resolver
 from gateway.ros1.wire.http import ClientExchange
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, MethodCall, result_of
 
@@ -21,12 +22,16 @@ _HTTP_PORT: Final = 80
 
 
 class XmlRpcClient:
-    """One client for all peers; enter it before calling. Leaving it ends no call: whoever calls is its owner."""
+    """One client for all peers; enter it before calling. Leaving it ends no call: whoever calls is its owner.
+
+    resolver: what it looks up the peers' names with, for whoever connects to them too.
+    """
 
     def __init__(self, *, timeout: float = 5.0, max_body_bytes: int = DEFAULT_MAX_BODY_BYTES) -> None:
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
         self._places: asyncio.Semaphore | None = None
+        self.resolver = Resolver()
 
     async def __aenter__(self) -> Self:
         self._places = asyncio.Semaphore(_MAX_CONNECTIONS)
@@ -65,7 +70,8 @@ class XmlRpcClient:
             host=address.netloc, target=address.path or "/", call=call, max_body_bytes=self._max_body_bytes
         )
         # A peer may restart on the same port at any time: no connection is kept for a second call.
-        reader, writer = await asyncio.open_connection(address.hostname, address.port or _HTTP_PORT)
+        port = address.port or _HTTP_PORT
+        reader, writer = await self.resolver.connect(address.hostname, lambda host: asyncio.open_connection(host, port))
         try:
             writer.write(exchange.opening)
             # What is here already is read without a pause, which others need.

@@ -9,6 +9,7 @@ import pytest
 
 from gateway.ros1.errors import HeaderError, Ros1Error, TcprosError, UnreachableError
 from gateway.ros1.link import run_link
+from gateway.ros1.resolver import Resolver
 from gateway.ros1.wire.budget import FrameBudget
 from gateway.ros1.wire.tcpros import MessageReceived, SubscriberConnection, SubscriberEvent, TopicType
 from tests.gateway.ros1.goldens import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, TOPIC
@@ -44,7 +45,14 @@ async def receive(
     events: list[SubscriberEvent] = []
     expected = TopicType("sensor_msgs/Image", IMAGE_MD5)
     connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=expected, budget=budget)
-    await run_link(address, connection, events.append, handshake_timeout=timeout_s, message_timeout=message_timeout)
+    await run_link(
+        address,
+        connection,
+        events.append,
+        resolver=Resolver(),
+        handshake_timeout=timeout_s,
+        message_timeout=message_timeout,
+    )
     return events
 
 
@@ -74,7 +82,7 @@ async def test_message_of_any_size_comes_while_the_stream_stays_open(size: int) 
     message = struct.pack("<I", size) + body
     connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=TopicType("*", "*"))
     async with publisher(PUBLISHER_HEADER + message * 3, hang=True) as address:
-        link = asyncio.create_task(run_link(address, connection, on_event, handshake_timeout=5.0))
+        link = asyncio.create_task(run_link(address, connection, on_event, resolver=Resolver(), handshake_timeout=5.0))
         await came.wait()
         link.cancel()
     assert messages == [body] * 3
@@ -114,7 +122,7 @@ async def test_messages_before_a_bad_one_are_handed_over() -> None:
     connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=TopicType("*", "*"))
     async with publisher(PUBLISHER_HEADER + IMAGE + IMAGE + b"\xff\xff\xff\xff", hang=True) as address:
         with pytest.raises(TcprosError, match="over the limit"):
-            await run_link(address, connection, events.append, handshake_timeout=5.0)
+            await run_link(address, connection, events.append, resolver=Resolver(), handshake_timeout=5.0)
     assert len(events) == 3
 
 
@@ -125,7 +133,7 @@ async def test_error_of_the_receiver_ends_the_link() -> None:
     connection = SubscriberConnection(callerid="/ours", topic=TOPIC, expected=TopicType("*", "*"))
     async with publisher(PUBLISHER_HEADER + IMAGE, hang=True) as address:
         with pytest.raises(Ros1Error, match="not mine"):
-            await run_link(address, connection, refuse, handshake_timeout=5.0)
+            await run_link(address, connection, refuse, resolver=Resolver(), handshake_timeout=5.0)
 
 
 @pytest.mark.parametrize("held", [4, 5, len(IMAGE) - 1])

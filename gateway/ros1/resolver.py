@@ -1,0 +1,77 @@
+"""Looks up hosts by name. One that nobody knows can take half a minute, in which nothing else may wait for it."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import socket
+from contextlib import suppress
+from threading import Thread
+from typing import TYPE_CHECKING, Final, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+T = TypeVar("T")
+
+MAX_LOOKUPS: Final = 64
+
+
+class Resolver:
+    """Looks each name up once at a time, whoever asks, in a thread of its own.
+
+    asyncio's own lookups share a few threads, which a handful of publishers on a machine that nobody knows by name
+    keeps busy: then no other name is found any more.
+    """
+
+    def __init__(self) -> None:
+        self._under_way: dict[str, asyncio.Future[list[str]]] = {}
+
+    async def connect(self, host: str, connect: Callable[[str], Awaitable[T]]) -> T:
+        """Return what `connect` makes of the first of a host's addresses that it can connect to.
+
+        Raises:
+            OSError, UnicodeError: the host is not known, or none of its addresses answers.
+
+        """
+        failed: list[OSError] = []
+        for address in await self._addresses(host):
+            try:
+                return await connect(address)
+            except OSError as error:
+                failed.append(error)
+        raise failed[0]
+
+    async def _addresses(self, host: str) -> list[str]:
+        if _is_address(host):
+            return [host]
+        if host not in self._under_way:
+            if len(self._under_way) >= MAX_LOOKUPS:
+                raise OSError(f"{host}: {MAX_LOOKUPS} other names are being looked up")
+            self._begin(host)
+        return await asyncio.shield(self._under_way[host])
+
+    def _begin(self, host: str) -> None:
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[list[str]] = loop.create_future()
+        answer.add_done_callback(lambda _: self._under_way.pop(host))
+        self._under_way[host] = answer
+        # A daemon: what is still being looked up does not keep a process from ending.
+        Thread(target=_look_up, args=(host, loop, answer), name=f"look up {host}", daemon=True).start()
+
+
+def _is_address(host: str) -> bool:
+    with suppress(ValueError):
+        ipaddress.ip_address(host)
+        return True
+    return False
+
+
+def _look_up(host: str, loop: asyncio.AbstractEventLoop, answer: asyncio.Future[list[str]]) -> None:
+    with suppress(RuntimeError):  # the loop has been closed
+        try:
+            rows = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError) as error:
+            loop.call_soon_threadsafe(answer.set_exception, error)
+        else:
+            loop.call_soon_threadsafe(answer.set_result, list(dict.fromkeys(str(row[4][0]) for row in rows)))

@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gateway.ros1 import resolver
+from gateway.ros1.errors import UnreachableError
+from gateway.ros1.resolver import Resolver
+from gateway.ros1.wire.xmlrpc import MethodResponse, encode
+from gateway.ros1.xmlrpc_client import XmlRpcClient
+from tests.gateway.ros1.test_xmlrpc_client import ok, peer
+from tests.gateway.ros1.waiting import until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+class Names:
+    """What the system's lookup answers: a name that is in neither takes until `give_up` is set."""
+
+    def __init__(self, known: dict[str, list[str]]) -> None:
+        self.known = known
+        self.asked: list[str] = []
+        self.give_up = threading.Event()
+
+    def look_up(self, host: str, *_: Any, **__: Any) -> list[tuple[Any, ...]]:
+        self.asked.append(host)
+        if host not in self.known:
+            self.give_up.wait()
+            raise socket.gaierror(f"{host} is not known")
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (address, 0)) for address in self.known[host]]
+
+
+@pytest.fixture
+def names(monkeypatch: pytest.MonkeyPatch) -> Iterator[Names]:
+    made = Names({"robot": ["127.0.0.2", "127.0.0.1", "127.0.0.1"]})
+    monkeypatch.setattr(socket, "getaddrinfo", made.look_up)
+    yield made
+    made.give_up.set()
+
+
+async def echo(address: str) -> str:
+    return address
+
+
+async def refusing(address: str) -> str:
+    if address != "127.0.0.1":
+        raise ConnectionRefusedError(address)
+    return address
+
+
+async def unreachable(address: str) -> str:
+    raise ConnectionRefusedError(address)
+
+
+async def test_names_that_are_looked_up_for_long_keep_nobody_from_being_called(names: Names) -> None:
+    async with peer(ok(encode(MethodResponse([1, "", "value"])))) as uri, XmlRpcClient(timeout=60) as client:
+        lost = [asyncio.create_task(client.call(f"http://lost{n % 20}:1/", "getPid", "/a")) for n in range(40)]
+        await until(lambda: len(names.asked) == 20, "each of them is looked up once")
+        assert await client.call(uri.replace("127.0.0.1", "robot"), "getUri", "/a") == "value"
+        names.give_up.set()
+        failed = await asyncio.gather(*lost, return_exceptions=True)
+    assert {type(error) for error in failed} == {UnreachableError}
+    assert "lost3 is not known" in str(failed[3])
+
+
+async def test_addresses_are_tried_in_turn_and_each_once(names: Names) -> None:
+    found = Resolver()
+    assert await found.connect("robot", echo) == "127.0.0.2"
+    assert await found.connect("robot", refusing) == "127.0.0.1"
+    with pytest.raises(ConnectionRefusedError, match=r"127\.0\.0\.2"):
+        await found.connect("robot", unreachable)
+    assert names.asked == ["robot"] * 3
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
+async def test_an_address_is_not_looked_up(names: Names, address: str) -> None:
+    assert await Resolver().connect(address, echo) == address
+    assert names.asked == []
+
+
+async def test_who_waits_no_longer_takes_the_answer_from_nobody(names: Names) -> None:
+    found = Resolver()
+    leaving, staying = (asyncio.create_task(found.connect("lost", echo)) for _ in range(2))
+    await until(lambda: names.asked, "it is looked up")
+    leaving.cancel()
+    await asyncio.wait([leaving])
+    names.give_up.set()
+    with pytest.raises(socket.gaierror, match="lost is not known"):
+        await staying
+
+
+async def test_no_more_than_so_many_are_looked_up_at_a_time(names: Names, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resolver, "MAX_LOOKUPS", 1)
+    found = Resolver()
+    first = asyncio.create_task(found.connect("lost", echo))
+    await until(lambda: names.asked, "it is looked up")
+    with pytest.raises(OSError, match="robot: 1 other names are being looked up"):
+        await found.connect("robot", echo)
+    names.give_up.set()
+    await asyncio.wait([first])
+    assert first.exception() is not None
+    assert await found.connect("robot", echo) == "127.0.0.2"
