@@ -94,7 +94,7 @@ class Latched:
             self._scope.start(self._keep(kept), f"latched {self._key}")
         kept.size = size
         if kept.outlet is not None:
-            kept.outlet.put(message)
+            kept.outlet.put(message, may_be_last=True)
         else:
             self._dropped += kept.waiting is not None
             kept.waiting = message
@@ -128,7 +128,7 @@ class Latched:
                 with self._outlet_of(self._key, publisher) as outlet:
                     kept.publisher, kept.outlet = publisher, outlet
                     if kept.waiting is not None:
-                        outlet.put(kept.waiting)
+                        outlet.put(kept.waiting, may_be_last=True)
                         kept.waiting = None
                     await kept.closed.wait()
         finally:

@@ -71,19 +71,22 @@ class Outlet:
         """What became of the messages so far."""
         return OutletCounts(+self._dropped, self._bytes, self._compression)
 
-    def put(self, message: codec.Message) -> None:
-        """Send a message, now or when it is shaped and the uplink's budget allows it."""
+    def put(self, message: codec.Message, *, may_be_last: bool = False) -> None:
+        """Send a message, now or when it is shaped and the uplink's budget allows it.
+
+        may_be_last: it is left out for none but a newer one, not for other streams' later instants.
+        """
         if isinstance(message, Frame):
-            self._put_frame(message)
+            self._put_frame(message, may_be_last=may_be_last)
             return
         if isinstance(message, CameraInfo) and self._plan.factor > 1:
             message = scale_info(message, self._plan.factor, depth=self._key.stream == Stream.DEPTH_INFO)
         self._pass_on(codec.encode(message))
 
-    def _put_frame(self, frame: Frame) -> None:
+    def _put_frame(self, frame: Frame, *, may_be_last: bool) -> None:
         factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
         method = self._plan.method_now()
-        moment = None if self._pacer is None else self._plan.moment_of(frame.header)
+        moment = None if self._pacer is None or may_be_last else self._plan.moment_of(frame.header)
         as_it_is = method.format == RAW and factor == 1
         if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
             self._compression = frame.format

@@ -149,6 +149,19 @@ async def test_on_a_thin_uplink_depth_of_the_few_frames_that_a_worker_can_use_go
     assert color.counts.dropped == {OVER_BUDGET: 1}
 
 
+async def test_on_a_thin_uplink_what_may_be_a_publishers_last_is_not_left_out_for_later_instants(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
+    color, frames = await rig.outlet(COLOR, shaping)
+    latched, depths = await rig.outlet(DEPTH, shaping)
+    color.put(numbered(0, size=20))
+    latched.put(stamped(1), may_be_last=True)
+    for seq in (2, 3, 4):
+        color.put(stamped(seq))
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 4]
+    assert latched.counts.dropped == {}
+    assert (await receive(depths, ImageFrame)).header.seq == 1
+
+
 def stamped(seq: int) -> ImageFrame:
     """Return a frame of the seq-th instant, a fifth of what may be ahead of the link of a test."""
     frame = numbered(0, size=8)
