@@ -43,8 +43,10 @@ def _encode_field(key: str, value: str) -> bytes:
 def decode_header(body: bytes | bytearray | memoryview) -> dict[str, str]:
     """Return the fields of a header given without its own length prefix; the last of equal keys counts.
 
+    What is not UTF-8 in a value, as comments in old message definitions may not be, is replaced by U+FFFD.
+
     Raises:
-        HeaderError: a length points outside, a field has no `=`, no key or is not UTF-8, or a limit is passed.
+        HeaderError: a length points outside, a field has no `=`, no key or one that is not UTF-8, or a limit is passed.
 
     """
     if len(body) > MAX_HEADER_BYTES:
@@ -73,11 +75,10 @@ def _field_end(view: memoryview, position: int) -> int:
 
 
 def _decode_field(field: memoryview) -> tuple[str, str]:
-    try:
-        text = str(field, "utf-8")
-    except UnicodeDecodeError as error:
-        raise HeaderError("field is not UTF-8") from error
-    key, separator, value = text.partition("=")
+    key, separator, value = bytes(field).partition(b"=")
     if not separator or not key:
-        raise HeaderError(f"field without key and value: {text[:80]!r}")
-    return key, value
+        raise HeaderError(f"field without key and value: {key[:80]!r}")
+    try:
+        return str(key, "utf-8"), str(value, "utf-8", "replace")
+    except UnicodeDecodeError as error:
+        raise HeaderError("key is not UTF-8") from error
