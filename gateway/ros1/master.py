@@ -30,6 +30,7 @@ class MasterClient:
 
     def __init__(self, client: XmlRpcClient, *, uri: str, caller_id: str) -> None:
         self.uri = uri
+        self.resolver = client.resolver
         self._client = client
         self._caller_id = caller_id
 

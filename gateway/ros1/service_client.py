@@ -103,7 +103,8 @@ class ServiceClient:
         connection: ServiceConnection,
         make_request: Callable[[TopicType], bytes],
     ) -> ServiceAnswer:
-        reader, writer = await asyncio.open_connection(host, port)
+        connect = self._master.resolver.connect
+        reader, writer = await connect(host, lambda found: asyncio.open_connection(found, port))
         try:
             notice_dead_peer(writer.get_extra_info("socket"))
             writer.write(connection.opening)

@@ -9,7 +9,11 @@ import pytest
 
 from gateway.ros1 import resolver
 from gateway.ros1.errors import UnreachableError
+from gateway.ros1.master import MasterClient
 from gateway.ros1.resolver import Resolver
+from gateway.ros1.rosmaster import RosMaster
+from gateway.ros1.service_client import ServiceClient
+from gateway.ros1.wire.tcpros import TopicType
 from gateway.ros1.wire.xmlrpc import MethodResponse, encode
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from tests.gateway.ros1.test_xmlrpc_client import ok, peer
@@ -105,3 +109,20 @@ async def test_no_more_than_so_many_are_looked_up_at_a_time(names: Names, monkey
     await asyncio.wait([first])
     assert first.exception() is not None
     assert await found.connect("robot", echo) == "127.0.0.2"
+
+
+async def test_services_on_machines_that_nobody_knows_keep_no_thread_of_asyncios(names: Names) -> None:
+    async with RosMaster() as ros_master, XmlRpcClient() as client:
+        master = MasterClient(client, uri=ros_master.uri, caller_id="/arm")
+        for n in range(40):
+            await master.call("registerService", f"/stop{n}", f"rosrpc://lost{n}:1", "http://127.0.0.1:9/")
+        ours = ServiceClient(master, callerid="/ours")
+        calls = [
+            asyncio.create_task(ours.call(f"/stop{n}", TopicType("*", "*"), lambda _: b"", timeout_s=60))
+            for n in range(40)
+        ]
+        await until(lambda: len(names.asked) == 40, "all of them are looked up")
+        assert await asyncio.to_thread(int) == 0
+        names.give_up.set()
+        failed = await asyncio.gather(*calls, return_exceptions=True)
+    assert {type(error) for error in failed} == {UnreachableError}
