@@ -38,7 +38,8 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
         "mode": settings.mode,
         "connect": {
             "endpoints": settings.connect,
-            "timeout_ms": 0,
+            # One try for a client, which opens its session again; others' sessions are open at once and go on trying.
+            "timeout_ms": 0 if settings.mode == "client" else -1,
             "exit_on_failure": settings.mode == "client",
             "retry": {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2},
         },
@@ -49,6 +50,7 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
             "unicast": {"open_timeout": OPEN_TIMEOUT_MS, "accept_timeout": OPEN_TIMEOUT_MS},
             "link": {
                 "tcp": {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES},
+                "tls": _tls(settings),
                 "tx": {
                     "lease": lease_ms,
                     "keep_alive": max(4, ceil(lease_ms / MAX_FLUSH_MS)),
@@ -61,4 +63,20 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
             },
             "shared_memory": {"enabled": settings.shared_memory},
         },
+    }
+
+
+def _tls(settings: BusSettings) -> dict[str, Any]:
+    """Have both ends of a link show a certificate of the same authority, and the listener's be for the name sought."""
+    sockets = {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES}
+    if settings.tls_ca is None:
+        return sockets
+    certificate, key = str(settings.tls_certificate), str(settings.tls_key)
+    return sockets | {
+        "root_ca_certificate": str(settings.tls_ca),
+        "enable_mtls": True,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
     }

@@ -22,7 +22,7 @@ from bus.errors import BusError, NotServedError
 from bus.panics import panics_are_errors
 from bus.queries import send_query
 from bus.serving import serves
-from bus.settings import BusSettings
+from bus.settings import BusSettings, port_of
 
 RETRY_S: Final = 0.5
 
@@ -47,7 +47,7 @@ class SessionThread:
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._kept: dict[Declaration, None] = {}
         self._session: zenoh.Session | None = None
-        self._links: set[tuple[str, str]] = set()
+        self._links: set[tuple[str, str]] = set()  # those that were sought
         self._stopped = False
         self._retry_at: float | None = None
         self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
@@ -136,10 +136,12 @@ class SessionThread:
                     f"cannot open the bus as a {self._settings.mode} (listen {endpoints}): {_reason(error)}"
                 ) from error
             if first:
-                _log.warning("waiting for a router at %s (%s)", self._where, _reason(error))
+                _log.warning("waiting for a link to %s (%s)", self._where, _reason(error))
             self._retry_at = time.monotonic() + RETRY_S
             return
         self._retry_at = None
+        if self._settings.mode != "client" and self._settings.connect:
+            _log.info("connecting to %s", self._where)
         self._session.info.declare_link_events_listener(Callback(self._on_link, indirect=False), history=True)
         for declaration in list(self._kept):
             try:
@@ -157,15 +159,24 @@ class SessionThread:
         self._do(partial(act, event.link.src, event.link.dst))
 
     def _link_up(self, own: str, other: str) -> None:
-        self._links.add((own, other))
         tune(own)
-        if self._settings.mode == "client":
-            _log.info("connected to the router at %s", other)
+        if self._is_sought(other):
+            self._links.add((own, other))
+            _log.info("connected to %s", other)
 
     def _link_down(self, own: str, other: str) -> None:
+        if (own, other) not in self._links:
+            return
         self._links.discard((own, other))
-        if self._settings.mode == "client" and not self._stopped:
-            _log.warning("lost the router at %s, waiting for one at %s", other, self._where)
+        if not self._stopped:
+            _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
+
+    def _is_sought(self, other: str) -> bool:
+        """Whether a link is one that was asked for, and not others' to us, as far as ports tell: hosts have names."""
+        settings = self._settings
+        if settings.mode == "client" or settings.scouting:
+            return True
+        return port_of(other) in {port_of(endpoint) for endpoint in settings.connect}
 
     def _declare(self, declaration: Declaration) -> None:
         self._kept[declaration] = None

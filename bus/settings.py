@@ -3,11 +3,14 @@
 import re
 from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Field, FilePath, ValidationInfo, field_validator, model_validator
 
 _ENDPOINT: Final = re.compile(
     r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9A-Fa-f:.]+\]|[^\s\[\]/:?#]+):(?P<port>\d{1,5})(?:[?#]\S*)?"
 )
+
+
+_WITH_TLS: Final = ("tls/", "quic/")
 
 
 def _endpoint(value: str) -> str:
@@ -15,6 +18,11 @@ def _endpoint(value: str) -> str:
     if match is None or int(match["port"]) > 65535:
         raise ValueError(f"{value!r} is no endpoint; write it like tcp/192.168.0.1:7447")
     return value
+
+
+def port_of(endpoint: str) -> str:
+    """Return the port of an endpoint, or of a link's end."""
+    return re.split("[?#]", endpoint, maxsplit=1)[0].rpartition(":")[2]
 
 
 Endpoint = Annotated[str, AfterValidator(_endpoint)]
@@ -43,6 +51,12 @@ class BusSettings(BaseModel):
         default=2.0, ge=0.5, le=60, description="seconds of silence after which a link counts as lost"
     )
 
+    tls_ca: FilePath | None = Field(
+        default=None, description="certificate of the authority that both ends of a tls/ link must have theirs from"
+    )
+    tls_certificate: FilePath | None = Field(default=None, description="this process's certificate for tls/ links")
+    tls_key: FilePath | None = Field(default=None, description="the private key of that certificate")
+
     @field_validator("connect")
     @classmethod
     def _connects_to_a_port(cls, connect: list[str]) -> list[str]:
@@ -61,6 +75,16 @@ class BusSettings(BaseModel):
         if mode == "client" and listen:
             raise ValueError("a client does not listen; use mode peer or router")
         return listen
+
+    @model_validator(mode="after")
+    def _tls_is_mutual(self) -> Self:
+        files = {"tls_ca": self.tls_ca, "tls_certificate": self.tls_certificate, "tls_key": self.tls_key}
+        missing = [name for name, file in files.items() if file is None]
+        if missing and any(endpoint.startswith(_WITH_TLS) for endpoint in [*self.connect, *self.listen]):
+            raise ValueError(f"{missing[0]}: tls/ and quic/ endpoints need {', '.join(files)}")
+        if missing and len(missing) < len(files):
+            raise ValueError(f"{missing[0]}: {', '.join(files)} go together")
+        return self
 
     @model_validator(mode="after")
     def _router_connects_only_where_told(self) -> Self:

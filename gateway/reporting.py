@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from bus import Bus, QoS
+from bus.version import VERSION
 from gateway.exploring import Explorer
 from gateway.offers import Offers
 from gateway.outgoing.returning import Return
@@ -45,6 +46,7 @@ class Account:
             streams=self.offers.streams(),
             returns=[*self.offers.returns(), *(returned.status() for returned in self.returns)],
             withdrawn=dict(self.offers.withdrawn()),
+            version=VERSION,
         )
 
     def _waiting_for(self) -> str:

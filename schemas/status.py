@@ -102,6 +102,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     ros_time_ns: what the robot's /clock says, 0 before it says anything; None where ROS time is the system clock's.
     clock_jumps: how often /clock went back: then what is kept by stamp is of another round.
     streams: what is offered now. withdrawn: drops of streams that are offered no longer; one that comes back counts on.
+    version: of its software, empty where nobody says.
     """
 
     robot: Name
@@ -114,6 +115,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
     streams: Annotated[list[StreamStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
     returns: Annotated[list[ReturnStatus], msgspec.Meta(max_length=MAX_STREAMS)] = []
     withdrawn: Drops = {}
+    version: Label = ""
 
 
 class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):
@@ -136,6 +138,7 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     remarks: what whoever waits for its results should know, such as which there cannot be, and why.
     classes: names of those that a detector reports when they are in view; empty where nobody says.
+    version: of its software, empty where nobody says.
     """
 
     service: Name
@@ -145,3 +148,4 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     cameras: Annotated[list[CameraLoad], msgspec.Meta(max_length=MAX_STREAMS)] = []
     remarks: Annotated[list[Label], msgspec.Meta(max_length=16)] = []
     classes: Annotated[list[Label], msgspec.Meta(max_length=MAX_CLASSES)] = []
+    version: Label = ""

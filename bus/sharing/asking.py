@@ -1,6 +1,7 @@
 """Ask a camera's gateway for as many frames as can be used."""
 
 import asyncio
+import time
 
 from bus.api import Bus, QoS
 from schemas import codec, keys
@@ -9,10 +10,14 @@ from schemas.keys import Wanted
 
 
 class Asked:
-    """What the gateway of one camera is asked for; nothing, until there is a limit. Changes in between are merged."""
+    """What the gateway of one camera is asked for; nothing, until there is a limit. Changes in between are merged.
+
+    hz: frames a second, None for all of them. from_ns: when the next one is wanted, in nanoseconds since the epoch.
+    """
 
     def __init__(self) -> None:
         self.hz: float | None = None
+        self.from_ns = 0
         self._wait_s = 0.0
         self._changed = asyncio.Event()
 
@@ -22,6 +27,7 @@ class Asked:
             return
         self.hz = None if hz is None else max(LEAST_HZ, hz)
         self._wait_s = min(MOST_WAIT_S, wait_s)
+        self.from_ns = time.time_ns() + round(self._wait_s * 1e9)
         self._changed.set()
 
     async def tell(self, bus: Bus, token: Wanted) -> None:

@@ -7,7 +7,6 @@ wins its weight's share of all cameras (Schindelhauer and Schomaker, "Weighted d
 
 import math
 from collections.abc import Collection
-from functools import lru_cache
 from hashlib import blake2b
 from typing import Final
 
@@ -15,7 +14,6 @@ from schemas.keys import CameraKey
 from schemas.worker_keys import WorkerAlive
 
 _BYTES: Final = 8
-_REMEMBERED: Final = 1 << 16
 
 
 def owner(camera: CameraKey, workers: Collection[WorkerAlive]) -> str | None:
@@ -29,7 +27,6 @@ def _score(worker: WorkerAlive, camera: CameraKey) -> float:
     return -worker.weight / _log_uniform(worker.worker, camera)
 
 
-@lru_cache(_REMEMBERED)
 def _log_uniform(worker: str, camera: CameraKey) -> float:
     """Return the logarithm of a number that is as good as random, between 0 and 1 and neither of them."""
     digest = blake2b(f"{worker}/{camera}".encode(), digest_size=_BYTES).digest()

@@ -28,6 +28,7 @@ class Shares:
         self._worker = worker
         self._workers: set[WorkerAlive] = set()
         self._cameras: dict[CameraKey, None] = {}
+        self._owners: dict[CameraKey, str | None] = {}
         self._taken: defaultdict[CameraKey, set[str]] = defaultdict(set)
         self._taken_count = 0
         self._served: dict[CameraKey, float | None] = {}
@@ -39,7 +40,12 @@ class Shares:
 
     def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
         """Note that a worker came or went; return whether that was news. More than MAX_WORKERS are not taken in."""
-        return _note(self._workers, token, alive=alive, limit=MAX_WORKERS)
+        news = _note(self._workers, token, alive=alive, limit=MAX_WORKERS)
+        if news and alive:
+            self._compare(token)
+        elif news:
+            self._owners = {camera: name for camera, name in self._owners.items() if name != token.worker}
+        return news
 
     def camera(self, camera: CameraKey, *, alive: bool) -> bool:
         """Note that a camera came or went; return whether that was news. More than MAX_CAMERAS are not taken in."""
@@ -49,6 +55,7 @@ class Shares:
             self._cameras[camera] = None
         else:
             del self._cameras[camera]
+            self._owners.pop(camera, None)
         return True
 
     def taken(self, token: Serves, *, alive: bool) -> bool:
@@ -70,7 +77,9 @@ class Shares:
         for camera in self._cameras:
             if len(served) >= most:
                 break
-            winner = owner(camera, self._workers)
+            if camera not in self._owners:
+                self._owners[camera] = owner(camera, self._workers)
+            winner = self._owners[camera]
             if winner == self._worker:
                 served[camera] = None
             elif winner is not None and camera in self._served:
@@ -79,6 +88,13 @@ class Shares:
                     served[camera] = until_s
         self._served = served
         return self.serving
+
+    def _compare(self, joined: WorkerAlive) -> None:
+        """Let a worker that joined win from the owners that are known; all others stay as they are."""
+        tokens = defaultdict[str | None, list[WorkerAlive]](list)
+        for each in self._workers:
+            tokens[each.worker].append(each)
+        self._owners = {camera: owner(camera, [joined, *tokens[name]]) for camera, name in self._owners.items()}
 
     @property
     def next_s(self) -> float | None:

@@ -164,11 +164,15 @@ class Account:
 
 @dataclass(frozen=True, slots=True)
 class BusLook:
-    """The bus. robots: those whose gateway is present. accounts: of the gateways of this robot's name."""
+    """The bus. robots: those whose gateway is present. accounts: of the gateways of this robot's name.
+
+    at_home_only: those were found where the gateway listens, and not among those that it connects to.
+    """
 
     routers: tuple[Router, ...] = ()
     robots: frozenset[str] = frozenset()
     accounts: tuple[Account, ...] = ()
+    at_home_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import Final
 
 from bus import QUEUE, Bus, BusError, BusSettings, open_bus
 from bus.clock import clock_id
-from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
+from gateway.doctor.evidence import Account, BusLook, Failure, Trouble
 from gateway.doctor.reaching import look_at_router
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
@@ -26,17 +26,33 @@ Join = Callable[[BusSettings], AbstractAsyncContextManager[Bus]]
 async def look_at_bus(
     settings: GatewaySettings, *, seconds: float, patience_s: float, join: Join = open_bus
 ) -> BusLook:
-    """Look at the bus for so many seconds; joining it may take twice the patience."""
-    joining = beside_the_gateway(settings)
+    """Look at the bus for so many seconds; joining it may take twice the patience.
+
+    A gateway that is a router connected to others is looked for among those, and at home.
+    """
+    looks = await asyncio.gather(
+        *(
+            _look(settings.robot, joining, seconds=seconds, patience_s=patience_s, join=join)
+            for joining in beside_the_gateway(settings)
+        )
+    )
+    seen = next((look for look in looks if settings.robot in look.robots or look.accounts), looks[0])
+    routers = tuple(router for look in looks for router in look.routers)
+    return replace(seen, routers=routers, at_home_only=seen is not looks[0])
+
+
+async def _look(robot: str, joining: BusSettings, *, seconds: float, patience_s: float, join: Join) -> BusLook:
     routers = tuple(await asyncio.gather(*(look_at_router(endpoint, patience_s) for endpoint in joining.connect)))
     if routers and all(router.trouble for router in routers) and not joining.scouting:
         return BusLook(routers)
     try:
         async with asyncio.timeout(seconds + 2 * patience_s), join(joining) as bus:
-            return replace(await observe(bus, settings.robot, seconds), routers=routers)
+            look = await observe(bus, robot, seconds)
+            reason = bus.link_problem
     except (BusError, TimeoutError) as error:
-        trouble = Trouble(Failure.FOREIGN, "", 0, str(error) or "it takes too long")
-        return BusLook(tuple(Router(endpoint, trouble) for endpoint in joining.connect))
+        look, reason = BusLook(), str(error) or "it takes too long"
+    foreign = Trouble(Failure.FOREIGN, "", 0, reason) if reason else None
+    return replace(look, routers=tuple(replace(router, trouble=router.trouble or foreign) for router in routers))
 
 
 async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
@@ -49,16 +65,27 @@ async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
     return BusLook((), frozenset(robots), tuple(accounts.values()))
 
 
-def beside_the_gateway(settings: GatewaySettings) -> BusSettings:
-    """Return how to join the gateway's bus: where it listens is taken, but can be connected to."""
+def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
+    """Return how to join the gateway's bus: where it listens is taken, but can be connected to.
+
+    A client uses the first endpoint that answers: what a router connects to and where it listens are two ways to join.
+    """
     own = [endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]") for endpoint in settings.listen]  # noqa: S104
-    return BusSettings(
-        mode="peer" if settings.mode == "peer" else "client",
-        connect=[*settings.connect, *own],
-        scouting=settings.scouting,
-        shared_memory=False,
-        lease_s=settings.lease_s,
-    )
+    ways = [settings.connect, own] if settings.mode == "router" else [[*settings.connect, *own]]
+    return [
+        BusSettings(
+            mode="peer" if settings.mode == "peer" else "client",
+            connect=connect,
+            scouting=settings.scouting,
+            shared_memory=False,
+            lease_s=settings.lease_s,
+            tls_ca=settings.tls_ca,
+            tls_certificate=settings.tls_certificate,
+            tls_key=settings.tls_key,
+        )
+        for connect in ways
+        if connect or settings.scouting
+    ]
 
 
 async def _watch(bus: Bus, robots: set[str]) -> None:

@@ -20,6 +20,13 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
     if robot not in bus.robots and not bus.accounts:
         yield _absent(robot, bus.robots)
         return
+    if bus.at_home_only:
+        yield problem(
+            Stage.GATEWAY,
+            robot,
+            "its gateway runs here, but has no link to what it connects to: nobody elsewhere sees the robot",
+            "see what is said of those endpoints; where nothing is, do its --connect and the doctor's name the same?",
+        )
     if any(one.overlaps(other) for one, other in combinations(bus.accounts, 2)):
         yield problem(
             Stage.GATEWAY,
@@ -59,7 +66,7 @@ def _check_account(robot: str, account: Account) -> Iterator[Finding]:
 
 
 def _check_routers(bus: BusLook) -> Iterator[Finding]:
-    say = problem if _cut_off(bus) else note
+    say = problem if _cut_off(bus) or bus.at_home_only else note
     for router in bus.routers:
         if router.trouble is not None:
             what, advice = _router_trouble(router.trouble)
@@ -84,7 +91,10 @@ def _router_trouble(trouble: Trouble) -> tuple[str, str]:
                 "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
             )
         case Failure.FOREIGN:
-            return f"the bus cannot be joined: {trouble.reason}", "correct --mode, --connect or --listen"
+            return (
+                f"the bus cannot be joined: {trouble.reason}",
+                "correct --mode, --connect or --listen; for tls/, are both certificates of the same authority?",
+            )
         case _:
             return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"
 
@@ -96,7 +106,7 @@ def _absent(robot: str, robots: frozenset[str]) -> Finding:
             robot,
             "something answers there, but no gateway of any robot is on this bus",
             f"start `fleetsight gateway --robot {robot}`; if it runs, do its --connect and the doctor's name the same "
-            "router, and is that a Zenoh router?",
+            "router?",
         )
     close = difflib.get_close_matches(robot, sorted(robots), n=1, cutoff=0.5)
     others = ", ".join(sorted(robots)[:10])

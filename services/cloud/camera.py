@@ -49,6 +49,9 @@ POINTS_WAITING: Final = 8
 TRANSFORMS_WAITING: Final = 1000
 """Messages that wait to be taken at most."""
 
+WAITED: Final = "join"
+CUT: Final = "cloud"
+
 _LOST: Final[dict[type[Any], str]] = {
     Detections: REPLACED,
     PointCloud: TOO_MANY_POINTS,
@@ -179,6 +182,6 @@ class Camera:
         begun_ns = perf_counter_ns()
         job = Job.of(found, matched.cloud, self._waiting, self._target_frame)
         made = await asyncio.get_running_loop().run_in_executor(self._executor, cut, job, self._limits, self._worker)
-        spans = {**found.spans, "cloud": perf_counter_ns() - begun_ns}
+        spans = {**found.spans, WAITED: round(matched.waited_s * 1e9), CUT: perf_counter_ns() - begun_ns}
         publish(msgspec.structs.replace(made.clouds, spans=spans))
         return UNPLACED if made.unknown else ""

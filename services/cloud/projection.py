@@ -58,6 +58,8 @@ class ProjectedView:
 
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
         """See `View.within`. Where masks overlap the first one has the points."""
+        if not masks:
+            return
         camera, xyz = self.camera, self.points.xyz()
         seen = _in_picture(camera, _moved(self.camera_from_points.astype(np.float32), xyz))
         side = _cell_side(camera, len(seen.at))

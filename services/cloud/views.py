@@ -18,18 +18,12 @@ from services.cloud.projection import ProjectedView
 from services.cloud.sampling import some
 from services.geometry.camera import CameraModel
 from services.geometry.errors import GeometryError, TransformError
-from services.geometry.rotation import inverse_of
+from services.geometry.motion import between
 from services.geometry.transforms import TransformTree
 
 Numbers = NDArray[Any]
 
 NO_INFO: Final = "no camera info of the colour image arrived, so no points can be projected into it"
-FIXED_FRAMES: Final = ("odom", "map")
-"""Frames that stand still, the preferred one first: through them points of one instant are seen at another.
-
-By REP 105 of ROS a robot moves without leaps in odom alone: in map it leaps whenever it is found to be elsewhere.
-"""
-
 FARTHEST_M: Final = MAX_COORDINATE_M / 2
 """How far away a target frame may be: what is near the points is then within what messages carry."""
 
@@ -78,25 +72,9 @@ def moves_of(picture: Header, points: Header, tree: TransformTree) -> Numbers | 
     if picture.frame_id == points.frame_id and picture.stamp_ns == points.stamp_ns:
         return np.identity(4)
     try:
-        return camera_from_points(picture, points, tree)
+        return between(picture, points, tree)
     except TransformError as error:
         return np.identity(4) if picture.frame_id == points.frame_id else str(error)
-
-
-def camera_from_points(picture: Header, points: Header, tree: TransformTree) -> Numbers:
-    """Return the 4 x 4 transform that moves points of their instant into the camera's frame at the picture's.
-
-    Raises:
-        TransformError: it is not known, not even as if nothing had moved in between.
-    """
-    if picture.stamp_ns != points.stamp_ns:
-        for fixed in FIXED_FRAMES:
-            try:
-                there = tree.lookup(fixed, picture.frame_id, picture.stamp_ns)
-                return np.asarray(inverse_of(there) @ tree.lookup(fixed, points.frame_id, points.stamp_ns))
-            except TransformError:
-                continue
-    return tree.lookup(picture.frame_id, points.frame_id, points.stamp_ns)
 
 
 def target_of(frame_id: str, points: Header, tree: TransformTree) -> Target:

@@ -1,7 +1,7 @@
 """Detections that wait for the points of their instant, and for the transforms of theirs. Pure."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from schemas.camera_info import CameraInfo
@@ -10,9 +10,9 @@ from schemas.header import Header
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
-from services.cloud.views import FIXED_FRAMES
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner, Partner
+from services.geometry.motion import FIXED_FRAMES
 from services.geometry.room import Room
 from services.geometry.transforms import TransformTree
 
@@ -27,11 +27,12 @@ MAX_WAITING: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Matched:
-    """Detections with the points of their instant, or why there are none."""
+    """Detections with the points of their instant, or why there are none. waited_s: how long they waited for them."""
 
     detections: Detections
     cloud: PointCloud | None
     unknown: str = ""
+    waited_s: float = 0.0
 
 
 class Waiting:
@@ -55,7 +56,7 @@ class Waiting:
     @property
     def until_s(self) -> float | None:
         """When the detections that wait longest have waited enough; None while none do."""
-        return self._waiting[0][1] if self._waiting else None
+        return self._waiting[0][1] + PATIENCE_S if self._waiting else None
 
     def detections(self, found: Detections, now_s: float) -> None:
         """Take detections."""
@@ -65,7 +66,7 @@ class Waiting:
             return
         if len(self._waiting) >= MAX_WAITING:
             self._drop(1)
-        self._waiting.append((found, now_s + PATIENCE_S))
+        self._waiting.append((found, now_s))
         self._newest = identity
 
     def points(self, cloud: PointCloud) -> None:
@@ -88,11 +89,11 @@ class Waiting:
         """
         for look in (self._joined, self._given_up):
             for place in reversed(range(len(self._waiting))):
-                found, until_s = self._waiting[place]
-                if (matched := look(found, late=now_s >= until_s)) is not None:
+                found, since_s = self._waiting[place]
+                if (matched := look(found, late=now_s >= since_s + PATIENCE_S)) is not None:
                     self._drop(place)
                     self._waiting.popleft()
-                    return matched
+                    return replace(matched, waited_s=now_s - since_s)
         return None
 
     def end(self) -> int:
@@ -135,8 +136,11 @@ class Waiting:
             return False
         if picture.stamp_ns == points.stamp_ns:
             return True
-        still = [{self._is_open(fixed, each) for each in (picture, points)} for fixed in FIXED_FRAMES]
-        return {None} in still or not any(False not in each for each in still)
+        for fixed in FIXED_FRAMES:
+            still = {self._is_open(fixed, each) for each in (picture, points)}
+            if False not in still:
+                return still == {None}
+        return True
 
     def _is_open(self, target: str, source: Header) -> bool | None:
         """Return whether a transform may still become known; None where it is known."""

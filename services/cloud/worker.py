@@ -15,6 +15,7 @@ from bus.sharing import Sharing
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from bus.sharing.tally import Tallies
+from bus.version import VERSION
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
@@ -115,6 +116,7 @@ class Worker:
             model=METHOD,
             sent_ns=time.time_ns(),
             cameras=self._accounts.loads(),
+            version=VERSION,
         )
 
 

@@ -14,17 +14,21 @@ MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
 DEPTH: Final = "a depth image, not a picture"
 UNWANTED: Final = "no longer wanted"
-SPARED: Final = "more than a second opinion needs"
+SPARED: Final = "more than a second opinion asked for"
 
 TOO_MANY: Final = (REPLACED, STALE)
 """Reasons that say that frames came faster than they could be looked at."""
 
 
 class Account:
-    """Counts every frame of a camera once: inferred, or dropped for a reason."""
+    """Counts every frame of a camera once: inferred, or dropped for a reason.
 
-    def __init__(self, camera: CameraKey) -> None:
+    unread: why those are dropped that a newer one replaced before they were read.
+    """
+
+    def __init__(self, camera: CameraKey, *, unread: str = REPLACED) -> None:
         self._camera = camera
+        self._unread = unread
         self._last: Header | None = None
         self.inferred = 0
         self.dropped: Counter[str] = Counter()
@@ -39,7 +43,7 @@ class Account:
         Returns:
             False for the same frame again, which is counted as dropped.
         """
-        self.dropped[REPLACED] += replaced
+        self.dropped[self._unread] += replaced
         last, self._last = self._last, header
         if last is None or last.boot_id != header.boot_id:
             return True
@@ -49,7 +53,7 @@ class Account:
 
     def malformed(self, replaced: int) -> None:
         """Note a frame that says not even its number, so the gap around it says nothing either."""
-        self.dropped[REPLACED] += replaced
+        self.dropped[self._unread] += replaced
         self.dropped[MALFORMED] += 1
         self.begin()
 

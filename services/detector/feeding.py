@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections.abc import Callable
 
 from bus import LATEST, Bus, Sample
 from bus.clock import clock_id
@@ -25,13 +26,18 @@ log = logging.getLogger(__name__)
 async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: str, role: Role) -> None:
     """Put the camera's newest frame on the board whenever its results are wanted, for ever.
 
-    asked: how many frames its gateway is asked for. worker, role: under whose name it is told where they go.
+    asked: how many frames its gateway is asked for; who gives a second opinion spares the others, which come if others
+    ask for them. worker, role: under whose name the gateway is told where they go.
     """
     token = Wanted(StreamKey(camera.key, Stream.COLOR), clock_id(), role.consumer(worker))
 
     async def receive() -> None:
         camera.account.begin()
-        lateness, sparing = Lateness(), Sparing(role.most_hz)
+        lateness, sparing = Lateness(), Sparing()
+
+        def passes(arrived_ns: int) -> bool:
+            return role.most_hz is None or asked.hz is None or sparing.passes(arrived_ns, asked.hz, asked.from_ns)
+
         try:
             async with (
                 bus.announce(str(token)),
@@ -40,7 +46,7 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
             ):
                 telling = group.create_task(asked.tell(bus, token))
                 async for sample in frames:
-                    accept(camera, board, sample, lateness, sparing)
+                    accept(camera, board, sample, lateness, passes)
                 telling.cancel()
         finally:
             camera.account.dropped[UNWANTED] += board.discard(camera.key)
@@ -48,8 +54,8 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
     await while_wanted(camera.demand, receive)
 
 
-def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness, sparing: Sparing) -> None:
-    """Put a frame on the board, or count why not."""
+def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness, passes: Callable[[int], bool]) -> None:
+    """Put a frame on the board, or count why not. passes: says of one that arrived then whether it is looked at."""
     try:
         frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
         codec.check_identity(frame.header, camera.key)
@@ -62,7 +68,7 @@ def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness, spa
     if not shows_colours(frame):
         camera.account.dropped[DEPTH] += 1
         return
-    if not sparing.passes(sample.received_ns):
+    if not passes(sample.received_ns):
         camera.account.dropped[SPARED] += 1
         return
     late_ns = lateness.late_ns(frame.header.received_ns, sample.received_ns)

@@ -5,7 +5,7 @@ Lists of classes are published as soon as the model has answered; objects are fo
 
 import logging
 import time
-from asyncio import Event, Queue, Semaphore, Task, TaskGroup
+from asyncio import Event, Queue, Semaphore, Task, TaskGroup, sleep
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -16,7 +16,7 @@ from schemas.keys import CameraKey
 from services.detector.account import STALE, UNWANTED, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
-from services.detector.model import Found, Model, Outcome, Request
+from services.detector.model import Found, Model, ModelError, Outcome, Request
 from services.detector.tracking import Tracking
 
 PATIENCE_S: Final = 0.005
@@ -27,6 +27,10 @@ SPARE_S: Final = 0.03
 
 LEAST_AGE_S: Final = 0.08
 """How old a frame may be at least, however quick the model is: links have their ups and downs."""
+
+WATCH_S: Final = 1.0
+HUNG: Final = 60
+"""A model that has not answered when it was looked at so often never will; calls of new shapes may take seconds."""
 
 WEIGHT_OF_NEWEST: Final = 0.1
 
@@ -81,10 +85,15 @@ class Looking:
         self._done = 0
 
     async def run(self) -> None:
-        """Work for ever."""
+        """Work for ever.
+
+        Raises:
+            ModelError: the model is of no more use, or does not answer any more. In a group.
+        """
         async with TaskGroup() as group:
             group.create_task(self._publish_classes())
             group.create_task(self._publish_objects())
+            group.create_task(self._watch())
             await self._take(group)
 
     async def settled(self, key: CameraKey) -> None:
@@ -143,6 +152,16 @@ class Looking:
                 self._busy_s += now_s - self._busy_since_s
             took_s = now_s - begun_s
             self._call_s += (took_s - self._call_s) * (WEIGHT_OF_NEWEST if self._call_s else 1)
+
+    async def _watch(self) -> None:
+        """Raise ModelError once the model does not answer; a process that is stopped for a while is no such model."""
+        silent, done = 0, self._done
+        while True:
+            await sleep(WATCH_S)
+            silent = silent + 1 if self._calls and done == self._done else 0
+            done = self._done
+            if silent >= HUNG:
+                raise ModelError(f"{self._model.name} has not answered for {HUNG * WATCH_S:g} s")
 
     async def _publish_classes(self) -> None:
         while True:

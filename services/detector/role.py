@@ -15,7 +15,7 @@ class Role:
 
     service: its name in the keys of workers; cameras are shared with workers of the same alone. lists: the stream of
     its class lists. lists_only: it makes nothing else of a camera, and answers no images.
-    most_hz: about how many frames a second of a camera it asks for and looks at, None for all that it can.
+    most_hz: about how many frames a second of a camera it asks for at most and looks at, None for all that it can.
     prefix: of its name as a consumer of frames.
     """
 
@@ -26,7 +26,10 @@ class Role:
     prefix: str = ""
 
     def consumer(self, worker: str) -> str:
-        """Return the name under which a worker asks gateways for frames: a detector beside it may be its namesake."""
+        """Return the name under which a worker asks gateways for frames: a detector beside it may be its namesake.
+
+        No detector's own name begins with another role's prefix; see `DetectorSettings`.
+        """
         return self.prefix + worker[-(LONGEST_NAME - len(self.prefix)) :]
 
 

@@ -10,6 +10,7 @@ from bus.settings import BusSettings
 from bus.sharing.naming import default_worker_name
 from bus.sharing.settings import SharingSettings
 from schemas.keys import NAME
+from services.detector.role import OPINION
 
 SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
 
@@ -73,4 +74,12 @@ class DetectorSettings(SharingSettings, BusSettings):
         for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
             if weights is not None and not self.download and not Path(weights).is_file():
                 raise ValueError(f"{option} {weights}: no such file (--download would let Ultralytics fetch it)")
+        return self
+
+    @model_validator(mode="after")
+    def _is_no_opinions_namesake(self) -> Self:
+        if not self.opinion and self.worker.startswith(OPINION.prefix):
+            raise ValueError(
+                f"--worker {self.worker}: to gateways {OPINION.prefix!r} begins names of --opinion workers"
+            )
         return self

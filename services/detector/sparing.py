@@ -9,18 +9,25 @@ EARLY: Final = 0.3
 
 
 class Sparing:
-    """Passes so many frames a second, as far as there are so many; all of them for None."""
+    """Passes as many frames a second as were asked for, when they were asked for, as far as there are so many."""
 
-    def __init__(self, most_hz: float | None) -> None:
-        self._turn_ns = 0 if most_hz is None else round(SECOND_NS / most_hz)
-        self._due_ns: int | None = None
+    def __init__(self) -> None:
+        self._asked: tuple[float, int] | None = None
+        self._due_ns = 0
+        self._soon_ns = 0.0
 
-    def passes(self, arrived_ns: int) -> bool:
-        """Return whether a frame is looked at that arrived then, by a clock that may be set back."""
-        due_ns = arrived_ns if self._due_ns is None else self._due_ns
-        early_ns, soon_ns = due_ns - arrived_ns, EARLY * self._turn_ns
-        if soon_ns < early_ns <= self._turn_ns + soon_ns:
+    def passes(self, arrived_ns: int, hz: float, from_ns: int) -> bool:
+        """Return whether a frame is looked at that arrived then, by a clock that may be set back.
+
+        hz, from_ns: what was asked for last, and when the first was wanted: at most a turn after it was asked for.
+        """
+        if (hz, from_ns) != self._asked:  # cameras were given their turns: none comes early into another's
+            self._asked, self._due_ns, self._soon_ns = (hz, from_ns), from_ns, 0.0
+        turn_ns = round(SECOND_NS / hz)
+        early_ns = self._due_ns - arrived_ns
+        if self._soon_ns < early_ns <= turn_ns + self._soon_ns:
             return False
-        gap = early_ns > soon_ns or early_ns < -self._turn_ns  # the clock was set back, or no frames came for a while
-        self._due_ns = (arrived_ns if gap else due_ns) + self._turn_ns  # one that is late does not delay the next
+        gap = early_ns > self._soon_ns or early_ns < -turn_ns  # the clock was set back, or no frames came for a while
+        self._due_ns = (arrived_ns if gap else self._due_ns) + turn_ns  # one that is late does not delay the next
+        self._soon_ns = EARLY * turn_ns
         return True

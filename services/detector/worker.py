@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from typing import Final
 
 from bus import Bus
@@ -13,11 +14,12 @@ from bus.sharing.asking import Asked
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from bus.sharing.tally import opened
+from bus.version import VERSION
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_CLASSES, MAX_STREAMS, WorkerStatus
 from schemas.worker_keys import WorkerAlive
-from services.detector.account import Account
+from services.detector.account import REPLACED, SPARED, Account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
@@ -91,7 +93,8 @@ class Worker:
             self._painters.shutdown(wait=False, cancel_futures=True)
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        account = opened(self._accounts, key, self._asked, MAX_STREAMS, Account)
+        unread = REPLACED if self._role.most_hz is None else SPARED  # a newer one is as good for an opinion
+        account = opened(self._accounts, key, self._asked, MAX_STREAMS, partial(Account, unread=unread))
         asked = self._asked[key] = Asked()
         asked.ask(self._role.most_hz)
         self._took_over[key] = took_over
@@ -135,11 +138,11 @@ class Worker:
         """Ask for the same rate of each camera, one after the other."""
         limit, most = self._pace.limit_hz, self._role.most_hz
         for turn, key in enumerate(cameras):
-            if limit is None:
-                self._asked[key].ask(most)
-            else:
+            if limit is not None:
                 each = limit / len(cameras)
                 self._asked[key].ask(each if most is None else min(each, most), turn / limit)
+            elif self._asked[key].hz != most:
+                self._asked[key].ask(most)
 
     def _status(self) -> WorkerStatus:
         accounts = list(self._accounts.items())[-MAX_STREAMS:]
@@ -156,4 +159,5 @@ class Worker:
                 )
                 for key, account in accounts
             ],
+            version=VERSION,
         )

@@ -118,6 +118,8 @@ def _timed(camera: Camera, seen: Detections, moment: Moment) -> tuple[list[Objec
 def _objects(camera: Camera, seen: Detections, moment: Moment) -> list[ObjectDistance]:
     if isinstance(moment.instant, str):
         return unknown(seen.objects, moment.instant)
+    if not seen.objects:
+        return []  # depth need not be read, let alone registered
     try:
         depth, model = camera.views.view(moment.instant)
         return measure_apart(seen.objects, View(depth, seen.header.frame_id, model, moment.frames), camera.criteria)

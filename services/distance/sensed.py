@@ -8,11 +8,13 @@ import numpy as np
 
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
+from schemas.header import Header
 from schemas.image import ImageFrame
 from services.distance.measuring import Frame
 from services.distance.views import Instant, Transform
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner
+from services.geometry.motion import between
 from services.geometry.transforms import TransformTree
 
 DEPTH_IMAGE: Final = "depth image"
@@ -54,12 +56,24 @@ class Sensed:
             return Moment(found.reason, frames, open=not found.final)
         depth = found.item
         from_depth, early = self._lookup(header.frame_id, depth.header.frame_id, found.stamp_ns)
+        if not isinstance(from_depth, str):
+            from_depth = self._moved(from_depth, header, depth.header)
         instant = Instant(detections, depth, self.info, self.depth_info, from_depth)
         return Moment(instant, frames, open=frames_open or early)
 
     def _frames(self, camera: str, stamp_ns: int) -> tuple[tuple[Frame, ...], bool]:
         found = [(name, *self._lookup(name, camera, stamp_ns)) for name in self.frames]
         return tuple(Frame(name, place) for name, place, _ in found), any(early for *_, early in found)
+
+    def _moved(self, at_rest: Transform, image: Header, depth: Header) -> Transform:
+        """Return where depth was from where the image was taken, as far as that is known now.
+
+        What says so is not waited for: a robot that stands still would wait for nothing.
+        """
+        try:
+            return between(image, depth, self.transforms)
+        except TransformError:
+            return at_rest
 
     def _lookup(self, target: str, source: str, stamp_ns: int) -> tuple[Transform | str, bool]:
         """Return a transform or why it is not known, and whether it may become known."""

@@ -34,8 +34,8 @@ class Limits:
 class Instant:
     """What was measured when an image was taken.
 
-    info, depth_info: None where none arrived. color_from_depth: 4 x 4, from depth's optical frame into the image's, or
-    why it is not known.
+    info, depth_info: None where none arrived. color_from_depth: 4 x 4, from depth's optical frame at its stamp into the
+    image's at the image's, or why it is not known.
     """
 
     detections: Detections
@@ -62,13 +62,12 @@ class Views:
         """
         image = read_depth(of.depth, nearest_m=self._limits.nearest_m, farthest_m=self._limits.farthest_m)
         size = (of.detections.height, of.detections.width)
-        color, depth = self._camera(of.info, size), self._camera(of.depth_info, image.shape)
         alike = image.shape == size and of.depth.header.frame_id == of.detections.header.frame_id
-        if of.info is None and alike:
-            return image, depth
+        infos = (of.info or of.depth_info, of.depth_info or of.info) if alike else (of.info, of.depth_info)
+        color, depth = self._camera(infos[0], size), self._camera(infos[1], image.shape)
         if isinstance(color, CameraModel) and isinstance(depth, CameraModel):
             return self._registered(image, depth, color, of.color_from_depth), color
-        if alike and of.depth_info is None:
+        if alike and None in (of.info, of.depth_info):
             return image, color
         what, reason = ("colour", color) if isinstance(color, str) else ("depth", depth)
         raise CalibrationError(f"depth cannot be registered to colour: of {what} {reason}")

@@ -12,6 +12,7 @@ from bus.sharing import Sharing
 from bus.sharing.reporting import report, say_unwanted
 from bus.sharing.sharing import JOIN_S
 from bus.sharing.tally import Tallies
+from bus.version import VERSION
 from schemas import codec
 from schemas.distances import Distances
 from schemas.keys import CameraKey, Stream
@@ -82,4 +83,5 @@ class Worker:
             model="",
             sent_ns=time.time_ns(),
             cameras=self._accounts.loads(),
+            version=VERSION,
         )

@@ -10,7 +10,8 @@ GeometryError
     ├── UnconnectedError
     ├── LoopError
     ├── TooOldError
-    └── TooNewError
+    ├── TooNewError
+    └── SilentError
 """
 
 from schemas.header import MAX_LABEL
@@ -61,3 +62,7 @@ class TooOldError(TransformError):
 
 class TooNewError(TransformError):
     """The stamp is after what is known of a transform so far; it may become known."""
+
+
+class SilentError(TransformError):
+    """The stamp is so long after what is known of a transform that nobody seems to say it any more."""

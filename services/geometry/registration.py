@@ -15,6 +15,9 @@ Numbers = NDArray[np.float64]
 MAX_SPLAT: Final = 8
 """Pixels of the other picture, across and down, that one reading covers at most."""
 
+AT_ONCE: Final = 1 << 14
+"""Readings that are moved at once, about: what is made of them stays in the processor's caches."""
+
 _SAME_PIXELS: Final = 0.5
 _SAME_M: Final = 1e-4
 _WHOLE: Final = 0.01
@@ -26,9 +29,11 @@ def is_registered(depth: CameraModel, color: CameraModel, color_from_depth: Numb
         return False
     if np.abs(color_from_depth - np.identity(4)).max() > _SAME_M:
         return False
-    some = np.array([(x, y) for x in (0, depth.width // 2, depth.width - 1) for y in (0, depth.height - 1)])
-    again = color.project(depth.unproject(some, np.ones(len(some))))
-    return bool((np.abs(again - some) <= _SAME_PIXELS).all())
+    across, down = (np.linspace(0, side - 1, 3) for side in (depth.width, depth.height))
+    some = np.array([(x, y) for x in across for y in down])
+    seen = depth.unproject(some, np.ones(len(some)))
+    sees = np.isfinite(seen).all(axis=1)
+    return bool((np.abs(color.project(seen) - some)[sees] <= _SAME_PIXELS).all())
 
 
 class Registration:
@@ -45,9 +50,8 @@ class Registration:
             raise CalibrationError(f"{color.width}x{color.height} pixels, depth is registered to {MAX_PIXELS} at most")
         self._depth = depth
         self._color = color
-        x, y = depth.rays(depth.height, depth.width).astype(np.float64)
-        turned = np.tensordot(color_from_depth[:3, :3], np.stack([x, y, np.ones_like(x)]), axes=1)
-        self._directions = turned.astype(np.float32)
+        x, y = depth.rays(depth.height, depth.width)
+        self._directions = [row[0] * x + row[1] * y + row[2] for row in color_from_depth[:3, :3].astype(np.float32)]
         self._offset = [float(number) for number in color_from_depth[:3, 3]]
         self._splat = _splat(color.fx / depth.fx), _splat(color.fy / depth.fy)
 
@@ -60,11 +64,20 @@ class Registration:
             CalibrationError: the image is not of the depth camera's size.
         """
         self._depth.check_size(*depth_m.shape)
+        made = np.full((self._color.height, self._color.width), np.inf, np.float32)
+        at_once = max(1, AT_ONCE // depth_m.shape[1])
+        for top in range(0, len(depth_m), at_once):
+            self._draw(made, depth_m, slice(top, top + at_once))
+        made[np.isinf(made)] = np.nan
+        return made
+
+    def _draw(self, made: Floats, depth_m: Floats, some: slice) -> None:
+        """Draw some rows of depth."""
         x, y, z = (
-            direction * depth_m + offset for direction, offset in zip(self._directions, self._offset, strict=True)
+            direction[some] * depth_m[some] + offset
+            for direction, offset in zip(self._directions, self._offset, strict=True)
         )
         columns, rows = self._color.pixels_of(x, y, z)
-        made = np.full((self._color.height, self._color.width), np.inf, np.float32)
         across, down = self._splat
         columns, rows = columns - np.float32((across - 2) / 2), rows - np.float32((down - 2) / 2)
         with np.errstate(invalid="ignore"):
@@ -72,9 +85,7 @@ class Registration:
         columns, rows, z = columns[inside].astype(np.intp), rows[inside].astype(np.intp), z[inside]
         for row in range(down):
             for column in range(across):
-                _draw(made, columns + column, rows + row, z)
-        made[np.isinf(made)] = np.nan
-        return made
+                _put(made, columns + column, rows + row, z)
 
 
 def _splat(finer: float) -> int:
@@ -82,7 +93,7 @@ def _splat(finer: float) -> int:
     return max(1, min(math.ceil(finer - _WHOLE), MAX_SPLAT))
 
 
-def _draw(made: Floats, columns: NDArray[np.intp], rows: NDArray[np.intp], z: Floats) -> None:
+def _put(made: Floats, columns: NDArray[np.intp], rows: NDArray[np.intp], z: Floats) -> None:
     """Put each depth at its pixel where nothing nearer is."""
     inside = (columns < made.shape[1]) & (rows < made.shape[0])
     np.minimum.at(made.reshape(-1), (rows * made.shape[1] + columns)[inside], z[inside])

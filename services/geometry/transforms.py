@@ -13,6 +13,7 @@ from schemas.space import MAX_COORDINATE_M
 from schemas.transforms import Transform, Transforms
 from services.geometry.errors import (
     LoopError,
+    SilentError,
     TooNewError,
     TooOldError,
     UnconnectedError,
@@ -26,6 +27,9 @@ Numbers = NDArray[np.float64]
 KEEP_NS: Final = 10_000_000_000
 JUMP_NS: Final = 1_000_000_000
 """Stamps of one frame that go back by more than this are of a clock that jumped: what was kept of it is forgotten."""
+
+SILENT_NS: Final = 1_000_000_000
+"""Whoever says a transform says it more often than this, or says it no more."""
 
 MAX_SAMPLES: Final = 5_000
 MOST_SAMPLES: Final = 200_000
@@ -207,13 +211,15 @@ def _at(child: str, edge: _Edge, stamp_ns: int) -> Numbers:
     Raises:
         TooOldError: the stamp is before the first that is kept.
         TooNewError: the stamp is after the last.
+        SilentError: it is so by more than SILENT_NS.
     """
     if edge.static:
         return edge.fixed
     place = bisect_left(edge.stamps, stamp_ns)
     if place == len(edge.stamps):
-        late_s = (stamp_ns - edge.stamps[-1]) / 1e9
-        raise TooNewError(f"{_between(child, edge)} is known until {late_s:.3f} s before the stamp")
+        late_ns = stamp_ns - edge.stamps[-1]
+        error = TooNewError if late_ns <= SILENT_NS else SilentError
+        raise error(f"{_between(child, edge)} is known until {late_ns / 1e9:.3f} s before the stamp")
     if edge.stamps[place] == stamp_ns:
         return matrix_of(*edge.poses[place])
     if place == 0:

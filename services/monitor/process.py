@@ -24,13 +24,16 @@ from services.monitor.display import Problems, show
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive
+from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.history.settings import NONE
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.measuring import measure_clocks
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
 from services.monitor.turns import AT_ONCE, arrivals_in_turns
+from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.process import Web
 
 log = logging.getLogger(__name__)
@@ -53,9 +56,12 @@ async def run(settings: MonitorSettings) -> None:
 
     Raises:
         RuleFileError: the rule file cannot be used.
+        OtherVersionError: the database of the history or of the users is another version's.
         WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
     """
+    if settings.web and settings.history == NONE:
+        await _check_users()
     web = Web.of(settings) if settings.web else None
     fleet = Fleet(clock_id(), settings.limits())
     async with open_bus(settings) as bus, running(settings, bus, fleet) as monitor, asyncio.TaskGroup() as group:
@@ -70,12 +76,23 @@ async def run(settings: MonitorSettings) -> None:
         group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
 
 
+async def _check_users() -> None:
+    """Refuse a database of the users' own that is another version's; one that cannot be had is waited for."""
+    try:
+        await UserStore(users_url(NONE)).users()
+    except OtherVersionError:
+        raise
+    except HistoryError:
+        pass
+
+
 @asynccontextmanager
 async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIterator[Monitor]:
     """Watch the fleet, keep its history and raise alerts until leaving.
 
     Raises:
         RuleFileError: the rule file cannot be used.
+        OtherVersionError: the database of the history is another version's.
     """
     rules = RuleFile(settings.rules)
     await rules.load()
@@ -242,5 +259,5 @@ def _camera(fleet: Fleet, key: str, *, alive: bool) -> None:
 
 def _how_to_join(settings: MonitorSettings) -> str:
     if settings.listen:
-        return f"gateways and detectors join with --connect {settings.listen[0]}"
-    return f"connected to {', '.join(settings.connect) or 'whom scouting finds'}"
+        return f"gateways and detectors join with --connect {settings.listen[0].partition('#')[0]}"
+    return f"connects to {', '.join(settings.connect) or 'whom scouting finds'}"

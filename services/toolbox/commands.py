@@ -151,6 +151,7 @@ COMMANDS: Final = (
         "services.monitor.process:run",
         refusals=(
             "bus:BusError",
+            "services.monitor.history.errors:OtherVersionError",
             "services.monitor.rules.loading:RuleFileError",
             "services.monitor.web.errors:WebError",
         ),

@@ -108,6 +108,7 @@ def _settings_class(model: type[BaseModel], prog: str) -> type[_Common]:
     class Settings(_Common, model):  # type: ignore[misc, valid-type]
         model_config = SettingsConfigDict(
             env_prefix=ENV_PREFIX,
+            env_prefix_target="all",
             cli_prog_name=prog,
             cli_kebab_case=True,
             cli_implicit_flags=True,

@@ -23,12 +23,6 @@ def test_a_peer_listens_only_where_it_is_told() -> None:
     assert session_config(BusSettings(mode="peer"))["listen"]["endpoints"] == []
 
 
-def test_only_a_client_fails_to_open_without_a_link() -> None:
-    router = BusSettings(mode="router", listen=["tcp/127.0.0.1:1"])
-    assert session_config(router)["connect"]["exit_on_failure"] is False
-    assert session_config(BusSettings())["connect"]["exit_on_failure"] is True
-
-
 def test_signs_of_life_are_at_most_half_a_second_apart() -> None:
     def keep_alive(lease_s: float) -> object:
         return session_config(BusSettings(lease_s=lease_s))["transport"]["link"]["tx"]["keep_alive"]

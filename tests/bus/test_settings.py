@@ -2,6 +2,7 @@ import pytest
 from pydantic import ValidationError
 
 from bus import BusSettings
+from bus.settings import port_of
 
 
 @pytest.mark.parametrize(
@@ -16,7 +17,8 @@ from bus import BusSettings
     ],
 )
 def test_an_endpoint_is_taken_as_it_is(endpoint: str) -> None:
-    assert BusSettings(connect=[endpoint]).connect == [endpoint]
+    files = {"tls_ca": __file__, "tls_certificate": __file__, "tls_key": __file__}
+    assert BusSettings.model_validate({"connect": [endpoint], **files}).connect == [endpoint]
 
 
 @pytest.mark.parametrize("field", ["connect", "listen"])
@@ -62,3 +64,22 @@ def test_a_router_connects_only_where_it_is_told() -> None:
 
 def test_every_field_explains_itself() -> None:
     assert all(field.description for field in BusSettings.model_fields.values())
+
+
+@pytest.mark.parametrize(
+    ("given", "missing"),
+    [
+        ({"connect": ["tls/central:7447"]}, "tls_ca"),
+        ({"connect": ["tls/central:7447"], "tls_ca": __file__}, "tls_certificate"),
+        ({"mode": "peer", "listen": ["quic/0.0.0.0:7447"]}, "tls_ca"),
+        ({"tls_ca": __file__, "tls_certificate": __file__}, "tls_key"),
+    ],
+)
+def test_certificates_go_together(given: dict[str, object], missing: str) -> None:
+    with pytest.raises(ValidationError, match=f"{missing}: "):
+        BusSettings.model_validate(given)
+
+
+@pytest.mark.parametrize("end", ["tcp/a:7447", "tcp/[::1]:7447", "udp/10.0.0.1:7447?rel=0", "tls/a:7447#a=b:1"])
+def test_an_endpoints_port(end: str) -> None:
+    assert port_of(end) == "7447"

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import signal
-from typing import Final, TypeVar
+from typing import Final, Literal, TypeVar
 
 import pytest
 
@@ -108,7 +108,7 @@ async def test_everything_is_there_again_after_a_router_restart(caplog: pytest.L
             out.put(b"while away")
         assert subscription.counts.received == 3
     messages = [record.getMessage() for record in caplog.records]
-    assert len([message for message in messages if message.startswith("lost the router")]) == 4
+    assert len([message for message in messages if message.startswith("lost the link")]) == 4
 
 
 async def test_a_process_that_hangs_is_gone_after_the_lease_and_comes_back() -> None:
@@ -177,6 +177,32 @@ async def test_a_router_that_comes_and_goes_is_told() -> None:
                 assert there.link_problem == ""
             await until(lambda: bool(bus.link_problem))
     assert bus.link_problem == "the bus is closed"
+
+
+@pytest.mark.parametrize("mode", ["router", "peer"])
+async def test_a_robots_bus_waits_for_the_centre(
+    mode: Literal["router", "peer"], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, logger="bus")
+    central, own = free_endpoint(), free_endpoint()
+    settings = BusSettings(mode=mode, listen=[own], connect=[central], lease_s=LEASE_S)
+    async with (
+        open_bus(settings) as robot,
+        open_bus(client(own)) as beside,
+        beside.announce("beside"),
+        robot.announce("robot"),
+        robot.watch("beside") as watch,
+    ):
+        assert await next_of(watch) == Presence("beside", alive=True)
+        assert robot.link_problem == f"there is no link to {central}"
+        for _ in range(2):
+            async with open_bus(router(central)) as centre, centre.watch("*") as present:
+                assert {(await next_of(present)).key, (await next_of(present)).key} == {"beside", "robot"}
+                await until(lambda: not robot.link_problem)
+            await until(lambda: bool(robot.link_problem))
+    ours = [record.getMessage().partition(" tcp/")[0] for record in caplog.records if record.name == "bus.session"]
+    assert ours.count("connecting to") == 1
+    assert ours.count("lost the link to") == 2
 
 
 async def test_what_few_send_takes_no_thread() -> None:

@@ -1,6 +1,7 @@
 import asyncio
 
 from bus import QUEUE, BusSettings, open_bus
+from bus.version import VERSION
 from gateway.process import run
 from gateway.ros1.master import SystemState
 from gateway.ros1.node import Node
@@ -33,6 +34,7 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
                 raise AssertionError("the bus was closed")
 
             waiting = await until_waiting_for(f"the ROS master at http://127.0.0.1:{port}")
+            assert waiting.version == VERSION
             assert [stream.topic for stream in waiting.streams] == ["/camera/color/image_raw"]
             assert [returned.topic for returned in waiting.returns] == [
                 "/ultralytics/detection/classes",

@@ -159,6 +159,8 @@ async def test_health_says_who_serves_what_and_what_is_wrong_with_the_monitor(si
     async with looking(site.browser, site.at, tmp_path, size="wall", scheme="dark") as looker:
         page = await looker.go("/health")
         await expect(page.locator("[data-worker='detector/gpu-1']")).to_contain_text("r1/front")
+        await expect(page.locator("[data-worker='detector/gpu-1']")).to_contain_text("version 0.8")
+        await expect(page.locator("[data-gateway=r1]")).to_contain_text("version 0.9")
         await expect(page.locator("[data-gateway=r1]")).to_contain_text("/front/color/image_raw")
         await expect(page.locator("[data-gateway=r1]")).to_contain_text("detector/gpu-1")
         await expect(page.locator(".fs-banners")).to_contain_text("rules.yaml: line 2: rules.0: `when` is one of")

@@ -100,6 +100,7 @@ class Robot:
             sent_ns=time.time_ns(),
             waiting_for=self.waiting_for,
             streams=[color],
+            version="0.9",
         )
 
 
@@ -117,7 +118,7 @@ async def detector(bus: Bus, robots: Sequence[Robot]) -> None:
                 for robot in robots
             ]
             status = WorkerStatus(
-                service="detector", worker="gpu-1", model=MODEL, sent_ns=time.time_ns(), cameras=loads
+                service="detector", worker="gpu-1", model=MODEL, sent_ns=time.time_ns(), cameras=loads, version="0.8"
             )
             publisher.put(codec.encode(status))
             await asyncio.sleep(PERIOD_S)

@@ -5,9 +5,8 @@ import logging
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import packages_distributions, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, Literal
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from services.detector.model import ModelError
 from services.detector.runtime.engine import Engine
-from services.detector.runtime.exporting import MAKING
+from services.detector.runtime.exporting import MAKING, installed
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +42,7 @@ KEPT_S: Final = 7 * 24 * 3600
 class Place:
     """Where a model is to run. digest: of its weights; longest: its input's longer side in pixels.
 
-    spare: where what is made goes if the cache cannot be written.
+    spare: where what is made goes if the cache cannot be written. gpu: what kind the device is, empty if it is none.
     """
 
     digest: str
@@ -52,6 +51,7 @@ class Place:
     threads: int
     cache: Path
     spare: Path
+    gpu: str = ""
 
 
 def check_installed(runtime: Runtime) -> None:
@@ -123,16 +123,11 @@ def _made(
 
 
 def _memory(place: Place, candidates: list[Runtime]) -> Path:
-    """Return the file that the choice is kept in: another machine, device or version may choose otherwise."""
+    """Return the file that the choice is kept in: another machine, device, GPU or version may choose otherwise."""
     packages = {"torch", "ultralytics"}.union(*(NEEDS[each] for each in candidates))
-    about = [place.digest, place.longest, place.device, place.threads, platform.node(), *installed(packages)]
+    here = [place.device, place.gpu, place.threads, platform.node()]
+    about = [place.digest, place.longest, *here, *installed(packages)]
     return place.cache / f"choice-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}"
-
-
-def installed(packages: Iterable[str]) -> list[str]:
-    """Return the names and versions of what was installed to import these packages: `onnxruntime` has several."""
-    names = packages_distributions()
-    return sorted({f"{each} {version(each)}" for package in packages for each in names.get(package, ())})
 
 
 def _recall(memory: Path) -> Runtime | None:

@@ -1,11 +1,14 @@
 """What runs a model's arithmetic, whichever library it is."""
 
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.detector.runtime.postprocess import Output
+
+BATCH_ON_GPU: Final = 8
+"""Images of different cameras that one call computes together where that costs little more than one."""
 
 
 class OutOfMemoryError(Exception):

@@ -1,45 +1,59 @@
 """Exported models, made once per content of the weights and kept."""
 
+import errno
+import hashlib
 import logging
 import os
 import shutil
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from services.detector.model import ModelError, first_line
+from services.detector.runtime.engine import BATCH_ON_GPU
 
 if TYPE_CHECKING:
     from services.detector.runtime.weights import Weights
 
 log = logging.getLogger(__name__)
 
-PACKAGE: Final = "ultralytics-opencv-headless"
 MAKING: Final = ".exporting-"
 ABANDONED_S: Final = 24 * 3600
 """Age at which a folder that was never put in place is that of a process that was killed: exports take minutes."""
 
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
 
+BATCHES: Final = {"onnx": 1, "engine": BATCH_ON_GPU}
+"""Images that each kind is made for: an engine takes no more of them at once, an ONNX file any number."""
 
-def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, spare: Path) -> Path:
+EXPORTERS: Final[Mapping[str, tuple[str, ...]]] = {
+    "onnx": ("ultralytics", "torch", "onnx"),
+    "engine": ("ultralytics", "torch", "onnx", "tensorrt"),
+}
+"""What makes each kind; an engine is loaded by no other version of what made it."""
+
+UNWRITABLE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES})
+"""What an exporter fails with because of where it writes."""
+
+
+def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, gpu: str, spare: Path) -> Path:
     """Return the model as a file that other libraries run, exported by Ultralytics if it is not in the cache yet.
 
     Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
 
-    kind: of FILES. device: an engine is for one, an ONNX file for any. spare: where it goes if the cache cannot be
+    kind: of FILES. device: to export on. gpu: what kind of GPU that is. spare: where it goes if the cache cannot be
     written.
 
     Raises:
         ModelError: the export failed.
     """
-    name = f"{weights.digest[:32]}-{version(PACKAGE)}-{longest}{'-' + device if kind == 'engine' else ''}-{kind}"
+    name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu)
     for place in (cache, spare):
         if (place / name / FILES[kind]).is_file():
             return place / name / FILES[kind]
@@ -49,6 +63,18 @@ def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: i
         return _kept(export, cache / name, spare / name) / FILES[kind]
     except Exception as error:
         raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
+
+
+def entry(digest: str, kind: str, longest: int, exporters: Sequence[str], gpu: str) -> str:
+    """Return an export's name in the cache. exporters: with their versions. gpu: an engine is for that kind alone."""
+    about = [longest, BATCHES[kind], *exporters, gpu if kind == "engine" else ""]
+    return f"{digest[:32]}-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}-{kind}"
+
+
+def installed(packages: Iterable[str]) -> list[str]:
+    """Return the names and versions of what was installed to import these packages: `onnxruntime` has several."""
+    names = packages_distributions()
+    return sorted({f"{each} {version(each)}" for package in packages for each in names.get(package, ())})
 
 
 def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
@@ -63,24 +89,48 @@ def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
 
 
 def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest: int) -> None:
-    from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
-
     folder.parent.mkdir(parents=True, exist_ok=True)
     remove_abandoned(folder.parent, time.time())
     own = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
     making = own / folder.name
     try:
         making.mkdir()  # unlike `own`, which only we can enter, as open as the cache's other files
-        copy = shutil.copy(weights.path, making / "model.pt")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            made = YOLO(copy).export(format=kind, dynamic=True, imgsz=longest, device=device, verbose=False)
-        Path(copy).unlink()
-        if Path(made) != making / FILES[kind]:
+        copy = Path(shutil.copy(weights.path, making / "model.pt"))
+        made = _made(copy, kind, device, longest)
+        copy.unlink()
+        if made != making / FILES[kind]:
             raise RuntimeError(f"it is not where it should be: {made}")
         put_in_place(making, folder)
     finally:
         shutil.rmtree(own, ignore_errors=True)
+
+
+def _made(copy: Path, kind: str, device: str, longest: int) -> Path:
+    """Have Ultralytics export a copy of the weights into its folder.
+
+    Raises:
+        OSError: that cannot be written.
+        Exception: anything else.
+    """
+    import torch  # noqa: PLC0415 - it is heavy, and is here by now
+    from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
+
+    threads = torch.get_num_threads()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model = YOLO(copy)
+            return Path(
+                model.export(
+                    format=kind, dynamic=True, batch=BATCHES[kind], imgsz=longest, device=device, verbose=False
+                )
+            )
+    except OSError as error:
+        if error.errno in UNWRITABLE:
+            raise
+        raise RuntimeError(first_line(error)) from error
+    finally:
+        torch.set_num_threads(threads)  # Ultralytics has set a number of its own
 
 
 def remove_abandoned(cache: Path, now_s: float) -> None:

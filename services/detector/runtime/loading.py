@@ -13,7 +13,7 @@ from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
-from services.detector.runtime.engine import Engine
+from services.detector.runtime.engine import BATCH_ON_GPU, Engine
 from services.detector.runtime.exporting import exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     import torch
 
     from services.detector.runtime.weights import Weights
-
-BATCH_ON_GPU = 8
-"""Images of different cameras that one call computes together where that costs little more than one."""
 
 
 def load_all(settings: DetectorSettings, folder: Path) -> Model:
@@ -65,6 +62,7 @@ def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -
             Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
             _tuning(settings),
+            blank=_blank(longest, weights.stride),
             reference=None if runtime == "torch" else reference,
             max_batch=BATCH_ON_GPU if on_gpu else 1,
             in_flight=3 if on_gpu else 2,
@@ -107,7 +105,8 @@ def _engines(
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     reference = TorchEngine(weights.yolo.model, device)
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
-    place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported")
+    gpu = "" if device.type != "cuda" else torch.cuda.get_device_name(device)
+    place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported", gpu=gpu)
     make = partial(_make, weights=weights, device=device, place=place, reference=reference)
     blank = _blank(longest, weights.stride)
     if settings.runtime == "auto":
@@ -125,7 +124,8 @@ def _gpu(device: "torch.device") -> int | None:
 
 
 def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place: Place, reference: Engine) -> Engine:
-    file = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest, spare=place.spare)
+    export = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest)
+    file = partial(export, gpu=place.gpu, spare=place.spare)
     match runtime:
         case "torch":
             return reference

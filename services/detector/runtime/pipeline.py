@@ -51,7 +51,8 @@ class _Prepared:
 class Pipeline:
     """A model behind the `Model` protocol.
 
-    reference: what the engine's first images are checked against, where that is another one.
+    blank: a batch that the engine has computed before; where it no longer can, it is of no more use. reference: what
+    the engine's first images are checked against, where that is another one.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class Pipeline:
         engine: Engine,
         tuning: Tuning,
         *,
+        blank: NDArray[np.uint8],
         reference: Engine | None = None,
         max_batch: int = 1,
         in_flight: int = 2,
@@ -71,6 +73,7 @@ class Pipeline:
         self.segments = facts.segments
         self.remarks: tuple[str, ...] = () if facts.segments else (f"{facts.name} has no masks: {SILENT}",)
         self._engine = engine
+        self._blank = blank
         self._reference = reference
         self._stages = ThreadPoolExecutor(in_flight, thread_name_prefix="images")
         self._computing = ThreadPoolExecutor(1, thread_name_prefix="model")
@@ -155,9 +158,17 @@ class Pipeline:
             return [*self._computed(images[:middle]), *self._computed(images[middle:])]
         except Exception as error:  # noqa: BLE001 - see above
             if len(images) == 1:
+                self._prove()
                 return [(images[0], error, 0)]
             return [result for each in images for result in self._computed([each])]
         return [(each, output, took_ns) for each, output in zip(images, outputs, strict=True)]
+
+    def _prove(self) -> None:
+        """Raise ModelError unless the engine still works: a GPU that had an error computes nothing any more."""
+        try:
+            self._computing.submit(self._engine.run, self._blank).result()
+        except Exception as error:
+            raise ModelError(f"{self.name} works no longer: {first_line(error)}") from error
 
     def _compute(self, batch: NDArray[np.uint8]) -> tuple[list[Output], int]:
         """Run the engine. On its own thread."""

@@ -12,8 +12,8 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from services.monitor.export.settings import ExportSettings, epoch_ns
 from services.monitor.export.writing import write_csv, write_parquet
-from services.monitor.history.engine import engine_of, file_of, translating
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.engine import engine_of, translating
+from services.monitor.history.opening import connect
 from services.monitor.history.tables import alerts, heartbeat, intervals
 
 ROWS: Final = 5_000
@@ -35,9 +35,6 @@ async def export(settings: ExportSettings) -> int:
         HistoryError: the database cannot be read, or the file not be written.
     """
     engine = engine_of(settings.history)
-    file = file_of(engine)
-    if file is not None and not file.exists():
-        raise HistoryError(f"{file} does not exist")
     table = intervals if settings.what == "sightings" else alerts
     try:
         async with translating(LONG_S):
@@ -82,7 +79,10 @@ def query_of(settings: ExportSettings, table: Table) -> Select[Any]:
 
 
 async def _batches(engine: AsyncEngine, query: Select[Any]) -> AsyncIterator[Sequence[Any]]:
-    async with engine.connect() as connection:
+    connection = await connect(engine, create=False)
+    try:
         result = await connection.stream(query)
         async for rows in result.mappings().partitions(ROWS):
             yield rows
+    finally:
+        await connection.close()

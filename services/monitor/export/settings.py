@@ -27,7 +27,7 @@ class ExportSettings(BaseModel):
     until: Annotated[Moment | None, Field(description="leave out what began later")] = None
     robot: Annotated[str, Field(description="only what this robot saw")] = ""
     camera: Annotated[str, Field(description="only what cameras of this name saw")] = ""
-    name: Annotated[str, Field(description="only this class")] = ""
+    name: Annotated[str, Field(alias="class", description="only this class")] = ""
 
     @field_validator("to")
     @classmethod

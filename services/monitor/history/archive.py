@@ -12,6 +12,7 @@ from services.monitor.history.acts import Act
 from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
+from services.monitor.history.opening import connect
 from services.monitor.history.rows import act_of_row, alert_of_row, interval_of_row
 from services.monitor.history.settings import NONE
 from services.monitor.history.tables import acts, alerts, heartbeat, intervals, lasted
@@ -86,13 +87,12 @@ class Archive:
         if self._url == NONE:
             raise HistoryError("no history is kept: the monitor was started with --history none")
         async with self._room, translating():
-            engine = engine_of(self._url)
+            connection = await connect(engine_of(self._url), create=False)
             try:
-                async with engine.connect() as connection:
-                    rows = (await connection.execute(query)).all()
-                    at_ns = await connection.scalar(select(heartbeat.c.at_ns))
+                rows = (await connection.execute(query)).all()
+                at_ns = await connection.scalar(select(heartbeat.c.at_ns))
             finally:
-                await engine.dispose()
+                await connection.close()
         return rows, at_ns or 0
 
 

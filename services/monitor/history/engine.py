@@ -43,6 +43,14 @@ def file_of(engine: AsyncEngine) -> Path | None:
     return Path(engine.url.database or "") if engine.dialect.name == "sqlite" else None
 
 
+def name_of(engine: AsyncEngine) -> str:
+    """Return what to call a database in words: its file, or its URL without what may be secret."""
+    if (file := file_of(engine)) is not None:
+        return str(file)
+    url = engine.url.set(drivername=engine.url.get_backend_name())
+    return url.difference_update_query(url.query).render_as_string(hide_password=True)
+
+
 def private_file(file: Path) -> None:
     """Make the file of an SQLite database where there is none; nobody else may read it: it holds passwords' hashes.
 
@@ -61,6 +69,8 @@ async def translating(timeout_s: float = TIMEOUT_S) -> AsyncIterator[None]:
             yield
     except TimeoutError as error:
         raise HistoryError(f"the database did not answer within {timeout_s:g} s") from error
+    except HistoryError:
+        raise
     except Exception as error:  # drivers raise errors of their own beside SQLAlchemy's, and rows may be anybody's
         cause = getattr(error, "orig", None) or error
         raise HistoryError(" ".join(str(cause).split())[:300] or type(cause).__name__) from error

@@ -13,7 +13,7 @@ from schemas.alerts import Alert
 from services.monitor.history.acts import Act, Acts
 from services.monitor.history.disagreements import Disagreements
 from services.monitor.history.engine import translating
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.intervals import Sightings
 from services.monitor.history.ledger import Lasting, Ledger
 from services.monitor.history.poses import WRITE_S, KnownPoses
@@ -122,7 +122,11 @@ class HistoryKeeper:
             self._new_acts.append(act)
 
     async def restore(self) -> None:
-        """Give the inventory back what the database kept of it; before anything is taken."""
+        """Give the inventory back what the database kept of it; before anything is taken.
+
+        Raises:
+            OtherVersionError: the database is another version's. One that cannot be had is waited for.
+        """
         if self._settings.history == NONE:
             self._on_lead(())
             return
@@ -133,6 +137,8 @@ class HistoryKeeper:
                 kept, there = await self._store.load(since_ns), await self._store.last_present()
                 heartbeat_ns = await self._store.heartbeat_ns()
                 poses = await self._store.poses(time.time_ns() - FORGET_NS)
+        except OtherVersionError:
+            raise
         except HistoryError as error:
             await self._fail(error)
             return

@@ -1,6 +1,5 @@
 """The database of the history: one connection that writes, and holds the lock that says who does."""
 
-import asyncio
 import fcntl
 import os
 from collections import defaultdict
@@ -15,10 +14,11 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history.acts import Act
-from services.monitor.history.engine import engine_of, file_of, private_file, translating
+from services.monitor.history.engine import engine_of, file_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
+from services.monitor.history.opening import connect
 from services.monitor.history.presence import Place
 from services.monitor.history.rows import (
     KINDS,
@@ -35,8 +35,6 @@ from services.monitor.history.tables import (
     alerts,
     heartbeat,
     intervals,
-    metadata,
-    open_intervals,
     poses,
     presence,
 )
@@ -80,23 +78,10 @@ class Store:
         self._upserts: dict[Table, Upsert] = {}
 
     @classmethod
-    async def open(cls, url: str) -> Self:
-        """Connect, and make the tables where there are none."""
+    async def open(cls, url: str, *, create: bool = True) -> Self:
+        """Connect; see `connect`."""
         engine = engine_of(url)
-        file = file_of(engine)
-        async with translating():
-            if file is not None:
-                await asyncio.to_thread(private_file, file)
-            store = cls(engine, await engine.connect(), file)
-        try:
-            async with translating():
-                await store._connection.run_sync(metadata.create_all)
-                await store._connection.run_sync(open_intervals.create, checkfirst=True)  # tables may be there without
-                await store._connection.commit()
-        except BaseException:
-            await store.close()
-            raise
-        return store
+        return cls(engine, await connect(engine, create=create), file_of(engine))
 
     async def lead(self) -> bool:
         """Become the one that writes and raises alerts, for as long as this is open; False while another one is."""

@@ -22,7 +22,18 @@ from schemas.header import MAX_LABEL
 NAME: Final = String(64)
 LABEL: Final = String(MAX_LABEL)
 
+SCHEMA_VERSION: Final = 1
+"""Of all these tables: one more with every change of them, since there is nothing that changes a database."""
+
 metadata: Final = MetaData()
+
+schema_version: Final = Table(
+    "schema_version",
+    metadata,
+    Column("id", Integer, primary_key=True, autoincrement=False),
+    Column("number", Integer, nullable=False),
+)
+"""One row: the SCHEMA_VERSION of the fleetsight that made the tables."""
 
 
 def _index_of_open(table: Table) -> Index:

@@ -27,7 +27,7 @@ class CameraView:
     models are compared.
     """
 
-    __slots__ = ("_distance_order", "_vocabularies", "key", "lost", "opinions", "speaker", "views")
+    __slots__ = ("_distance_order", "_opined_ns", "_vocabularies", "key", "lost", "opinions", "speaker", "views")
 
     def __init__(self, key: CameraKey, vocabularies: Vocabularies | None = None) -> None:
         self.key = key
@@ -36,6 +36,7 @@ class CameraView:
         self.opinions: dict[str, View] = {}
         self.speaker: View | None = None
         self.lost = False
+        self._opined_ns = 0
         self._distance_order = FrameOrder()
 
     @property
@@ -83,12 +84,12 @@ class CameraView:
         if at_ns - view.last_ns > silent_ns:
             view.begin_anew(at_ns)
         view.advance(seen, at_ns, debounce)
+        self._opined_ns = at_ns
         return True
 
     def contested(self, since_ns: int) -> bool:
         """Whether several models may have looked: ever, or with second opinions since then or shortly before."""
-        late_ns = since_ns - AFTERMATH_NS
-        return len(self.views) > 1 or any(view.last_ns >= late_ns for view in self.opinions.values())
+        return len(self.views) > 1 or (bool(self.opinions) and self._opined_ns >= since_ns - AFTERMATH_NS)
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""

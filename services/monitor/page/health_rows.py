@@ -52,6 +52,7 @@ def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any
         "state": RobotState.ONLINE if worker.online else RobotState.OFFLINE,
         "service": worker.status.service,
         "worker": worker.status.worker,
+        "version": worker.status.version,
         "model": worker.status.model or NOTHING,
         "count": len(serves),
         "serves": sorted(serves)[:MAX_SHOWN],
@@ -72,6 +73,7 @@ def gateway_row(robot: Robot, now_ns: int) -> dict[str, Any]:
     streams = robot.line.gateway.streams if robot.line.gateway else []
     return {
         "robot": robot.line.name,
+        "version": robot.line.gateway.version if robot.line.gateway else "",
         "state": robot.state,
         "why": robot.why,
         "seen": ago(robot.line.last_ns, now_ns),

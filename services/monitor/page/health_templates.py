@@ -11,11 +11,13 @@ SERVES: Final = """
 <div class="fs-why" v-for="remark in props.row.remarks">{{ remark }}</div>
 """
 
+VERSION: Final = """<div class="fs-why" v-if="props.row.version">version {{ props.row.version }}</div>"""
+
 WORKER_BODY: Final = f"""
 <q-tr :props="props" :class="props.row.state === 'online' ? '' : 'fs-stale'" :data-worker="props.row.id">
   <q-td key="state" :props="props">{STATE}</q-td>
   <q-td key="worker" :props="props"><span class="fs-name">{{{{ props.row.worker }}}}</span
-    > <span class="fs-muted">{{{{ props.row.service }}}}</span></q-td>
+    > <span class="fs-muted">{{{{ props.row.service }}}}</span>{VERSION}</q-td>
   <q-td key="model" :props="props" class="fs-wide">{{{{ props.row.model }}}}</q-td>
   <q-td key="count" :props="props" class="fs-wide">{SERVES}</q-td>
   <q-td key="rate" :props="props">{{{{ props.row.rate }}}}</q-td>
@@ -30,7 +32,7 @@ WORKER_CARD: Final = f"""
   <div class="fs-top"><span><strong>{{{{ props.row.worker }}}}</strong> {{{{ props.row.service }}}}</span>
     <span class="fs-small">{{{{ props.row.rate }}}}</span></div>
   <div class="fs-top"><span>{STATE}</span><span class="fs-muted fs-small">{{{{ props.row.seen }}}}</span></div>
-  <div class="fs-muted fs-small">{{{{ props.row.model }}}}</div>
+  <div class="fs-muted fs-small">{{{{ props.row.model }}}}</div>{VERSION}
   <div>{SERVES}</div>
 </div>
 """
@@ -43,7 +45,8 @@ GATEWAY_BODY: Final = f"""
 <q-tr v-for="(stream, n) in (props.row.streams.length ? props.row.streams : [null])" :key="props.row.robot + '/' + n"
     :props="props" :class="(n ? 'fs-more' : '') + (props.row.live ? '' : ' fs-stale')" :data-gateway="props.row.robot">
   <q-td v-if="n === 0" :rowspan="props.row.streams.length || 1">{STATE}</q-td>
-  <q-td v-if="n === 0" class="fs-name" :rowspan="props.row.streams.length || 1">{{{{ props.row.robot }}}}
+  <q-td v-if="n === 0" :rowspan="props.row.streams.length || 1"
+    ><span class="fs-name">{{{{ props.row.robot }}}}</span>{VERSION}
     <div class="fs-why" v-if="props.row.more">{{{{ props.row.more }}}}</div></q-td>
   <template v-if="stream">
     <q-td>{{{{ stream.name }}}}</q-td>
@@ -62,7 +65,7 @@ GATEWAY_CARD: Final = f"""
 <div :class="props.row.live ? 'fs-card' : 'fs-card fs-stale'" :data-gateway="props.row.robot">
   <div class="fs-top"><strong>{{{{ props.row.robot }}}}</strong
     ><span class="fs-muted fs-small">{{{{ props.row.seen }}}}</span></div>
-  <div>{STATE}</div>
+  <div>{STATE}</div>{VERSION}
   <div v-for="stream in props.row.streams" class="fs-camera">
     <div class="fs-top"><span>{{{{ stream.name }}}}</span><span class="fs-small">{{{{ stream.in }}}} &rarr;
       {{{{ stream.out }}}}</span></div>

@@ -9,8 +9,6 @@ from schemas.alerts import AlertState
 from schemas.printing import printable
 from services.monitor.export.settings import epoch_ns
 from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.engine import engine_of, file_of
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
@@ -31,10 +29,7 @@ async def run(settings: RulesSettings) -> None:
         RuleFileError: the rule file is wrong.
     """
     book = await asyncio.to_thread(_read, settings)
-    file = file_of(engine_of(settings.history))
-    if file is not None and not file.exists():
-        raise HistoryError(f"{file} does not exist")
-    store = await Store.open(settings.history)
+    store = await Store.open(settings.history, create=False)
     try:
         since_ns = 0 if settings.since is None else epoch_ns(settings.since)
         past = await _past(store, since_ns)

@@ -4,10 +4,11 @@ import asyncio
 import getpass
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
+from services.monitor.history.engine import engine_of, name_of
 from services.monitor.users.settings import UsersSettings
 from services.monitor.web.auth.passwords import MAX_LENGTH, Passwords, mistake_in
 from services.monitor.web.auth.people import MAX_USERS, Kind, Login, User, digest_of, mistake_in_name, new_secret
@@ -22,31 +23,40 @@ class UsersError(Exception):
 
 
 async def run(settings: UsersSettings) -> None:
-    """Do it, and say what was done.
+    """Do it, and say in which database, and what was done.
 
     Raises:
         UsersError: it cannot be done.
-        HistoryError: the database cannot be had.
+        HistoryError: the database cannot be had, or is not there and nobody is added.
     """
-    store = UserStore(users_url(settings.history))
-    if settings.task == "list":
-        sys.stdout.writelines(f"{user.name} {user.role}\n" for user in await store.users())
-        return
-    if wrong := mistake_in_name(settings.name):
+    if settings.task != "list" and (wrong := mistake_in_name(settings.name)):
         raise UsersError(wrong)
-    sys.stdout.write(await _change(settings, store) + "\n")
+    added = settings.task == "add"
+    hashed = await _hashed() if added else ""
+    url = users_url(settings.history)
+    store = UserStore(url, create=added)
+    there = {user.name: user for user in await store.users()}
+    sys.stderr.write(f"database: {name_of(engine_of(url))}\n")
+    if settings.task == "list":
+        sys.stdout.writelines(f"{user.name} {user.role}\n" for user in there.values())
+    elif added:
+        sys.stdout.write(await _add(settings, store, there, hashed) + "\n")
+    else:
+        sys.stdout.write(await _change(settings, store, there) + "\n")
 
 
-async def _change(settings: UsersSettings, store: UserStore) -> str:
-    name, there = settings.name, {user.name: user for user in await store.users()}
+async def _add(settings: UsersSettings, store: UserStore, there: Mapping[str, User], hashed: str) -> str:
+    name, role = settings.name, settings.role or Role.VIEWER
+    if len(there) + len(store.left_out) >= MAX_USERS:
+        raise UsersError(f"there are {MAX_USERS} users already")
+    if name in store.left_out or not await store.add(User(name, role, hashed, time.time_ns())):
+        raise UsersError(f"there is a user {name} already")
+    return f"{name} may log in: {role}"
+
+
+async def _change(settings: UsersSettings, store: UserStore, there: Mapping[str, User]) -> str:
+    name = settings.name
     user = there.get(name)
-    if settings.task == "add":
-        if len(there) + len(store.left_out) >= MAX_USERS:
-            raise UsersError(f"there are {MAX_USERS} users already")
-        role = settings.role or Role.VIEWER
-        if user or name in store.left_out or not await store.add(User(name, role, await _hashed(), time.time_ns())):
-            raise UsersError(f"there is a user {name} already")
-        return f"{name} may log in: {role}"
     if settings.task == "remove":
         if not await store.remove(name):
             raise UsersError(f"there is no user {name}")

@@ -12,7 +12,8 @@ class UsersSettings(BaseModel):
     """Say who may log in to a monitor. A password is asked for, or read from standard input.
 
     `reset` gives another password or role and ends every session and token of theirs, as `remove` does; `token` prints
-    a token for a program that does what this user may. A running monitor knows within seconds.
+    a token for a program that does what this user may. A running monitor knows within seconds. Only `add` makes a
+    database where there is none.
     """
 
     task: Annotated[Literal["add", "reset", "remove", "list", "token"], Field(description="what to do")]

@@ -1,11 +1,11 @@
 """The web application without its pages: log-in, API, health, metrics."""
 
-import importlib.metadata
 from typing import Any, Final
 
 from fastapi import APIRouter, FastAPI, HTTPException
 from pydantic import HttpUrl
 
+from bus.version import VERSION
 from services.monitor.monitor import Monitor
 from services.monitor.web.answers import answer_errors
 from services.monitor.web.api.about import about_routes
@@ -33,10 +33,9 @@ data as it changes: WebSocket `/api/v1/live`."""
 
 def make_application(monitor: Monitor, access: Access) -> FastAPI:
     """Return the application; `guarded` is to be before it."""
-    version = importlib.metadata.version("fleetsight")
     app = FastAPI(
         title="fleetsight",
-        version=version,
+        version=VERSION,
         description=ABOUT,
         openapi_url="/api/openapi.json",
         docs_url=None,
@@ -44,7 +43,7 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
     )
     api = APIRouter(prefix="/api/v1", responses=ERRORS)
     for routes in (
-        about_routes(monitor, version),
+        about_routes(monitor),
         fleet_routes(monitor),
         alert_routes(monitor),
         history_routes(monitor),

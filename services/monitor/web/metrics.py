@@ -73,6 +73,7 @@ def _of_monitor(monitor: Monitor, picture: Picture) -> Iterator[Metric]:
 
 def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:
     online = GaugeMetricFamily("fleetsight_robot_online", "1 while its gateway is there.", labels=["robot"])
+    info = GaugeMetricFamily("fleetsight_gateway_info", "1, and the gateway's version.", labels=["robot", "version"])
     last = GaugeMetricFamily("fleetsight_robot_last_seen_seconds", "Epoch; 0 for never.", labels=["robot"])
     dropped = CounterMetricFamily(
         "fleetsight_robot_frames_dropped", "Frames dropped, by place and reason.", labels=["robot", "reason"]
@@ -80,9 +81,11 @@ def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:
     for robot in robots:
         online.add_metric([robot.name], robot.online)
         last.add_metric([robot.name], robot.last_ns / 1e9)
+        if robot.gateway is not None:
+            info.add_metric([robot.name, robot.gateway.version], 1)
         for reason, count in sorted(robot.dropped.items())[:MAX_REASONS]:
             dropped.add_metric([robot.name, reason], count)
-    yield from (online, last, dropped)
+    yield from (online, info, last, dropped)
 
 
 def _of_cameras(cameras: tuple[CameraLine, ...]) -> Iterator[Metric]:
@@ -102,6 +105,7 @@ def _of_cameras(cameras: tuple[CameraLine, ...]) -> Iterator[Metric]:
 def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
     names = ["service", "worker"]
     online = GaugeMetricFamily("fleetsight_worker_online", "1 while it says something.", labels=names)
+    info = GaugeMetricFamily("fleetsight_worker_info", "1, and its version.", labels=[*names, "version"])
     serves = GaugeMetricFamily("fleetsight_worker_cameras", "Cameras that it looks after.", labels=names)
     inferred = CounterMetricFamily("fleetsight_worker_frames_inferred", "Frames looked at.", labels=names)
     dropped = CounterMetricFamily(
@@ -110,6 +114,7 @@ def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
     for worker in workers:
         labels = [worker.status.service, worker.status.worker]
         online.add_metric(labels, worker.online)
+        info.add_metric([*labels, worker.status.version], 1)
         serves.add_metric(labels, len(worker.serves))
         inferred.add_metric(labels, sum(load.inferred for load in worker.status.cameras))
         reasons = Counter[str]()
@@ -117,7 +122,7 @@ def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
             reasons.update(load.dropped)
         for reason, count in sorted(reasons.items())[:MAX_REASONS]:
             dropped.add_metric([*labels, reason], count)
-    yield from (online, serves, inferred, dropped)
+    yield from (online, info, serves, inferred, dropped)
 
 
 def _over(picture: Picture) -> int:

@@ -1,4 +1,5 @@
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -57,6 +58,13 @@ async def test_a_limit_that_was_there_before_is_said_at_once_and_without_its_wai
         await told(budgets)
     async with telling(asked) as budgets:
         assert await told(budgets) == budget(2)
+
+
+def test_it_is_known_when_the_next_one_is_wanted() -> None:
+    asked = Asked()
+    before_ns = time.time_ns()
+    asked.ask(2.0, 0.4)
+    assert before_ns + 400_000_000 <= asked.from_ns <= time.time_ns() + 400_000_000
 
 
 async def test_what_is_asked_can_be_said() -> None:

@@ -160,3 +160,31 @@ def test_once_all_have_heard_everything_each_camera_is_looked_after_once(changes
         crew[name].plan(0, MOST)
     plans = [crew[name].plan(HAND_OVER_S, MOST) for name in alive]
     assert sorted(camera for plan in plans for camera in plan) == sorted(CAMERAS)
+
+
+tokens = st.builds(
+    WorkerAlive,
+    st.just("detector"),
+    st.sampled_from("abc"),
+    st.sampled_from([0.5, 1.0, 8.0]),
+    st.sampled_from([None, "r0", "r1"]),
+)
+turns = st.one_of(st.tuples(tokens, st.booleans()), st.tuples(st.sampled_from(CAMERAS), st.booleans()))
+
+
+@given(st.lists(turns, max_size=30))
+def test_who_was_there_all_along_knows_no_other_owners_than_who_comes_now(
+    news: list[tuple[WorkerAlive | CameraKey, bool]],
+) -> None:
+    made, workers, cameras = Shares("a"), set[WorkerAlive](), set[CameraKey]()
+    for now_s, (member, alive) in enumerate(news):
+        if isinstance(member, CameraKey):
+            made.camera(member, alive=alive)
+            (cameras.add if alive else cameras.discard)(member)
+        else:
+            made.worker(member, alive=alive)
+            (workers.add if alive else workers.discard)(member)
+        made.plan(now_s * HAND_OVER_S, MOST)
+        assert made.plan((now_s + 1) * HAND_OVER_S, MOST) == {
+            camera for camera in cameras if owner(camera, workers) == "a"
+        }

@@ -1,16 +1,19 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from pathlib import Path
 
 import pytest
 
-from bus import Bus, BusError, BusSettings, QoS
+from bus import Bus, BusError, BusSettings, QoS, open_bus
 from bus.fake import FakeNetwork
 from gateway.doctor.evidence import BusLook, Failure, Router, Trouble
 from gateway.doctor.fleet import Join, beside_the_gateway, look_at_bus, observe
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
+from tests.contract.conftest import free_endpoint
+from tests.contract.waiting import next_of
 from tests.gateway.doctor.seeing import status
 from tests.integration.ros import free_port
 
@@ -117,15 +120,51 @@ async def test_a_bus_that_is_joined() -> None:
 @pytest.mark.parametrize(
     ("given", "mode", "connect"),
     [
-        ({"connect": ["tcp/a:1"]}, "client", ["tcp/a:1"]),
-        ({"mode": "peer", "connect": ["tcp/a:1"], "listen": ["tcp/b:2"]}, "peer", ["tcp/a:1", "tcp/b:2"]),
+        ({"connect": ["tcp/a:1"]}, "client", [["tcp/a:1"]]),
+        ({"mode": "peer", "connect": ["tcp/a:1"], "listen": ["tcp/b:2"]}, "peer", [["tcp/a:1", "tcp/b:2"]]),
+        ({"mode": "router", "connect": ["tcp/a:1"], "listen": ["tcp/b:2"]}, "client", [["tcp/a:1"], ["tcp/b:2"]]),
         (
             {"mode": "router", "listen": ["tcp/0.0.0.0:7447", "tcp/[::]:7448"]},
             "client",
-            ["tcp/127.0.0.1:7447", "tcp/[::1]:7448"],
+            [["tcp/127.0.0.1:7447", "tcp/[::1]:7448"]],
         ),
     ],
 )
-def test_how_it_joins_next_to_the_gateway(given: dict[str, object], mode: str, connect: list[str]) -> None:
-    joining = beside_the_gateway(settings(**given))
-    assert (joining.mode, joining.connect, joining.listen) == (mode, connect, [])
+def test_how_it_joins_next_to_the_gateway(given: dict[str, object], mode: str, connect: list[list[str]]) -> None:
+    ways = beside_the_gateway(settings(**given))
+    assert [(joining.mode, joining.connect, joining.listen) for joining in ways] == [
+        (mode, each, []) for each in connect
+    ]
+
+
+def test_it_has_the_gateways_certificate() -> None:
+    files = {"tls_ca": Path(__file__), "tls_certificate": Path(__file__), "tls_key": Path(__file__)}
+    (joining,) = beside_the_gateway(settings(connect=["tls/central:7447"], **files))
+    assert joining.model_dump(include=set(files)) == files
+
+
+@pytest.mark.parametrize("linked", [True, False])
+async def test_a_gateway_without_a_link_to_the_centre_is_found_at_home(*, linked: bool) -> None:
+    centre, robot = free_endpoint(), free_endpoint()
+    of_gateway = settings(mode="router", listen=[robot], connect=[centre])
+    gateway = of_gateway if linked else of_gateway.model_copy(update={"connect": []})
+    async with (
+        open_bus(BusSettings(mode="router", listen=[centre])) as bus,
+        bus.watch(keys.robot_alive("r1")) as present,
+        open_bus(gateway) as ours,
+        ours.announce(keys.robot_alive("r1")),
+    ):
+        if linked:
+            await next_of(present)
+        seen = await look_at_bus(of_gateway, seconds=0.5, patience_s=5)
+    assert seen == BusLook((Router(centre), Router(robot)), frozenset({"r1"}), at_home_only=not linked)
+
+
+async def test_what_speaks_no_zenoh_cannot_be_joined() -> None:
+    async def hang_up(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.close()
+
+    async with await asyncio.start_server(hang_up, "127.0.0.1", 0) as server:
+        endpoint = f"tcp/127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        seen = await look_at_bus(settings(connect=[endpoint]), seconds=0.1, patience_s=2)
+    assert seen == BusLook((Router(endpoint, Trouble(Failure.FOREIGN, "", 0, f"there is no link to {endpoint}")),))

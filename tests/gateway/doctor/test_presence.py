@@ -48,6 +48,16 @@ def test_no_router(failure: Failure, what: str, advice: str) -> None:
     assert advice in finding.advice
 
 
+def test_a_gateway_without_a_link_to_the_centre() -> None:
+    routers = (router(Failure.DEAD), router(endpoint="tcp/127.0.0.1:7447"))
+    look = BusLook(routers, frozenset({"r1"}), (one(),), at_home_only=True)
+    endpoint, gateway, own = check_presence(evidence(bus=look))
+    assert (endpoint.severity, endpoint.subject) == (Severity.PROBLEM, CENTRAL)
+    assert (gateway.severity, gateway.subject) == (Severity.PROBLEM, "r1")
+    assert "no link to what it connects to" in gateway.what
+    assert own.severity is Severity.OK
+
+
 def test_one_of_two_routers_is_enough() -> None:
     findings = said(one(), routers=(router(Failure.DEAD), router(endpoint="tcp/other:7447")))
     assert [each.severity for each in findings] == [Severity.NOTE, Severity.OK]

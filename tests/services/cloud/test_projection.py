@@ -1,3 +1,5 @@
+from typing import NoReturn
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -30,6 +32,19 @@ def masked(window: Window) -> Masked:
 def seen(points: NDArray[np.float32], transform: NDArray[np.float64], *windows: Window) -> list[Candidates]:
     view = ProjectedView(Points.of(xyz_cloud(points[None])), CAMERA, transform)
     return list(view.within([masked(window) for window in windows]))
+
+
+class Unread(Points):
+    """Fails if its points are looked at."""
+
+    def xyz(self) -> NoReturn:
+        raise AssertionError
+
+
+def test_where_nothing_was_found_no_points_are_projected() -> None:
+    points = Points.of(xyz_cloud(camera_view((NEAR,))[0]))
+    view = ProjectedView(Unread(points.records, points.axes, points.channels), CAMERA, np.identity(4))
+    assert list(view.within([])) == []
 
 
 def test_points_are_seen_where_the_camera_model_puts_them() -> None:

@@ -7,11 +7,12 @@ from schemas.camera_info import CameraInfo
 from schemas.header import Header
 from schemas.transforms import Transform
 from services.cloud.errors import CloudError
-from services.cloud.outlines import RegisteredView
+from services.cloud.outlines import RegisteredView, View
 from services.cloud.points import Points
 from services.cloud.projection import ProjectedView
 from services.cloud.views import NO_INFO, Instant, moves_of, target_of, view_of
 from services.geometry.errors import CalibrationError
+from services.geometry.motion import LITTLE
 from services.geometry.transforms import TransformTree
 from tests.schemas.frames import header
 from tests.services.cloud.clouds import xyz_cloud
@@ -113,6 +114,12 @@ def test_points_of_another_instant_are_seen_through_what_stands_still() -> None:
     same = moves_of(at(2000, "lens"), at(2000, "lidar"), driving)
     assert not isinstance(same, str)
     assert same[:3, 3] == pytest.approx([-0.5, 0, 0])
+
+
+@pytest.mark.parametrize(("moved_m", "kind"), [(0.9 * LITTLE, RegisteredView), (1.1 * LITTLE, ProjectedView)])
+def test_a_registered_cloud_stays_one_while_the_robot_hardly_moves(moved_m: float, kind: type[View]) -> None:
+    creeping = tree(("odom", "lens", 1000, 0.0), ("odom", "lens", 2000, moved_m))
+    assert isinstance(view_of(instant(picture(), moves=moves_of(at(2000, "lens"), at(1000, "lens"), creeping))), kind)
 
 
 def test_a_correction_of_the_map_is_no_movement_of_the_robot() -> None:

@@ -97,6 +97,17 @@ def test_they_wait_for_points_that_may_still_come_but_not_for_ever() -> None:
     assert rig.waiting.until_s is None
 
 
+def test_how_long_they_waited_is_said() -> None:
+    rig = Rig()
+    rig.points(1000, 1100)
+    rig.found(1, 1200, now_s=5.0)
+    assert rig.took(5.125) is None
+    rig.points(1200)
+    matched = rig.waiting.take(5.25)
+    assert matched is not None
+    assert matched.waited_s == 0.25
+
+
 def test_points_that_will_never_come_are_not_waited_for() -> None:
     rig = Rig()
     rig.points(1000, 1100, 1400)
@@ -196,6 +207,44 @@ def test_one_frame_that_stands_still_is_enough() -> None:
     rig.points(1000)
     rig.found(1, 1015)
     assert rig.took(0.1) == (1, 1000)
+
+
+def test_odom_is_waited_for_though_map_is_known_already() -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    for at in (900, 1100):
+        rig.waiting.transforms(moved("map", "base_link", at), static=False)
+    for at in (900, 1000):
+        rig.waiting.transforms(moved("base_link", "odom", at), static=False)
+    rig.points(1000)
+    rig.found(1, 1015)
+    assert rig.took(0.1) is None
+    rig.waiting.transforms(moved("base_link", "odom", 1100), static=False)
+    assert rig.took(0.1) == (1, 1000)
+
+
+def test_odom_that_begins_too_late_for_an_instant_leaves_it_to_map() -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    for at in (900, 1100):
+        rig.waiting.transforms(moved("map", "base_link", at), static=False)
+    rig.waiting.transforms(moved("base_link", "odom", 1010), static=False)
+    rig.points(1000)
+    rig.found(1, 1015)
+    assert rig.took(0.1) == (1, 1000)
+
+
+@pytest.mark.parametrize("fixed", ["map", "odom"])
+def test_what_nobody_says_any_more_is_not_waited_for(fixed: str) -> None:
+    rig = Rig()
+    rig.waiting.transforms(moved("base_link", "lens", 0), static=True)
+    rig.waiting.transforms(moved("base_link", "lidar", 0), static=True)
+    rig.waiting.transforms(moved(fixed, "base_link", 900), static=False)
+    rig.points(2000)
+    rig.found(1, 2015)
+    assert rig.took() == (1, 2000)
 
 
 def test_what_nothing_was_ever_said_of_is_not_waited_for() -> None:

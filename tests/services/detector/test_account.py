@@ -4,7 +4,7 @@ from bus.sharing.tally import opened
 from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
-from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, STALE, Account
+from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, SPARED, STALE, Account
 from tests.schemas.frames import header
 
 
@@ -63,6 +63,15 @@ def test_a_malformed_frame_is_counted_once_and_is_no_gap() -> None:
     made.malformed(replaced=2)
     made.arrived(about(9), 0)
     assert made.load().dropped == {MALFORMED: 1, REPLACED: 2}
+
+
+def test_what_was_replaced_unread_may_have_another_reason() -> None:
+    made = Account(CameraKey("r1", "front"), unread=SPARED)
+    made.arrived(about(3), 0)
+    made.arrived(about(6), 2)
+    made.malformed(replaced=1)
+    assert made.load().dropped == {SPARED: 3, MALFORMED: 1}
+    assert made.too_many == 0
 
 
 def test_too_many_are_those_that_were_replaced_or_too_old() -> None:

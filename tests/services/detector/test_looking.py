@@ -15,6 +15,7 @@ from schemas import codec, keys
 from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
+from services.detector import looking
 from services.detector.account import FAILED, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, serving
@@ -229,6 +230,26 @@ async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
     with pytest.raises(ExceptionGroup) as caught:
         await break_it()
     assert caught.group_contains(ModelError)
+
+
+async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(looking, "WATCH_S", 0.005)
+    rig = Rig(ToldModel())
+
+    async def wait_for_it() -> None:
+        async with rig.running(bus) as lists:
+            await asyncio.sleep(0.5)
+            rig.post(CAMERAS[0], 1)
+            await rig.called(1)
+            rig.model.answers[0].set()
+            assert await result(lists) == ("c0", 1), "one that is asked nothing need not answer"
+            rig.post(CAMERAS[0], 2)
+            await asyncio.Event().wait()
+
+    with pytest.raises(ExceptionGroup) as caught:
+        async with asyncio.timeout(60):
+            await wait_for_it()
+    assert caught.group_contains(ModelError, match="told has not answered for 0.3 s")
 
 
 def test_frames_of_a_jittery_link_are_not_too_old_for_a_quick_model() -> None:

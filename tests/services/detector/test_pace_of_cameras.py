@@ -1,4 +1,7 @@
-"""A flooded worker and its gateways, in simulated time: most of what is sent is looked at, and while it is young."""
+"""A flooded worker and its gateways, in simulated time: most of what is sent is looked at, and while it is young.
+
+The same of what a second opinion does not spare, where gateways send all since others ask for it.
+"""
 
 import heapq
 import random
@@ -11,20 +14,46 @@ from gateway.shaping.budgets import Allowance
 from schemas.budget import RateBudget
 from schemas.keys import CameraKey
 from services.detector.board import Board, Waiting
+from services.detector.sparing import Sparing
 from tests.schemas.frames import image
 
 CALL_S = 0.05
 CAMERA_HZ = 10
+MOST_HZ = 2.0
 LIMIT_NS = 80_000_000
 SECOND = 1_000_000_000
 
 
+class Consumer:
+    """What a worker asked for of one camera, and who thins the frames to that."""
+
+    def __init__(self, spares: bool) -> None:  # noqa: FBT001 - one of two
+        self._spares = spares
+        self._allowance = Allowance()
+        self._sparing = Sparing()
+        self._asked = (MOST_HZ, 0)
+
+    def ask(self, hz: float | None, wait_s: float, now_ns: int) -> None:
+        """Take what the worker asks for."""
+        budget = RateBudget(robot="r1", camera="c", consumer="w", stream="color", hz=hz, wait_s=wait_s)
+        self._allowance.say(budget, now_ns)
+        self._asked = (MOST_HZ if hz is None else min(MOST_HZ, hz), now_ns + round(wait_s * SECOND))
+
+    def passes(self, now_ns: int) -> bool:
+        """Return whether a frame gets to the board."""
+        return self._sparing.passes(now_ns, *self._asked) if self._spares else self._allowance.passes(now_ns)
+
+
 @dataclass(slots=True)
 class Simulation:
-    """Cameras with phases of their own, gateways that send what is asked for, one worker that takes CALL_S a frame."""
+    """Cameras with phases of their own, gateways that send what is asked for, one worker that takes CALL_S a frame.
+
+    spares: gateways send all, and the worker, a second opinion, spares what it did not ask for.
+    """
 
     count: int
     seed: int
+    spares: bool = False
     sent: int = 0
     done: int = 0
     lost: int = 0
@@ -37,7 +66,7 @@ class Simulation:
         """Run for a while; count the end of it."""
         rng = random.Random(self.seed)  # noqa: S311 - no secret
         cameras = [CameraKey("r1", f"c{number}") for number in range(self.count)]
-        asked = {camera: Allowance() for camera in cameras}
+        asked = {camera: Consumer(self.spares) for camera in cameras}
         events: list[tuple[float, int, CameraKey | None]] = [(rng.random() / CAMERA_HZ, 1, key) for key in cameras]
         events.append((0.25, 2, None))
         heapq.heapify(events)
@@ -71,13 +100,11 @@ class Simulation:
             return now_s + call_s
         return now_s + 0.001
 
-    def _ask(self, asked: dict[CameraKey, Allowance], now_ns: int) -> None:
+    def _ask(self, asked: dict[CameraKey, Consumer], now_ns: int) -> None:
         limit = self.pace.limit_hz
         for turn, key in enumerate(self.board.by_turn(asked)):
             hz, wait_s = (None, 0.0) if limit is None else (limit / self.count, turn / limit)
-            asked[key].say(
-                RateBudget(robot="r1", camera=key.camera, consumer="w", stream="color", hz=hz, wait_s=wait_s), now_ns
-            )
+            asked[key].ask(hz, wait_s, now_ns)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -87,6 +114,16 @@ def test_nine_in_ten_frames_are_used_and_the_worker_is_busy(count: int, seed: in
     simulation.run(60, measured_s=30)
     assert simulation.done / simulation.sent >= 0.9
     assert simulation.busy_s >= 0.85 * 30
+    assert simulation.oldest_ns <= LIMIT_NS
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("count", [8, 14, 64])
+def test_a_second_opinion_that_gets_every_frame_looks_at_what_it_can(count: int, seed: int) -> None:
+    simulation = Simulation(count, seed, spares=True)
+    simulation.run(60, measured_s=30)
+    assert simulation.done / simulation.sent >= 0.85
+    assert simulation.busy_s >= 0.75 * 30
     assert simulation.oldest_ns <= LIMIT_NS
 
 

@@ -118,6 +118,9 @@ async def test_one_that_has_more_time_asks_for_no_more() -> None:
         working = group.create_task(worker.run())
         await until(lambda: camera.wanted)
         said = [(await receive(budgets, RateBudget)).hz]
+        worker._share_pace([FRONT])
+        await asyncio.sleep(0.05)
+        assert budgets.counts.received == 1, "that another camera came or went is no news of this one"
         for limit_hz in (9.0, 0.5):
             worker._pace.limit_hz = limit_hz
             worker._share_pace([FRONT])
@@ -141,3 +144,40 @@ async def test_it_looks_at_few_of_many_frames_and_counts_the_others(rig: Rig) ->
         while load.inferred + load.dropped[SPARED] < 50:
             load = (await loads_after(statuses, inferred=3))["front"]
     assert load.inferred <= 12
+
+
+async def test_frames_that_it_never_read_are_not_too_many(rig: Rig) -> None:
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
+        rig.bus.subscribe(worker_keys.EVERY_WORKER_STATUS, QUEUE(99)) as statuses,
+    ):
+        await until(lambda: camera.wanted)
+        for seq in range(5):
+            camera.put(codec.encode(frame(seq)))
+        assert (await loads_after(statuses, inferred=1))["front"].dropped == {SPARED: 4}
+
+
+async def test_it_spares_what_it_did_not_ask_for_though_others_did() -> None:
+    network, model = FakeNetwork(), FakeModel()
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        Rig(theirs, model).camera(FRONT) as camera,
+        theirs.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
+        theirs.subscribe(worker_keys.EVERY_WORKER_STATUS, QUEUE(99)) as statuses,
+        asyncio.TaskGroup() as group,
+    ):
+        worker = Worker(ours, model, [WorkerAlive(OPINION.service, "w1")], role=OPINION, max_age_s=60, join_s=0)
+        working = group.create_task(worker.run())
+        await until(lambda: camera.wanted)
+        worker._pace.limit_hz = 0.001
+        worker._share_pace([FRONT])
+        for seq in range(60):
+            camera.put(codec.encode(frame(seq)))
+            await asyncio.sleep(0.02)
+        load = (await loads_after(statuses, inferred=1))["front"]
+        while load.inferred + load.dropped[SPARED] < 60:
+            load = (await loads_after(statuses, inferred=1))["front"]
+        working.cancel()
+    assert load.inferred <= 2

@@ -16,6 +16,13 @@ def test_an_absent_file_is_an_error_unless_downloading_is_allowed() -> None:
     assert DetectorSettings(model="yolo11n-seg.pt", download=True).model == "yolo11n-seg.pt"
 
 
+def test_no_detector_is_called_as_gateways_know_a_second_opinion() -> None:
+    with pytest.raises(ValidationError, match=r"--worker opinion\.x: to gateways 'opinion\.' begins"):
+        DetectorSettings(worker="opinion.x")
+    assert DetectorSettings(worker="opinion.x", opinion=True).worker == "opinion.x"
+    assert DetectorSettings(worker="opinion-x").worker == "opinion-x"
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [("confidence", -0.1), ("confidence", 1.1), ("iou", 2), ("max_detections", 0), ("threads", -1), ("worker", "a/b")],

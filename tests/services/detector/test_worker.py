@@ -10,6 +10,7 @@ from backports import zstd
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from bus.clock import clock_id
 from bus.fake import FakeNetwork
+from bus.version import VERSION
 from schemas import codec, keys, worker_keys
 from schemas.codec import M
 from schemas.detections import ClassCount, ClassList, Detections
@@ -276,6 +277,11 @@ async def test_the_worker_is_present_and_says_goodbye(rig: Rig) -> None:
     async with rig.bus.watch("workers/*/*/*/*/alive") as watch:
         presence = await anext(watch)
         assert (worker_keys.parse_worker(presence.key), presence.alive) == (("detector", "w1"), True)
+
+
+async def test_it_says_its_version(rig: Rig) -> None:
+    async with rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(9)) as statuses:
+        assert (await receive(statuses, WorkerStatus)).version == VERSION
 
 
 async def test_it_says_where_a_cameras_frames_go_while_it_wants_them(rig: Rig) -> None:

@@ -1,5 +1,7 @@
 import asyncio
+from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from typing import NoReturn
 
 import pytest
 
@@ -7,13 +9,14 @@ from bus import BusClosedError
 from bus.api import PublisherCounts
 from bus.fake import FakeNetwork
 from schemas import codec
+from schemas.detections import Detection
 from schemas.distances import Distances
 from schemas.keys import Stream
 from services.distance.account import FAILED, Account
 from services.distance.camera import Camera, work
 from services.distance.picking import Criteria
 from services.distance.sensed import DEPTH_IMAGE, Sensed
-from services.distance.views import Limits, Views
+from services.distance.views import Instant, Limits, Views
 from services.geometry.joining import Joiner
 from tests.services.distance.rig import FRONT, only, robot
 from tests.services.distance.scenes import depth, detections, found, mask, wall
@@ -41,10 +44,23 @@ class Faltering:
         self.taken.append(codec.decode(Distances, bytes(payload), codec.encoding(Distances)))
 
 
-async def answers(publisher: Faltering, executor: Executor, frames: int) -> Account:
+class Blind(Views):
+    """Fails if it is to look at depth."""
+
+    def view(self, of: Instant) -> NoReturn:
+        raise AssertionError(of)
+
+
+async def answers(
+    publisher: Faltering,
+    executor: Executor,
+    frames: int,
+    objects: Sequence[Detection] = BOX,
+    views: type[Views] = Views,
+) -> Account:
     """Return the account of a camera that is measured that often."""
     network, account, done = FakeNetwork(), Account(FRONT), asyncio.Event()
-    camera = Camera(account, Sensed((), Joiner(DEPTH_IMAGE)), Views(Limits()), Criteria(), "w1", executor)
+    camera = Camera(account, Sensed((), Joiner(DEPTH_IMAGE)), views(Limits()), Criteria(), "w1", executor)
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
@@ -55,7 +71,7 @@ async def answers(publisher: Faltering, executor: Executor, frames: int) -> Acco
         await front.until_wanted()
         for seq in range(frames):
             front.send(Stream.DEPTH, depth(wall(2.0), seq))
-            front.send(Stream.DETECTIONS, detections(BOX, seq))
+            front.send(Stream.DETECTIONS, detections(list(objects), seq))
             async with asyncio.timeout(60):
                 await done.wait()
             done.clear()
@@ -78,3 +94,11 @@ async def test_an_answer_that_cannot_be_worked_out_is_counted() -> None:
         executor.shutdown()
         account = await answers(publisher, executor, 2)
     assert (account.measured, account.load(serving=True).dropped) == (0, {FAILED: 2})
+
+
+async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
+    publisher = Faltering()
+    with ThreadPoolExecutor(1) as executor:
+        account = await answers(publisher, executor, 2, objects=(), views=Blind)
+    assert [seen.objects for seen in publisher.taken] == [[]]
+    assert account.measured == 1

@@ -72,6 +72,15 @@ def test_a_transform_that_is_not_known_yet_may_be_waited_for_and_one_that_never_
     assert moment.frames[0].from_camera[0, 3] == pytest.approx(1.5)
 
 
+def test_where_a_robot_is_in_the_map_is_not_waited_for_once_nobody_says_it_any_more() -> None:
+    made = sensed("map")
+    keep(made, 35)
+    made.transforms.take(transforms(("map", FRAME, 1.0), stamp_ns=stamp_of(4)), static=False)
+    moment = made.at(detections([], 35))
+    assert not moment.open
+    assert "is known until 1.023 s before the stamp" in str(moment.frames[0].from_camera)
+
+
 def test_depth_in_another_frame_needs_the_transform_between_the_two() -> None:
     made = sensed()
     keep(made, 1, frame_id="camera_depth_optical_frame")

@@ -11,8 +11,11 @@ import pytest
 from bus import QUEUE, Bus, Subscription
 from bus.clock import clock_id
 from bus.fake import FakeNetwork
+from bus.version import VERSION
+from schemas import worker_keys
 from schemas.distances import Distances
 from schemas.keys import TF, TF_STATIC, CameraKey, Stream, StreamKey, Wanted
+from schemas.status import WorkerStatus
 from services.distance.camera import WAITED
 from services.geometry.joining import FLUSHED
 from tests.gateway.ros1.waiting import until
@@ -63,6 +66,11 @@ async def rig() -> AsyncIterator[Rig]:
             front.send(Stream.INFO, calibration())
             front.send(TF_STATIC, transforms(("base_link", FRAME, 0.5)))
             yield Rig(theirs, front)
+
+
+async def test_it_says_its_version(rig: Rig) -> None:
+    async with rig.bus.subscribe(worker_keys.worker_status("distance", "w1"), QUEUE(9)) as statuses:
+        assert (await receive(statuses, WorkerStatus)).version == VERSION
 
 
 async def test_nobody_asks_so_nothing_is_subscribed(rig: Rig) -> None:

@@ -22,10 +22,12 @@ def wall(z: float, height: int = 48, width: int = 64) -> NDArray[Any]:
     return np.full((height, width), z, np.float32)
 
 
-def test_the_same_camera_sees_the_same() -> None:
-    depth = np.random.default_rng(1).uniform(1, 5, (48, 64)).astype(np.float32)
+@pytest.mark.parametrize("size", [(48, 64), (333, 200)])
+def test_the_same_camera_sees_the_same(size: tuple[int, int]) -> None:
+    depth = np.random.default_rng(1).uniform(1, 5, size).astype(np.float32)
     depth[3, 4] = np.nan
-    seen = Registration(camera(), camera(), HERE).apply(depth)
+    same = camera(height=size[0], width=size[1])
+    seen = Registration(same, same, HERE).apply(depth)
     assert np.array_equal(seen, depth, equal_nan=True)
 
 
@@ -79,3 +81,11 @@ def test_what_counts_as_registered_already() -> None:
     assert not is_registered(camera(), camera(height=96, width=128, focal=100), HERE)
     assert not is_registered(camera(), camera(lens=LENSES["fish"]), HERE)
     assert is_registered(camera(lens=LENSES["fish"]), camera(lens=LENSES["fish"]), HERE)
+
+
+def test_a_lens_that_sees_nothing_in_the_corners_is_registered_to_itself() -> None:
+    circle = camera(focal=20.0, lens=LENSES["fish"])
+    assert np.isnan(circle.rays(48, 64)[0, 0, 0])
+    assert is_registered(circle, circle, HERE)
+    assert not is_registered(circle, camera(focal=20.5, lens=LENSES["fish"]), HERE)
+    assert not is_registered(camera(focal=20.0), circle, HERE)

@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from schemas.space import MAX_COORDINATE_M
 from schemas.transforms import Transform, Transforms
-from services.geometry.errors import LoopError, TooNewError, TooOldError, UnconnectedError, UnknownFrameError
+from services.geometry.errors import (
+    LoopError,
+    SilentError,
+    TooNewError,
+    TooOldError,
+    UnconnectedError,
+    UnknownFrameError,
+)
 from services.geometry.room import CROWDED, Room
 from services.geometry.rotation import matrix_of, moved
 from services.geometry.transforms import (
@@ -20,6 +27,7 @@ from services.geometry.transforms import (
     NOT_FINITE,
     OF_ITSELF,
     SAMPLE_BYTES,
+    SILENT_NS,
     TOO_FAR,
     TOO_MANY,
     TransformTree,
@@ -76,8 +84,16 @@ def test_at_the_ends_it_is_known_and_beyond_them_it_is_not() -> None:
     assert made.lookup("odom", "base", 6 * S)[0, 3] == 2
     with pytest.raises(TooOldError, match=r"from base to odom is known from 0\.001 s after the stamp"):
         made.lookup("odom", "base", 5 * S - 1_000_000)
-    with pytest.raises(TooNewError, match=r"from base to odom is known until 1\.500 s before the stamp"):
-        made.lookup("base", "odom", 7 * S + S // 2)
+    with pytest.raises(TooNewError, match=r"from base to odom is known until 0\.500 s before the stamp"):
+        made.lookup("base", "odom", 6 * S + S // 2)
+
+
+def test_one_that_nobody_has_said_for_long_is_not_expected_any_more() -> None:
+    made = tree(said("odom", "base", 1.0, at=6 * S))
+    with pytest.raises(TooNewError):
+        made.lookup("odom", "base", 6 * S + SILENT_NS)
+    with pytest.raises(SilentError, match=r"from base to odom is known until 1\.500 s before the stamp"):
+        made.lookup("odom", "base", 7 * S + S // 2)
 
 
 def test_static_ones_hold_at_any_time_and_the_newest_counts() -> None:
@@ -134,7 +150,7 @@ def test_a_clock_that_jumps_back_makes_a_frame_begin_anew() -> None:
     made.add(said("odom", "base", 3.0, at=11 * S - JUMP_NS - 1), static=False)
     assert made.jumps == 1
     with pytest.raises(TooNewError):
-        made.lookup("odom", "base", 11 * S)
+        made.lookup("odom", "base", 10 * S)
     assert made.lookup("odom", "base", 10 * S - 1)[0, 3] == 3
 
 

@@ -27,9 +27,12 @@ def test_defaults_and_options() -> None:
     assert loaded.log_level is None
 
 
-def test_an_option_may_be_called_other_than_its_setting() -> None:
+def test_an_option_may_be_called_other_than_its_setting(monkeypatch: pytest.MonkeyPatch) -> None:
     assert read("--robot", "r1", "--json").settings.as_json
+    monkeypatch.setenv("JSON", "1")
     assert not read("--robot", "r1").settings.as_json
+    monkeypatch.setenv("FLEETSIGHT_JSON", "1")
+    assert read("--robot", "r1").settings.as_json
 
 
 def test_options_win_over_environment_over_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,12 +4,13 @@ import time
 
 from fastapi import APIRouter, HTTPException, Request
 
+from bus.version import VERSION
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.models import HistoryAnswer, MeAnswer, RulesAnswer, StatusAnswer, moment
 from services.monitor.web.auth.visitor import visitor_of
 
 
-def about_routes(monitor: Monitor, version: str) -> APIRouter:
+def about_routes(monitor: Monitor) -> APIRouter:
     """Return the routes."""
     router = APIRouter(tags=["monitor"])
 
@@ -26,7 +27,7 @@ def about_routes(monitor: Monitor, version: str) -> APIRouter:
         """How the monitor itself is doing."""
         glance = monitor.glance()
         return StatusAnswer(
-            version=version,
+            version=VERSION,
             now=moment(time.time_ns()),
             started=moment(monitor.started_ns),
             problems=tuple(monitor.problems()),

@@ -120,7 +120,7 @@ def _of_entry(entry: Entry) -> Found:
 def _of_worker(worker: WorkerLine) -> Found:
     status = worker.status
     loads = tuple((load.robot, load.camera, load.serving) for load in status.cameras)
-    state = (worker.online, status.model, loads, tuple(status.remarks))
+    state = (worker.online, status.model, loads, tuple(status.remarks), status.version)
     name = (status.service, status.worker)
     return name, state, "", lambda: worker_answer(worker).model_dump_json(by_alias=True)
 
@@ -128,7 +128,7 @@ def _of_worker(worker: WorkerLine) -> Found:
 def _of_gateway(robot: RobotLine, of: GatewayStatus) -> Found:
     streams = tuple((each.name, each.topic, each.wanted, each.publishers, each.problem) for each in of.streams)
     returns = tuple((each.camera, each.stream, each.wanted) for each in of.returns)
-    state = (robot.online, of.waiting_for, of.clock_jumps, streams, returns)
+    state = (robot.online, of.waiting_for, of.clock_jumps, streams, returns, of.version)
     return (
         (of.robot,),
         state,

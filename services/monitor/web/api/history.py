@@ -108,7 +108,8 @@ def _export_settings(history: str, wanted: Asked, what: str, file: Path) -> Expo
         raise HTTPException(503, "no history is kept: the monitor was started with --history none")
     given: dict[str, Any] = {"task": "export", "to": file, "history": history, "what": what}
     given |= {"since": moment(wanted.since_ns), "until": moment(wanted.until_ns)}
-    return ExportSettings(**given, robot=wanted.robot, camera=wanted.camera, name=wanted.name)
+    given |= {"robot": wanted.robot, "camera": wanted.camera, "class": wanted.name}
+    return ExportSettings(**given)
 
 
 def _bounded_ns(moment: datetime) -> int:

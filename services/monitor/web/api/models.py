@@ -148,7 +148,7 @@ class LoadAnswer(Part):
 
 
 class WorkerAnswer(Part):
-    """A worker."""
+    """A worker. version: of its software, empty where nobody says."""
 
     service: str
     worker: str
@@ -157,6 +157,7 @@ class WorkerAnswer(Part):
     last_seen: datetime | None
     cameras: tuple[LoadAnswer, ...]
     remarks: tuple[str, ...]
+    version: str
 
 
 class StreamAnswer(Part):
@@ -192,7 +193,7 @@ class ReturnAnswer(Part):
 
 
 class GatewayAnswer(Part):
-    """A robot's gateway, as it said last."""
+    """A robot's gateway, as it said last. version: of its software, empty where nobody says."""
 
     robot: str
     online: bool
@@ -202,6 +203,7 @@ class GatewayAnswer(Part):
     streams: tuple[StreamAnswer, ...]
     returns: tuple[ReturnAnswer, ...]
     withdrawn: Mapping[str, int]
+    version: str
 
 
 class RulesAnswer(Part):
@@ -304,6 +306,7 @@ def worker_answer(line: WorkerLine) -> WorkerAnswer:
         last_seen=known_moment(line.last_ns),
         cameras=tuple(LoadAnswer.model_validate(load) for load in of.cameras),
         remarks=tuple(of.remarks),
+        version=of.version,
     )
 
 
@@ -318,4 +321,5 @@ def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayA
         streams=tuple(StreamAnswer.model_validate(stream) for stream in of.streams),
         returns=tuple(ReturnAnswer.model_validate(each) for each in of.returns),
         withdrawn=of.withdrawn,
+        version=of.version,
     )

@@ -1,6 +1,5 @@
 """Users, sessions and tokens in the database of the history, or in one of their own where no history is kept."""
 
-import asyncio
 import dataclasses
 import logging
 from collections.abc import AsyncIterator, Iterable
@@ -12,9 +11,10 @@ from sqlalchemy import Row, delete, func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from services.monitor.history.engine import engine_of, file_of, private_file, translating
+from services.monitor.history.engine import engine_of, translating
+from services.monitor.history.opening import connect
 from services.monitor.history.settings import NONE, default_state
-from services.monitor.history.tables import logins, metadata, users
+from services.monitor.history.tables import logins, users
 from services.monitor.web.auth.people import MAX_LOGINS, MAX_USERS, Kind, Login, User
 from services.monitor.web.auth.visitor import Role
 
@@ -35,13 +35,14 @@ def users_url(history: str) -> str:
 class UserStore:
     """The users of a database. Every method raises HistoryError when it cannot be had.
 
+    create: make it where there is none.
     left_out: the users that were there at the last reading and are of a newer version: their role is not known here.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, *, create: bool = True) -> None:
         self.left_out: set[str] = set()
         self._url = url
-        self._made = False
+        self._create = create
         self._warned: set[str] = set()
 
     async def users(self) -> list[User]:
@@ -119,19 +120,11 @@ class UserStore:
     @asynccontextmanager
     async def _connected(self) -> AsyncIterator[AsyncConnection]:
         async with translating():
-            engine = engine_of(self._url)
-            file = file_of(engine)
+            connection = await connect(engine_of(self._url), create=self._create)
             try:
-                if file is not None:
-                    await asyncio.to_thread(private_file, file)
-                async with engine.connect() as connection:
-                    if not self._made:
-                        await connection.run_sync(metadata.create_all)
-                        await connection.commit()
-                        self._made = True
-                    yield connection
+                yield connection
             finally:
-                await engine.dispose()
+                await connection.close()
 
 
 def _user(row: Row[Any]) -> User | None:

@@ -32,6 +32,7 @@ class BrightEngine:
 
     def __init__(self, memory: int = 99, *, score: float | None = None) -> None:
         self.batches: list[int] = []
+        self.broken = False
         self.may_run = threading.Event()
         self.may_run.set()
         self._memory = memory
@@ -41,6 +42,8 @@ class BrightEngine:
         """See `Engine.run`; images with a red 13 are too much for it, and so are more at once than `memory`."""
         self.batches.append(len(images))
         self.may_run.wait(10)
+        if self.broken:
+            raise RuntimeError("the device is lost")
         if len(images) > self._memory:
             raise OutOfMemoryError("the device is full")
         if np.any(images[:, images.shape[1] // 2, 0, 0] == 13):

@@ -1,10 +1,26 @@
+import errno
 import os
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Self
 
 import pytest
 
-from services.detector.runtime.exporting import ABANDONED_S, MAKING, put_in_place, remove_abandoned
+from services.detector.model import ModelError
+from services.detector.runtime.engine import BATCH_ON_GPU
+from services.detector.runtime.exporting import (
+    ABANDONED_S,
+    FILES,
+    MAKING,
+    entry,
+    exported,
+    installed,
+    put_in_place,
+    remove_abandoned,
+)
+from services.detector.runtime.offline import keep_offline
+from services.detector.settings import SHIPPED_MODEL
 
 
 def made(folder: Path, content: str) -> Path:
@@ -58,3 +74,113 @@ def test_what_a_killed_process_left_behind_is_removed_and_nothing_else(tmp_path:
 def test_a_cache_with_nothing_left_behind_stays_as_it_is(tmp_path: Path) -> None:
     remove_abandoned(tmp_path / "absent", 0)
     assert not list(tmp_path.iterdir())
+
+
+class Exporter:
+    """Stands in for Ultralytics' model, and remembers how it was exported. error: what it fails with in the cache."""
+
+    def __init__(self, error: OSError | None = None) -> None:
+        self.batches: dict[str, int] = {}
+        self._error = error
+        self._folder = Path()
+
+    def __call__(self, path: Path) -> Self:
+        """Load a model."""
+        self._folder = path.parent
+        return self
+
+    def export(self, *, format: str, batch: int, dynamic: bool, **_: object) -> Path:  # noqa: A002 - theirs
+        """Write an empty file."""
+        import torch  # noqa: PLC0415 - it is heavy
+
+        assert dynamic
+        torch.set_num_threads(1)  # as Ultralytics does, if to another number
+        self.batches[format] = batch
+        if self._error is not None and "cache" in self._folder.parts:
+            raise self._error
+        (self._folder / FILES[format]).touch()
+        return self._folder / FILES[format]
+
+
+@pytest.fixture
+def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Exporter], Path]:
+    """Return what exports the shipped model as a kind, by an exporter; see `exported`."""
+    keep_offline(tmp_path / "ultralytics", download=False)
+    from ultralytics import models  # noqa: PLC0415
+
+    from services.detector.runtime.weights import Weights  # noqa: PLC0415
+
+    weights = Weights(SHIPPED_MODEL, "d" * 64, None, {}, segments=True, longest=640, stride=32)
+
+    def export(kind: str, exporter: Exporter) -> Path:
+        monkeypatch.setattr(models, "YOLO", exporter)
+        return exported(weights, kind, tmp_path / "cache", "cuda:0", 640, gpu="NVIDIA L4", spare=tmp_path / "spare")
+
+    return export
+
+
+def test_an_engine_is_made_for_as_many_images_at_once_as_it_gets(export: Callable[[str, Exporter], Path]) -> None:
+    exporter = Exporter()
+    assert [export(kind, exporter).name for kind in FILES] == list(FILES.values())
+    assert exporter.batches == {"onnx": 1, "engine": BATCH_ON_GPU}
+
+
+def test_an_export_leaves_torch_its_threads(export: Callable[[str, Exporter], Path]) -> None:
+    import torch  # noqa: PLC0415 - it is heavy
+
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(3)
+        export("onnx", Exporter())
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES])
+def test_what_cannot_be_written_into_the_cache_goes_elsewhere(
+    export: Callable[[str, Exporter], Path], number: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    made = export("onnx", Exporter(OSError(number, os.strerror(number))))
+    assert made.is_relative_to(tmp_path / "spare")
+    assert f"--cache {tmp_path / 'cache'}: {os.strerror(number)}: what is exported is not kept" in caplog.text
+
+
+def test_an_exporter_that_fails_for_another_reason_is_not_the_caches_fault(
+    export: Callable[[str, Exporter], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    missing = FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), "libnvinfer.so")
+    with pytest.raises(ModelError, match=r"cannot be exported for engine: .* No such file or directory: 'libnvinfer"):
+        export("engine", Exporter(missing))
+    assert "--cache" not in caplog.text
+
+
+EXPORTERS = ("tensorrt 10.3.0", "torch 2.9.0", "ultralytics 8.3.9")
+
+
+def engine(longest: int = 640, exporters: Sequence[str] = EXPORTERS, gpu: str = "NVIDIA L4") -> str:
+    return entry("d" * 64, "engine", longest, exporters, gpu)
+
+
+def test_an_engine_is_for_one_size_one_gpu_and_one_version_of_what_made_it() -> None:
+    newer = ("tensorrt 10.4.0", *EXPORTERS[1:])
+    names = {engine(), engine(longest=320), engine(exporters=newer), engine(gpu="NVIDIA A100-SXM4-40GB")}
+    assert len(names) == 4
+    assert engine() in names, "the same at every start"
+    assert entry("e" * 64, "engine", 640, EXPORTERS, "NVIDIA L4") not in names
+    assert all(name.endswith("-engine") and len(name) < 100 for name in names)
+
+
+def test_an_onnx_file_is_for_any_gpu_and_one_version_of_what_made_it() -> None:
+    names = {entry("d" * 64, "onnx", 640, EXPORTERS[1:], gpu) for gpu in ("", "NVIDIA L4")}
+    assert len(names) == 1
+    assert entry("d" * 64, "onnx", 640, ("torch 2.8.0", EXPORTERS[2]), "") not in names
+
+
+def test_a_package_may_be_installed_under_another_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    about = tmp_path / "fastruntime_gpu-1.2.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: fastruntime-gpu\nVersion: 1.2\n")
+    (about / "top_level.txt").write_text("fastruntime\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert installed({"fastruntime", "absent"}) == ["fastruntime-gpu 1.2"]

@@ -15,6 +15,7 @@ from tests.services.detector.requests import request
 from tests.services.detector.runtime.engines import FACTS, BrightEngine
 
 DETECTION = replace(FACTS, segments=False)
+BLANK = np.zeros((1, 32, 32, 3), np.uint8)
 
 
 def grey(value: int, height: int = 48, width: int = 64) -> Request:
@@ -27,7 +28,7 @@ def score(outcome: Outcome) -> float:
 
 
 def pipeline(engine: BrightEngine, *, max_batch: int = 8, reference: BrightEngine | None = None) -> Pipeline:
-    return Pipeline(DETECTION, engine, Tuning(), max_batch=max_batch, reference=reference)
+    return Pipeline(DETECTION, engine, Tuning(), blank=BLANK, max_batch=max_batch, reference=reference)
 
 
 async def test_images_of_one_shape_are_computed_together_and_answered_in_order() -> None:
@@ -42,6 +43,15 @@ async def test_an_image_that_fails_in_a_batch_fails_alone() -> None:
     assert isinstance(outcomes[1], Failed)
     assert (outcomes[1].reason, str(outcomes[1].error)) == (FAILED, "unlucky")
     assert [round(score(each), 2) for each in outcomes[::2]] == [1.0, 0.8]
+
+
+async def test_an_engine_that_computes_nothing_any_more_is_the_end() -> None:
+    engine = BrightEngine()
+    model = pipeline(engine)
+    assert round(score((await model.infer([grey(255)]))[0]), 2) == 1.0
+    engine.broken = True
+    with pytest.raises(ModelError, match=r"fake\.pt works no longer: the device is lost"):
+        await model.infer([grey(255), grey(204)])
 
 
 async def test_out_of_memory_makes_batches_smaller_from_then_on() -> None:
@@ -75,7 +85,7 @@ async def test_rounding_is_no_difference(caplog: pytest.LogCaptureFixture) -> No
 
 
 async def test_a_model_without_masks_says_what_will_be_silent() -> None:
-    model = Pipeline(DETECTION, BrightEngine(), Tuning())
+    model = pipeline(BrightEngine())
     assert not model.segments
     assert "overlay/segmentation, distances and objects are silent" in model.remarks[0]
     (outcome,) = await model.infer([replace(grey(255), masks=True)])
@@ -84,7 +94,7 @@ async def test_a_model_without_masks_says_what_will_be_silent() -> None:
 
 
 def test_a_name_is_no_longer_than_messages_carry() -> None:
-    assert len(Pipeline(replace(FACTS, name="x" * 300), BrightEngine(), Tuning()).name) == MAX_LABEL
+    assert len(Pipeline(replace(FACTS, name="x" * 300), BrightEngine(), Tuning(), blank=BLANK).name) == MAX_LABEL
 
 
 async def test_tuning_counts_from_the_next_image_on() -> None:

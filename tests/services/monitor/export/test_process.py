@@ -57,7 +57,7 @@ async def test_csv_has_every_column_and_what_goes_on_ends_at_the_heartbeat(
         ({"since": datetime(1970, 1, 1, 0, 0, 4, tzinfo=UTC)}, [3, 5]),
         ({"since": datetime(1970, 1, 1, 0, 0, 8, tzinfo=UTC)}, [5]),
         ({"until": datetime(1970, 1, 1, 0, 0, 3, tzinfo=UTC)}, [1, 3]),
-        ({"name": "box"}, [3, 5]),
+        ({"class": "box"}, [3, 5]),
         ({"robot": "r2"}, []),
     ],
 )
@@ -100,7 +100,7 @@ async def test_alerts_are_exported_too(url: str, tmp_path: Path) -> None:
 
 async def test_what_cannot_be_exported_is_one_line(url: str, tmp_path: Path) -> None:
     missing = f"sqlite:///{tmp_path}/other.db"
-    with pytest.raises(HistoryError, match=r"other\.db does not exist"):
+    with pytest.raises(HistoryError, match=r"other\.db: it does not exist"):
         await run(ExportSettings(task="export", history=missing, to=tmp_path / "seen.csv"))
     assert not (tmp_path / "other.db").exists()
     with pytest.raises(HistoryError, match="No such file"):

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from services.monitor.history.engine import engine_of, file_of, private_file
+from services.monitor.history.engine import engine_of, file_of, name_of, private_file
 from services.monitor.history.errors import HistoryError
 
 
@@ -19,6 +19,18 @@ def test_a_new_database_is_nobody_elses_to_read_and_one_that_is_there_stays_as_i
 def test_only_sqlite_has_a_file(tmp_path: Path) -> None:
     assert file_of(engine_of(f"sqlite:///{tmp_path}/history.db")) == tmp_path / "history.db"
     assert file_of(engine_of("postgresql://ann@127.0.0.1:1/fleet")) is None
+
+
+@pytest.mark.parametrize(
+    ("url", "name"),
+    [
+        ("sqlite:////var/lib/fleetsight/history.db", "/var/lib/fleetsight/history.db"),
+        ("postgresql://ann:secret@db:5433/fleet?password=secret", "postgresql://ann:***@db:5433/fleet"),
+        ("postgresql://db/fleet", "postgresql://db/fleet"),
+    ],
+)
+def test_a_database_is_called_by_its_place_alone(url: str, name: str) -> None:
+    assert name_of(engine_of(url)) == name
 
 
 @pytest.mark.parametrize("url", ["", "no url", "mysql://127.0.0.1/fleet"])

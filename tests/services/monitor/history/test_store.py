@@ -18,7 +18,7 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import SLICE_NS, Store
-from services.monitor.history.tables import disagreements, intervals, lasted, poses, presence
+from services.monitor.history.tables import disagreements, intervals, lasted, poses, presence, schema_version
 from services.monitor.mapping.pose import Pose
 from tests.schemas.results import alert
 from tests.services.monitor.history.lasting import disagreement, there
@@ -87,7 +87,7 @@ async def test_a_database_of_an_earlier_release_goes_on_with_what_it_has(url: st
     async with opened(url) as store:
         await store.write([interval(1, 2)], [alert()], 2 * S)
         async with store._connection.begin():
-            for table in (presence, disagreements, poses):
+            for table in (schema_version, presence, disagreements, poses):
                 await store._connection.execute(DropTable(table))
     async with opened(url) as store:
         assert (await every(store), await store.select(Presence), await store.last_present()) == (
@@ -186,7 +186,8 @@ async def test_what_goes_on_is_found_without_a_look_at_all_history(tmp_path: Pat
     async with opened(f"sqlite:///{file}"):
         pass
     with closing(sqlite3.connect(file)) as database:
-        database.execute("DROP INDEX intervals_open")  # as in a database of a release before
+        database.execute("DROP INDEX intervals_open")  # as in a database from before there were versions
+        database.execute("DROP TABLE schema_version")
         database.commit()
     async with opened(f"sqlite:///{file}"):
         pass

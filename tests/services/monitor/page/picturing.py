@@ -43,7 +43,7 @@ def robot(
     age_s: float | None = 0.5,
 ) -> RobotLine:
     """Return a robot that was heard just now, unless told otherwise."""
-    gateway = GatewayStatus(robot=name, boot_id="b", clock_id="c", sent_ns=0, streams=list(streams))
+    gateway = GatewayStatus(robot=name, boot_id="b", clock_id="c", sent_ns=0, streams=list(streams), version="0.9")
     return RobotLine(
         name=name,
         online=online,
@@ -65,7 +65,7 @@ def worker(
         CameraLoad(robot="r1", camera=f"c{number}", inferred=frames, dropped={"late": 2}, serving=True, budget_hz=5.0)
         for number in range(cameras)
     ]
-    status = WorkerStatus(service="detector", worker=name, model="m", sent_ns=sent_ns, cameras=loads)
+    status = WorkerStatus(service="detector", worker=name, model="m", sent_ns=sent_ns, cameras=loads, version="0.8")
     return WorkerLine(status, online, NOW)
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 from schemas.status import StreamStatus
 from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, gateway_row, worker_row
 from tests.services.monitor.page.picturing import NOW, S, camera, robot, shown, worker
@@ -31,6 +33,13 @@ def test_a_worker_says_whom_it_serves_and_what_it_lost() -> None:
     assert (row["count"], row["more"]) == (MAX_SHOWN + 2, "and 2 more")
     assert row["serves"][0] == "r1/c0 at 5/s"
     assert (row["frames"], row["dropped"], row["reasons"]) == ("1.4k", "28", ((28, "late"),))
+
+
+def test_versions_are_shown_where_they_are_known() -> None:
+    assert worker_row(worker(), 0.0, NOW)["version"] == "0.8"
+    known = robot()
+    assert gateway_row(shown(known), NOW)["version"] == "0.9"
+    assert gateway_row(shown(replace(known, gateway=None)), NOW)["version"] == ""
 
 
 def test_a_worker_that_is_gone_serves_nobody() -> None:

@@ -112,6 +112,7 @@ async def test_the_command_prints_what_would_have_been_raised(
     file.write_text(rules, encoding="utf-8")
     with pytest.raises(HistoryError, match="does not exist"):
         await run(RulesSettings(task="test", file=file, history=f"sqlite:///{tmp_path}/none.db"))
+    assert not (tmp_path / "none.db").exists()
 
 
 class Live:

@@ -4,11 +4,13 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from services.monitor.history.errors import HistoryError
 from services.monitor.users.process import UsersError, read_password, run
 from services.monitor.users.settings import UsersSettings
 from services.monitor.web.auth.people import Kind, User
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.visitor import Role
+from tests.services.monitor.history.test_file import names
 from tests.services.monitor.web.auth.test_access import access_to
 from tests.services.monitor.web.auth.test_store import newer
 from tests.services.monitor.web.serving import users_in
@@ -54,9 +56,6 @@ async def test_from_being_added_to_being_removed(
 
 
 async def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    says(monkeypatch, "short")
-    with pytest.raises(UsersError, match="10 to 256"):
-        await users(tmp_path, "add", "ann")
     says(monkeypatch, PASSWORD)
     await users(tmp_path, "add", "ann")
     for task, name, reason in (
@@ -67,8 +66,39 @@ async def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch: pytest.M
         ("token", "bob", "no user bob"),
         ("token", "", "a user's name"),
     ):
+        says(monkeypatch, PASSWORD)
         with pytest.raises(UsersError, match=reason):
             await users(tmp_path, task, name)
+
+
+@pytest.mark.parametrize("task", ["list", "remove", "reset", "token"])
+async def test_only_adding_somebody_makes_a_database(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, task: str
+) -> None:
+    says(monkeypatch, PASSWORD)
+    with pytest.raises(HistoryError, match=r"users\.db: it does not exist"):
+        await users(tmp_path, task, "" if task == "list" else "ann")
+    assert names(tmp_path) == []
+
+
+async def test_a_password_that_will_not_do_makes_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    says(monkeypatch, "short")
+    with pytest.raises(UsersError, match="10 to 256"):
+        await users(tmp_path, "add", "ann")
+    assert names(tmp_path) == []
+
+
+async def test_the_database_is_named_beside_what_programs_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    says(monkeypatch, PASSWORD)
+    await users(tmp_path, "add", "ann")
+    assert capsys.readouterr() == ("ann may log in: viewer\n", f"database: {tmp_path}/users.db\n")
+    await users(tmp_path, "list")
+    assert capsys.readouterr() == ("ann viewer\n", f"database: {tmp_path}/users.db\n")
+    with pytest.raises(UsersError, match="no user bob"):
+        await users(tmp_path, "remove", "bob")
+    assert capsys.readouterr() == ("", f"database: {tmp_path}/users.db\n")
 
 
 async def test_a_user_of_a_newer_version_can_be_removed_and_nothing_else(

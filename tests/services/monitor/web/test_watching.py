@@ -53,6 +53,8 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
         }
         assert found["fleetsight_robot_online", "r1"] == 1
         assert found["fleetsight_robot_online", "r2"] == 0
+        assert found["fleetsight_gateway_info", "r1", ODD] == 1
+        assert found["fleetsight_worker_info", "detector", "0.9", "w1"] == 1
         assert found["fleetsight_robot_frames_dropped_total", f"gateway: {ODD}", "r1"] == 4
         assert found["fleetsight_messages_left_out_total", ODD] == 3
         assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5

@@ -24,11 +24,20 @@ def fill(fleet: Fleet) -> None:
         camera="front", stream="color", topic=ODD, wanted=True, publishers=1, received=9, forwarded=5, dropped={ODD: 4}
     )
     gateway = GatewayStatus(
-        robot="r1", boot_id="b", clock_id="clock", sent_ns=now_ns, waiting_for=ODD, streams=[stream], withdrawn={"w": 1}
+        robot="r1",
+        boot_id="b",
+        clock_id="clock",
+        sent_ns=now_ns,
+        waiting_for=ODD,
+        streams=[stream],
+        withdrawn={"w": 1},
+        version=ODD,
     )
     fleet.gateway_status(gateway, now_ns)
     load = CameraLoad(robot="r1", camera="front", inferred=5, dropped={"late": 2}, serving=True)
-    worker = WorkerStatus(service="detector", worker="w1", model=ODD, sent_ns=now_ns, cameras=[load], remarks=[ODD])
+    worker = WorkerStatus(
+        service="detector", worker="w1", model=ODD, sent_ns=now_ns, cameras=[load], remarks=[ODD], version="0.9"
+    )
     fleet.worker_status(worker, now_ns)
     see(fleet, 0, 2)
     see(fleet, 1, 2)

@@ -19,8 +19,10 @@ async def test_history_is_downloaded_as_parquet(tmp_path: Path) -> None:
     async with web_in(tmp_path, history=history) as web, await web.program() as program:
         asked = {"format": "parquet", "since": "1970-01-01T00:00:00Z"}
         answer = await program.get("/api/v1/history/export", params=asked)
+        boxes = await program.get("/api/v1/history/export", params={**asked, "class": "box"})
         await web.monitor.history._end()
     assert answer.headers["Content-Disposition"] == 'attachment; filename="sightings.parquet"'
     frame = pl.read_parquet(io.BytesIO(answer.content))
     assert frame["name"].to_list() == ["box", "pallet"]
     assert frame["count"].to_list() == [2, 2]
+    assert pl.read_parquet(io.BytesIO(boxes.content))["name"].to_list() == ["box"]

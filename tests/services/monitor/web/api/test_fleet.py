@@ -19,9 +19,10 @@ async def test_the_fleet_as_it_is(web: Web) -> None:
         (seen,) = (await program.get("/api/v1/inventory", params={"class": ODD, "in_view": True})).json()["items"]
         assert (seen["class"], seen["count"], seen["available"], seen["worker"]) == (ODD, 2, True, "w")
         (gateway,) = (await program.get("/api/v1/gateways")).json()["items"]
-        assert (gateway["streams"][0]["topic"], gateway["withdrawn"]) == (ODD, {"w": 1})
+        assert (gateway["streams"][0]["topic"], gateway["withdrawn"], gateway["version"]) == (ODD, {"w": 1}, ODD)
         (worker,) = (await program.get("/api/v1/workers?service=detector")).json()["items"]
-        assert (worker["model"], worker["online"], worker["cameras"][0]["dropped"]) == (ODD, True, {"late": 2})
+        assert (worker["model"], worker["online"], worker["version"]) == (ODD, True, "0.9")
+        assert worker["cameras"][0]["dropped"] == {"late": 2}
 
 
 async def test_filters_leave_out_the_rest(web: Web) -> None:

@@ -94,5 +94,5 @@ async def test_a_database_that_is_gone_is_said(kept: Web, tmp_path: Path) -> Non
             answer = await program.get(f"/api/v1/history/{path}")
             assert (answer.status_code, answer.json()["error"]) == (
                 503,
-                "the history cannot be read: file is not a database",
+                f"the history cannot be read: {tmp_path}/history.db: file is not a database",
             )

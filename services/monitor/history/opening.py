@@ -1,0 +1,69 @@
+"""Opening a database: its tables are this version's, or it is refused in words before they are misread."""
+
+import asyncio
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy import Connection, inspect, select
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from services.monitor.history.engine import file_of, name_of, private_file, translating
+from services.monitor.history.errors import HistoryError, OtherVersionError
+from services.monitor.history.tables import SCHEMA_VERSION, metadata, open_intervals, schema_version
+
+OURS: Final = f"this one's are version {SCHEMA_VERSION}"
+
+
+async def connect(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
+    """Return a connection to a database. create: make it, and the tables, where there are none.
+
+    Raises:
+        OtherVersionError: the tables are those of another version.
+        HistoryError: it cannot be had, or is not there and not to be made. The message names the database.
+    """
+    try:
+        async with translating():
+            if (file := file_of(engine)) is not None:
+                await asyncio.to_thread(private_file if create else _check_there, file)
+            connection = await engine.connect()
+        try:
+            async with translating():
+                await connection.run_sync(_check_tables, create=create)
+                await connection.commit()
+        except BaseException:
+            await connection.close()
+            raise
+    except HistoryError as error:
+        raise type(error)(f"{name_of(engine)}: {error}") from error
+    return connection
+
+
+def _check_there(file: Path) -> None:
+    if not file.exists():
+        raise HistoryError("it does not exist")
+
+
+def _check_tables(connection: Connection, *, create: bool) -> None:
+    there = set(inspect(connection).get_table_names())
+    number = connection.scalar(select(schema_version.c.number)) if schema_version.name in there else None
+    if number is None:
+        _check_unnumbered(connection, there)
+        if create:
+            metadata.create_all(connection)
+            open_intervals.create(connection, checkfirst=True)  # tables may be there without
+            connection.execute(schema_version.insert().values(id=1, number=SCHEMA_VERSION))
+        elif not metadata.tables.keys() - {schema_version.name} <= there:
+            raise HistoryError("no monitor has kept anything there")
+    elif number != SCHEMA_VERSION:
+        age = "newer" if number > SCHEMA_VERSION else "older"
+        raise OtherVersionError(f"made by a fleetsight that is {age}: its tables are version {number}, {OURS}")
+
+
+def _check_unnumbered(connection: Connection, there: set[str]) -> None:
+    """Check the tables of a database from before they had a version."""
+    for table in metadata.tables.values():
+        if table.name in there:
+            columns = {column["name"] for column in inspect(connection).get_columns(table.name)}
+            if columns != set(table.columns.keys()):
+                older = "made by a fleetsight that is older, or by something else"
+                raise OtherVersionError(f"{older}: its table {table.name} has other columns, and no version; {OURS}")

@@ -1,0 +1,64 @@
+"""Links with certificates, made as the documentation says."""
+
+import asyncio
+import re
+import subprocess
+from pathlib import Path
+from typing import Final
+
+from bus import QUEUE, BusSettings, QoS, open_bus
+from tests.bus.sessions import LEASE_S, ROOT
+from tests.contract.conftest import free_endpoint
+from tests.contract.waiting import next_of, until
+
+HOSTS: Final = "localhost r1"
+
+
+def make_certificates(folder: Path) -> None:
+    """Make an authority and its certificates for HOSTS."""
+    block = re.search(r"```sh\n(.*?)```", (ROOT / "docs/security.md").read_text(), re.DOTALL)
+    assert block is not None
+    script = re.sub(r'^hosts=".*"$', f'hosts="{HOSTS}"', block[1], flags=re.MULTILINE)
+    folder.mkdir()
+    subprocess.run(["bash", "-euc", script], cwd=folder, check=True, capture_output=True)
+
+
+def with_certificate(folder: Path, host: str, **settings: object) -> BusSettings:
+    files = {"tls_ca": folder / "ca.pem", "tls_certificate": folder / f"{host}.pem", "tls_key": folder / f"{host}.key"}
+    return BusSettings.model_validate({"lease_s": LEASE_S, **files, **settings})
+
+
+async def test_only_who_has_a_certificate_of_the_fleet_is_heard(tmp_path: Path) -> None:
+    fleet, others = tmp_path / "fleet", tmp_path / "others"
+    make_certificates(fleet)
+    make_certificates(others)
+    endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")
+    plain = BusSettings(connect=[endpoint.replace("tls/", "tcp/")], lease_s=LEASE_S)
+    async with (
+        open_bus(with_certificate(fleet, "localhost", mode="router", listen=[endpoint])) as centre,
+        centre.subscribe("fleet/**", QUEUE(9)) as heard,
+        open_bus(with_certificate(others, "r1", connect=[endpoint])) as stranger,
+        open_bus(plain) as open_link,
+        open_bus(with_certificate(fleet, "r1", connect=[endpoint])) as robot,
+    ):
+        for name, bus in {"stranger": stranger, "plain": open_link, "r1": robot}.items():
+            async with bus.publisher(f"fleet/{name}/text/hello", QoS.RESULT) as hello:
+                hello.put(b"hello")
+                if bus is robot:
+                    assert (await next_of(heard)).key == "fleet/r1/text/hello"
+                else:
+                    await asyncio.sleep(LEASE_S)  # in which it tries again
+        await until(lambda: robot.link_problem == "")
+        assert stranger.link_problem == f"there is no link to {endpoint}"
+        assert heard.counts.received == 1
+
+
+async def test_a_centre_of_another_name_is_not_joined(tmp_path: Path) -> None:
+    make_certificates(tmp_path / "fleet")
+    endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")
+    async with (
+        open_bus(with_certificate(tmp_path / "fleet", "r1", mode="router", listen=[endpoint])),
+        open_bus(with_certificate(tmp_path / "fleet", "localhost", connect=[endpoint])) as robot,
+    ):
+        await asyncio.sleep(LEASE_S)  # in which it tries again
+        assert robot.link_problem == f"there is no link to {endpoint}"
