@@ -1,4 +1,4 @@
-"""The gateway against a rospy one, the least one and Zenoh alone, side by side in one run of about seven minutes.
+"""The gateway against a rospy one, the least one and Zenoh alone, side by side in one run of about five minutes.
 
 640x480 rgb8 images from a sender to a Zenoh subscriber, each process on its own, flat out and at 30 Hz, with shared
 memory on and off; all go the same way: TCP on loopback between two Zenoh peers of the same settings, images at the same

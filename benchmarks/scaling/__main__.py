@@ -1,4 +1,4 @@
-"""How detector workers share 64 cameras at 10 Hz, each a real process, over a real Zenoh router, in about four minutes.
+"""How detector workers share 64 cameras at 10 Hz, each a real process, over a real Zenoh router, in about 3 minutes.
 
 The model is a stand-in that takes 50 ms per frame, whatever the batch, so that eight workers are flooded four times
 over. Cameras are one process that offers them as gateways do and sends by the gateway's own rules on who can use how

@@ -1,4 +1,4 @@
-"""How fast the simulated warehouse is on one core, in one process of one thread; about half a minute.
+"""How fast the simulated warehouse is on one core, in one process of one thread; some seconds.
 
 Views of 640x480 pixels at even distances along the drives of several scenes. A frame is an exact rendering in colour
 with its depth (render), the faults of the colour camera (expose) and those of the depth camera (depth). Beside it:

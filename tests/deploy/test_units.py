@@ -26,10 +26,13 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("unit", ["fleetsight-gateway", "fleetsight-space@distance", "fleetsight-space@cloud"])
+UNITS = ["gateway", "space@distance", "space@cloud", "monitor", "detector"]
+
+
+@pytest.mark.parametrize("unit", UNITS)
 def test_systemd_has_nothing_to_say_against_the_units(root: Path, unit: str) -> None:
     require_debian("systemd", [ANALYZE], how="tests/integration/install-ros.sh installs it")
-    command = [ANALYZE, "verify", "--man=no", f"--root={root}", f"{unit}.service"]
+    command = [ANALYZE, "verify", "--man=no", f"--root={root}", f"fleetsight-{unit}.service"]
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
 

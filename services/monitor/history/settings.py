@@ -1,5 +1,6 @@
 """Settings of the history."""
 
+import os
 from pathlib import Path
 from typing import Annotated, ClassVar, Final
 
@@ -20,9 +21,14 @@ def _url(value: str) -> str:
 HistoryUrl = Annotated[str, AfterValidator(_url)]
 
 
+def default_state() -> Path:
+    """Return the user's folder for what outlasts a process."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "fleetsight"
+
+
 def default_url() -> str:
     """Return where history is kept unless told otherwise."""
-    return f"sqlite:///{Path('~/.local/state/fleetsight/history.db').expanduser()}"
+    return f"sqlite:///{default_state() / 'history.db'}"
 
 
 class HistorySettings(BaseModel):

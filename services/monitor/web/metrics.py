@@ -1,6 +1,7 @@
 """Prometheus metrics: read off the monitor when somebody asks, so that they cost nothing while nobody does."""
 
 import asyncio
+from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
@@ -16,7 +17,7 @@ MAX_LABELLED: Final = 5_000
 """Robots, and cameras, that have series of their own; the first by name."""
 
 MAX_REASONS: Final = 32
-"""Reasons for drops that a robot has series for."""
+"""Reasons for drops that a robot, or a worker, has series for; the first by name."""
 
 CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 
@@ -107,13 +108,21 @@ def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
     info = GaugeMetricFamily("fleetsight_worker_info", "1, and its version.", labels=[*names, "version"])
     serves = GaugeMetricFamily("fleetsight_worker_cameras", "Cameras that it looks after.", labels=names)
     inferred = CounterMetricFamily("fleetsight_worker_frames_inferred", "Frames looked at.", labels=names)
+    dropped = CounterMetricFamily(
+        "fleetsight_worker_frames_dropped", "Frames dropped, by reason.", labels=[*names, "reason"]
+    )
     for worker in workers:
         labels = [worker.status.service, worker.status.worker]
         online.add_metric(labels, worker.online)
         info.add_metric([*labels, worker.status.version], 1)
         serves.add_metric(labels, len(worker.serves))
         inferred.add_metric(labels, sum(load.inferred for load in worker.status.cameras))
-    yield from (online, info, serves, inferred)
+        reasons = Counter[str]()
+        for load in worker.status.cameras:
+            reasons.update(load.dropped)
+        for reason, count in sorted(reasons.items())[:MAX_REASONS]:
+            dropped.add_metric([*labels, reason], count)
+    yield from (online, info, serves, inferred, dropped)
 
 
 def _over(picture: Picture) -> int:

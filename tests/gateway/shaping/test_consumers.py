@@ -74,7 +74,7 @@ async def test_tokens_are_followed() -> None:
         (BusSettings(), True),
         (BusSettings(connect=["tcp/localhost:7447"]), True),
         (BusSettings(connect=["tcp/[::1]:7447"]), True),
-        (BusSettings(connect=["tls/127.0.0.1:7447?rel=0"]), True),
+        (BusSettings(connect=["udp/127.0.0.1:7447?rel=0"]), True),
         (BusSettings(connect=["tcp/central:7447"]), False),
         (BusSettings(connect=["tcp/127.0.0.1:7447", "tcp/10.0.0.1:7447"]), False),
         (BusSettings(connect=[], scouting=True), False),

@@ -5,7 +5,6 @@ import logging
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from enum import StrEnum
-from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from sqlalchemy import Row, delete, func, select
@@ -14,7 +13,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.opening import connect
-from services.monitor.history.settings import NONE
+from services.monitor.history.settings import NONE, default_state
 from services.monitor.history.tables import logins, users
 from services.monitor.web.auth.people import MAX_LOGINS, MAX_USERS, Kind, Login, User
 from services.monitor.web.auth.visitor import Role
@@ -30,7 +29,7 @@ def users_url(history: str) -> str:
     """Return the database of the users where history is kept there."""
     if history != NONE:
         return history
-    return f"sqlite:///{Path('~/.local/state/fleetsight/users.db').expanduser()}"
+    return f"sqlite:///{default_state() / 'users.db'}"
 
 
 class UserStore:

@@ -1,4 +1,6 @@
+import re
 from pathlib import Path
+from typing import Final
 
 from prometheus_client.parser import text_string_to_metric_families
 
@@ -6,6 +8,8 @@ from services.monitor.health import STALLED_S
 from services.monitor.web.metrics import MAX_LABELLED
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
+
+PAGE: Final = Path(__file__).parents[4] / "docs" / "monitor.md"
 
 
 async def test_health_of_a_monitor_that_hears_and_keeps(web: Web) -> None:
@@ -54,6 +58,20 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
         assert found["fleetsight_robot_frames_dropped_total", f"gateway: {ODD}", "r1"] == 4
         assert found["fleetsight_messages_left_out_total", ODD] == 3
         assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5
+        assert found["fleetsight_worker_frames_dropped_total", "late", "detector", "w1"] == 2
+
+
+async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
+    fill(web.monitor.fleet)
+    web.monitor.fleet.left_out["malformed messages"] += 1
+    async with await web.program() as program:
+        text = (await program.get("/metrics")).text
+    samples = [sample for family in text_string_to_metric_families(text) for sample in family.samples]
+    found = {sample.name: set(sample.labels) for sample in samples}
+    page = PAGE.read_text(encoding="utf-8")
+    named = re.findall(r"^\| `(fleetsight_\w+)` \|([^|]*)\|", page, re.MULTILINE)
+    assert [(name, set(re.findall(r"\w+", labels))) for name, labels in sorted(named)] == sorted(found.items())
+    assert set(re.findall(r"fleetsight_\w+", page)) == found.keys()
 
 
 async def test_a_flood_of_robots_is_no_flood_of_series(web: Web) -> None:

@@ -1,0 +1,80 @@
+import shlex
+from pathlib import Path
+
+import pytest
+
+from gateway.settings import GatewaySettings
+from services.detector.settings import DetectorSettings
+from services.monitor.settings import MonitorSettings
+from services.monitor.users.settings import UsersSettings
+from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.settings import S, load
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+CONFINED = "NoNewPrivileges="
+OF_DEVICES = {"PrivateDevices=yes", "ProtectClock=yes"}
+
+
+@pytest.fixture(autouse=True)
+def _a_service_s_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("FLEETSIGHT_HISTORY", "FLEETSIGHT_CACHE"):
+        monkeypatch.delenv(name)
+
+
+def command(name: str) -> Command:
+    (found,) = (each for each in COMMANDS if each.name == name)
+    return found
+
+
+def unit(name: str) -> list[str]:
+    return (DEPLOY / f"fleetsight-{name}.service").read_text(encoding="utf-8").splitlines()
+
+
+def values(name: str, setting: str) -> list[str]:
+    return [line.partition("=")[2] for line in unit(name) if line.startswith(f"{setting}=")]
+
+
+def example(model: type[S], name: str) -> S:
+    return load(model, ["--config", str(DEPLOY / name)], prog="fleetsight").settings
+
+
+@pytest.mark.parametrize(("name", "model"), [("monitor", MonitorSettings), ("detector", DetectorSettings)])
+def test_the_unit_starts_its_service_with_a_file_of_settings(
+    name: str, model: type[MonitorSettings | DetectorSettings]
+) -> None:
+    (started,) = values(name, "ExecStart")
+    assert shlex.split(started)[1:] == [name, "--config", f"/etc/fleetsight/{name}.yaml"]
+    assert command(name).load_settings() is model
+    assert isinstance(example(model, f"{name}.yaml"), model)
+
+
+def test_robots_and_workers_connect_to_where_the_monitor_listens() -> None:
+    (listening,) = example(MonitorSettings, "monitor.yaml").listen
+    for connecting in (example(DetectorSettings, "detector.yaml"), example(GatewaySettings, "gateway.yaml")):
+        assert [endpoint.rpartition(":")[2] for endpoint in connecting.connect] == [listening.rpartition(":")[2]]
+
+
+def test_the_history_is_where_the_monitor_may_write_and_its_first_user_is_made_there() -> None:
+    history = example(MonitorSettings, "monitor.yaml").history
+    (folder,) = values("monitor", "StateDirectory")
+    assert history == f"sqlite:////var/lib/{folder}/history.db"
+    told = " ".join(line.lstrip("# ").rstrip("\\") for line in unit("monitor") if line.startswith("#   "))
+    words = shlex.split(told[told.index("fleetsight users ") :])
+    users = load(UsersSettings, command("users").options_of(words[2:]), prog="fleetsight users").settings
+    assert (users.task, users.role, users.history) == ("add", "operator", history)
+
+
+def test_what_the_detector_exports_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    (variable,) = values("detector", "Environment")
+    monkeypatch.setenv(*variable.split("="))
+    (folder,) = values("detector", "CacheDirectory")
+    assert example(DetectorSettings, "detector.yaml").cache == Path("/var/cache") / folder
+
+
+def test_they_are_confined_as_a_gateway_is_and_the_detector_may_use_gpus() -> None:
+    gateway, monitor, detector = (
+        [line for line in lines[lines.index(f"{CONFINED}yes") :] if line]
+        for lines in map(unit, ("gateway", "monitor", "detector"))
+    )
+    assert monitor == gateway
+    assert detector == [line for line in gateway if line not in OF_DEVICES] != gateway
