@@ -1,4 +1,4 @@
-"""Ultralytics, kept off the network: nothing is fetched, installed or reported."""
+"""Ultralytics and ONNX Runtime, kept off the network: nothing is fetched, installed or reported."""
 
 import logging
 import os
@@ -6,10 +6,12 @@ from pathlib import Path
 
 
 def keep_offline(folder: Path, *, download: bool) -> None:
-    """Say so to Ultralytics, which reads its environment when it is first imported.
+    """Say so to both, which read their environment when they are first imported.
 
-    folder: where it keeps its settings, so that they are nobody's but ours. download: weights alone may be fetched.
+    folder: where Ultralytics keeps its settings, so that they are nobody's but ours. download: weights alone may be
+    fetched.
     """
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     os.environ["YOLO_OFFLINE"] = str(not download)
     os.environ["YOLO_AUTOINSTALL"] = "false"
     os.environ["YOLO_VERBOSE"] = "false"
