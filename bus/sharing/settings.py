@@ -2,12 +2,23 @@
 
 from typing import Annotated, ClassVar
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
 
-from schemas.keys import NAME
+from bus.sharing.naming import default_worker_name
+from schemas.keys import check_name
 from schemas.worker_keys import MAX_WEIGHT, MIN_WEIGHT, WorkerAlive, parse_worker_alive
 
-RobotName = Annotated[str, Field(pattern=f"^{NAME.pattern}$")]
+
+def _named(what: str) -> AfterValidator:
+    def check(name: str) -> str:
+        check_name(what, name)
+        return name
+
+    return AfterValidator(check)
+
+
+RobotName = Annotated[str, _named("robot")]
+WorkerName = Annotated[str, _named("worker")]
 
 
 class SharingSettings(BaseModel):
@@ -15,6 +26,7 @@ class SharingSettings(BaseModel):
 
     heading: ClassVar = "sharing the work"
 
+    worker: WorkerName = Field(default_factory=default_worker_name, description="this worker's name")
     weight: float = Field(
         default=1.0,
         ge=MIN_WEIGHT,

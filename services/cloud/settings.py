@@ -5,11 +5,10 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from bus.settings import BusSettings
-from bus.sharing.naming import default_worker_name
 from bus.sharing.settings import SharingSettings
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
-from schemas.keys import NAME, CameraKey
+from schemas.keys import CameraKey
 from services.cloud.measuring import Limits
 from services.geometry.room import MIB, ROOM_BYTES
 
@@ -64,9 +63,6 @@ class CloudSettings(SharingSettings, BusSettings):
             description="memory for points and transforms that wait for detections, of all cameras together",
         ),
     ] = ROOM_BYTES // MIB
-    worker: str = Field(
-        default_factory=default_worker_name, pattern=f"^{NAME.pattern}$", description="this worker's name"
-    )
 
     @property
     def limits(self) -> Limits:

@@ -7,9 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
-from bus.sharing.naming import default_worker_name
 from bus.sharing.settings import SharingSettings
-from schemas.keys import NAME
 from services.detector.role import OPINION
 
 SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
@@ -65,9 +63,6 @@ class DetectorSettings(SharingSettings, BusSettings):
             " older than one call of the model takes, and 30 ms, at least 80 ms",
         ),
     ] = None
-    worker: str = Field(
-        default_factory=default_worker_name, pattern=f"^{NAME.pattern}$", description="this worker's name"
-    )
 
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:

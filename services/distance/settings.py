@@ -5,11 +5,9 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
-from bus.sharing.naming import default_worker_name
 from bus.sharing.settings import SharingSettings
 from schemas.distances import MAX_PLACES
 from schemas.header import MAX_LABEL
-from schemas.keys import NAME
 from services.distance.picking import Criteria
 from services.distance.views import Limits
 from services.geometry.room import MIB, ROOM_BYTES
@@ -48,9 +46,6 @@ class DistanceSettings(SharingSettings, BusSettings):
             description="memory for depth and transforms that wait for detections, of all cameras together",
         ),
     ] = ROOM_BYTES // MIB
-    worker: str = Field(
-        default_factory=default_worker_name, pattern=f"^{NAME.pattern}$", description="this worker's name"
-    )
 
     @model_validator(mode="after")
     def _something_can_be_measured(self) -> Self:

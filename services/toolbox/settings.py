@@ -1,5 +1,6 @@
 """Load a process's settings: options first, then the environment, then a YAML or TOML file, then defaults."""
 
+import os
 import re
 import shutil
 import sys
@@ -7,6 +8,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Generic, Literal, NoReturn, TypeVar
 
@@ -26,6 +28,8 @@ from services.toolbox.help import Usage, help_text, usage_line
 
 ENV_PREFIX = "FLEETSIGHT_"
 MAX_HELP_WIDTH = 100
+MAX_VALUE = 80
+"""How much of a wrong value is shown."""
 
 S = TypeVar("S", bound=BaseModel)
 
@@ -83,15 +87,30 @@ def load(
         width = min(shutil.get_terminal_size().columns, MAX_HELP_WIDTH)
         sys.stdout.write(help_text(model, _Common, usage, env_prefix=ENV_PREFIX, width=width))
         raise SystemExit(0)
+    file = _File()
+    _check_pairs(model, argv)
     try:
-        found = _settings_class(model, prog)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
+        found = _settings_class(model, prog, file)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
         own = {name: field for name, field in model.model_fields.items() if name in found.model_fields_set}
         settings = model.model_validate({field.alias or name: getattr(found, name) for name, field in own.items()})
     except ValidationError as error:
-        raise UsageError(_first_mistake(error)) from error
+        raise UsageError(_first_mistake(error, _Given(argv, file, model))) from error
     except SettingsError as error:
         raise UsageError(_unparsed(str(error), usage_line(model, usage))) from error
     return Loaded(settings, found.log_level)
+
+
+def _check_pairs(model: type[BaseModel], argv: Sequence[str]) -> None:
+    """Raise UsageError where an option gives a name twice: pydantic would take the last one without a word."""
+    for setting, field in model.model_fields.items():
+        if not str(field.annotation).startswith("dict["):
+            continue
+        option = _option(setting)
+        texts = [text for each, text in pairwise(argv) if each == option]
+        texts += [each.removeprefix(f"{option}=") for each in argv if each.startswith(f"{option}=")]
+        names = [pair.partition("=")[0].strip() for text in texts for pair in text.split(",")]
+        if twice := next((name for name in names if names.count(name) > 1), ""):
+            raise UsageError(f"{option}: {twice} is given twice")
 
 
 class _Common(BaseSettings):
@@ -104,7 +123,43 @@ class _Common(BaseSettings):
     ] = None
 
 
-def _settings_class(model: type[BaseModel], prog: str) -> type[_Common]:
+@dataclass(slots=True)
+class _File:
+    """The file that `--config` names, once it was read. names: of the settings in it."""
+
+    path: Path | None = None
+    names: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """Where settings came from."""
+
+    argv: Sequence[str]
+    file: _File
+    model: type[BaseModel]
+
+    def place_of(self, name: str) -> str:
+        """Return what to call a setting: as it was given, or as an option."""
+        option, variable = _option(name), f"{ENV_PREFIX}{name.upper()}"
+        typed = {argument.partition("=")[0] for argument in self.argv}
+        if not typed.isdisjoint({option, option.replace("--", "--no-", 1)}):
+            return option
+        if variable in os.environ:
+            return variable
+        return f"{self.file.path}: {name}" if name in self.file.names else option
+
+    def options_in(self, reason: str) -> str:
+        """Return a reason with settings' names as those of options, as far as they cannot be words."""
+        names = {name for name in self.model.model_fields if "_" in name}
+        return re.sub(r"\w+", lambda word: _option(word[0]) if word[0] in names else word[0], reason)
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _settings_class(model: type[BaseModel], prog: str, file: _File) -> type[_Common]:
     class Settings(_Common, model):  # type: ignore[misc, valid-type]
         model_config = SettingsConfigDict(
             env_prefix=ENV_PREFIX,
@@ -127,7 +182,7 @@ def _settings_class(model: type[BaseModel], prog: str) -> type[_Common]:
             dotenv_settings: PydanticBaseSettingsSource,  # noqa: ARG003
             file_secret_settings: PydanticBaseSettingsSource,  # noqa: ARG003
         ) -> tuple[PydanticBaseSettingsSource, ...]:
-            return (init_settings, _EnvironmentSource(settings_cls), _FileSource(settings_cls))
+            return (init_settings, _EnvironmentSource(settings_cls), _FileSource(settings_cls, file))
 
     Settings.__doc__ = model.__doc__
     return Settings
@@ -136,12 +191,24 @@ def _settings_class(model: type[BaseModel], prog: str) -> type[_Common]:
 class _FileSource(InitSettingsSource):
     """The file that `--config` or FLEETSIGHT_CONFIG names; the sources before this one have found its path."""
 
-    def __init__(self, settings_cls: type[BaseSettings]) -> None:
+    def __init__(self, settings_cls: type[BaseSettings], file: _File) -> None:
         super().__init__(settings_cls, init_kwargs={})
+        self._file = file
 
     def __call__(self) -> dict[str, Any]:
         path = self.current_state.get("config")
-        return {} if path is None else dict(_read(Path(path)))
+        if path is None:
+            return {}
+        self._file.path = Path(path)
+        content = {name: self._listed(name, value) for name, value in _read(self._file.path).items()}
+        self._file.names = frozenset(content)
+        return content
+
+    def _listed(self, name: str, value: Any) -> Any:
+        """Return a lone text as a list of one, where a list is meant: on the command line it is one too."""
+        field = self.settings_cls.model_fields.get(name)
+        meant = field is not None and str(field.annotation).startswith("list[")
+        return [value] if meant and isinstance(value, str) else value
 
 
 def _read(path: Path) -> Mapping[str, Any]:
@@ -171,17 +238,16 @@ def _unparsed(message: str, usage: str) -> str:
     return f"--{unreadable[1].replace('_', '-')}: write it like name=value"
 
 
-def _first_mistake(error: ValidationError) -> str:
+def _first_mistake(error: ValidationError, given: _Given) -> str:
     mistakes = sorted(error.errors(include_url=False), key=lambda mistake: mistake["type"] != "extra_forbidden")
     mistake = mistakes[0]  # a misspelt name first: it explains why another setting is missing
     reason = mistake["msg"].removeprefix("Value error, ")
     if not mistake["loc"]:  # settings that do not go together: the reason names them
-        return reason
-    place = [str(part) for part in mistake["loc"]]
-    name = "--" + ".".join([place[0].replace("_", "-"), *place[1:]])
+        return given.options_in(reason)
+    name, value = str(mistake["loc"][0]), repr(mistake["input"])[:MAX_VALUE]
     match mistake["type"]:
         case "missing":
-            return f"{name} is required (or {ENV_PREFIX}{place[0].upper()}, or in the file that --config names)"
+            return f"{_option(name)} is required (or {ENV_PREFIX}{name.upper()}, or in the file that --config names)"
         case "extra_forbidden":
-            return f"{place[0]!r} is not a setting"
-    return f"{name} {repr(mistake['input'])[:80]}: {reason}"
+            return f"{given.file.path}: {name!r} is not a setting"
+    return f"{given.place_of(name)}{'' if value in reason else f' {value}'}: {reason}"

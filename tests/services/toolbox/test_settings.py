@@ -1,20 +1,35 @@
 from pathlib import Path
+from typing import Annotated, Self
 
 import pytest
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from services.toolbox.settings import Loaded, UsageError, load
+
+
+def _place(name: str) -> str:
+    if name == "nowhere":
+        raise ValueError(f"{name!r} is no place")
+    return name
 
 
 class Settings(BaseModel):
     """Settings of a test."""
 
     robot: str = Field(pattern="^[a-z0-9]+$")
-    connect: list[str] = ["here"]
+    connect: list[Annotated[str, AfterValidator(_place)]] = ["here"]
     cameras: dict[str, str] = {"camera": "/image"}
     rate_hz: float = Field(default=1, gt=0)
+    least_m: int = 1
+    most_m: int = 2
     shared: bool = True
     as_json: bool = Field(default=False, alias="json")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.least_m > self.most_m:
+            raise ValueError(f"least_m: {self.least_m} is more than most_m")
+        return self
 
 
 def read(*argv: str) -> Loaded[Settings]:
@@ -82,6 +97,10 @@ def test_toml_file(tmp_path: Path) -> None:
         (("--robot", "r", "front"), "unrecognized arguments: front (usage: test [OPTION ...])"),
         (("--robot",), "argument --robot: expected one argument"),
         (("--robot", "r", "--cameras", "front"), "--cameras: write it like name=value"),
+        (("--robot", "r", "--connect", "a", "--connect", "nowhere"), "--connect: 'nowhere' is no place"),
+        (("--robot", "r", "--cameras", "front=/a,front=/b"), "--cameras: front is given twice"),
+        (("--robot", "r", "--cameras", "front=/a", "--cameras=front=/b"), "--cameras: front is given twice"),
+        (("--robot", "r", "--least-m", "3"), "--least-m: 3 is more than --most-m"),
         (("--robot", "r", "--config", "missing.yaml"), "--config missing.yaml: [Errno 2] No such file"),
     ],
 )
@@ -95,11 +114,11 @@ def test_a_wrong_setting_is_named_on_one_line(argv: tuple[str, ...], message: st
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("a.toml", "robt = 'r'", "'robt' is not a setting"),
+        ("a.toml", "robt = 'r'", "a.toml: 'robt' is not a setting"),
         ("a.toml", "robot =", "Invalid value"),
         ("a.yaml", "robot: [", "while parsing"),
         ("a.yaml", "- robot", "settings are name: value pairs"),
-        ("a.yaml", "robot: r\nrate_hz: -1", "--rate-hz -1: Input should be greater than 0"),
+        ("a.yaml", "robot: r\nrate-hz: -1", "a.yaml: rate_hz -1: Input should be greater than 0"),
         ("a.yaml", "robot: \x00", "unacceptable character"),
     ],
 )
@@ -125,3 +144,19 @@ def test_pairs_that_are_none_name_their_variable(value: str, monkeypatch: pytest
     monkeypatch.setenv("FLEETSIGHT_CAMERAS", value)
     with pytest.raises(UsageError, match=r"FLEETSIGHT_CAMERAS .*: write it like name=value"):
         read("--robot", "r1")
+
+
+def test_a_lone_text_in_the_file_is_a_list_of_one(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("robot: r1\nconnect: there\n")
+    assert read("--config", str(file)).settings.connect == ["there"]
+
+
+def test_a_mistake_is_where_it_was_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("robot: r1\nrate_hz: -1\n")
+    monkeypatch.setenv("FLEETSIGHT_RATE_HZ", "-2")
+    with pytest.raises(UsageError, match=r"^FLEETSIGHT_RATE_HZ '-2': Input"):
+        read("--config", str(file))
+    with pytest.raises(UsageError, match=r"^--rate-hz '-3': Input"):
+        read("--config", str(file), "--rate-hz=-3")
