@@ -28,6 +28,11 @@ NEEDS: Final[Mapping[Runtime, tuple[str, ...]]] = {
     "openvino": ("onnx", "openvino"),
     "tensorrt": ("onnx", "tensorrt"),
 }
+REMEDIES: Final[Mapping[Runtime, str]] = {
+    "onnx": "see fleetsight's extra [onnx]",
+    "openvino": "see fleetsight's extra [openvino]",
+    "tensorrt": "see fleetsight's extra [onnx], and NVIDIA's package tensorrt for this machine's CUDA",
+}
 FOR_DEVICE: Final[Mapping[str, tuple[Runtime, ...]]] = {
     "cpu": ("openvino", "onnx", "torch"),
     "cuda": ("tensorrt", "torch"),
@@ -58,7 +63,7 @@ def check_installed(runtime: Runtime) -> None:
     """Raise ModelError unless what a runtime needs is installed."""
     for package in NEEDS[runtime]:
         if find_spec(package) is None:
-            raise ModelError(f"--runtime {runtime}: {package} is not installed; see fleetsight's extra [{runtime}]")
+            raise ModelError(f"--runtime {runtime}: {package} is not installed; {REMEDIES[runtime]}")
 
 
 def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:

@@ -1,8 +1,9 @@
 """Settings of the demo."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 
 class DemoSettings(BaseModel):
@@ -12,3 +13,9 @@ class DemoSettings(BaseModel):
     hz: Annotated[float, Field(ge=0.001, le=60, description="images per second and robot")] = 2.0
     seconds: Annotated[float | None, Field(gt=0, description="stop by itself after so many seconds")] = None
     model: Annotated[str | None, Field(description="Ultralytics weights; the shipped model unless given")] = None
+
+    @model_validator(mode="after")
+    def _model_is_here(self) -> Self:
+        if self.model is not None and not Path(self.model).is_file():
+            raise ValueError(f"--model {self.model}: no such file")
+        return self

@@ -40,7 +40,8 @@ async def run(settings: DetectSettings) -> int:
         found = await (_locally(settings, image) if settings.local else _by_a_worker(settings, image))
         await asyncio.to_thread(_draw, found, image, settings.drawing)
     except (RequestError, SchemaError, StillError, MaskError, OSError) as error:
-        sys.stderr.write(f"fleetsight detect: {printable(' '.join(str(error).split()))}\n")
+        reason = f"{settings.image}: {error}" if isinstance(error, StillError | RefusedError) else str(error)
+        sys.stderr.write(f"fleetsight detect: {printable(' '.join(reason.split()))}\n")
         return FAILED
     sys.stdout.write(as_json(found) if settings.json_ else table(found, settings.drawing))
     return 0

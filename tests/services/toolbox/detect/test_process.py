@@ -124,6 +124,13 @@ async def test_why_there_is_no_answer(image: Path, tmp_path: Path, capsys: pytes
     assert "no detector worker was seen within 0.3 s" in nobody
 
 
+async def test_a_file_that_is_no_image_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "text.jpg"
+    file.write_text("no image")
+    assert await run(DetectSettings.model_validate({"image": file, "local": True})) == 1
+    assert capsys.readouterr().err.startswith(f"fleetsight detect: {file}: not an image")
+
+
 async def test_what_is_no_worker_is_not_asked(image: Path) -> None:
     async with (
         workers([FakeModel()]) as endpoint,
