@@ -19,6 +19,7 @@ from gateway.ros1.errors import (
 )
 from gateway.ros1.master import MasterClient
 from gateway.ros1.master_api import MasterApi
+from gateway.ros1.resolver import Resolver
 from gateway.ros1.slave import SlaveApi
 from gateway.ros1.wire.framing import FrameReceiver
 from gateway.ros1.wire.header import decode_header
@@ -108,6 +109,7 @@ class Answering:
     """Stands for a client whose every call is answered with one value."""
 
     def __init__(self, value: Any) -> None:
+        self.resolver = Resolver()
         self._value = value
 
     async def call(self, *_: Any) -> Any:

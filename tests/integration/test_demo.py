@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import psutil
 import pytest
@@ -87,8 +88,11 @@ def test_nothing_outlives_a_demo_that_is_killed() -> None:
 
 
 @pytest.mark.timeout(120)
-def test_a_process_that_fails_ends_the_demo_with_its_reason() -> None:
-    with demo("--model", "no-such-model.pt") as running:
+def test_a_process_that_fails_ends_the_demo_with_its_reason(tmp_path: Path) -> None:
+    model = tmp_path / "text.pt"
+    model.write_text("no model")
+    with demo("--model", str(model)) as running:
         said, _ = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == EXIT_FAILED
-    assert "detector ended with exit code 2: fleetsight detector: --model no-such-model.pt: no such file" in said
+    assert "detector ended with exit code 2: fleetsight detector: --model" in said
+    assert f"not a model that can be used: {model}" in said
