@@ -45,9 +45,11 @@ def load_rules(text: str) -> RuleBook:
     try:
         return RuleBook.model_validate({} if content is None else content)
     except ValidationError as error:
-        mistake = error.errors(include_url=False)[0]
+        mistakes = error.errors(include_url=False)  # a misspelt name first: it explains why another one is missing
+        mistake = next((each for each in mistakes if each["type"] == "extra_forbidden"), mistakes[0])
         place = [part for part in mistake["loc"] if part not in KINDS]
-        raise RuleFileError(_line_of(root, place), _reason(place, mistake)) from error
+        where = list(mistake.get("ctx", {}).get("place", place))
+        raise RuleFileError(_line_of(root, where), _reason(place, mistake)) from error
 
 
 KINDS: Final = frozenset({"appears", "disappears", "over", "under", "nearer", "silent", "disagree"})

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Final, Literal, Self, get_args
 from zoneinfo import ZoneInfo
 
 from pydantic import BaseModel, ConfigDict, Field, HttpUrl, NonNegativeInt, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from schemas.alerts import MAX_PAYLOAD, Severity
 from schemas.header import MAX_LABEL
@@ -166,11 +167,17 @@ class RuleBook(_Part):
         names = [rule.name for rule in self.rules]
         for place, rule in enumerate(self.rules):
             if rule.name in names[:place]:
-                raise ValueError(f"two rules are called {rule.name!r}")
+                raise _mistake(place, "name", f"two rules are called {rule.name!r}")
             for webhook in rule.webhooks:
                 if webhook not in self.webhooks:
-                    raise ValueError(f"rule {rule.name!r} names a webhook {webhook!r} that is not there")
+                    reason = f"rule {rule.name!r} names a webhook {webhook!r} that is not there"
+                    raise _mistake(place, "webhooks", reason)
         return self
+
+
+def _mistake(rule: int, field: str, reason: str) -> PydanticCustomError:
+    """Return an error of the whole file whose context says which rule's field is wrong."""
+    return PydanticCustomError("across_rules", "{reason}", {"reason": reason, "place": ("rules", rule, field)})
 
 
 def _matches(name: str, patterns: tuple[str, ...]) -> bool:
