@@ -38,9 +38,9 @@ class RobotAction(_Part):
 class Rule(_Part):
     """What every rule has. robots, cameras: names, or patterns such as `r*`; all unless given.
 
-    for_s: how long it must be so without a gap. between: local times of day, over midnight too. cooldown_s: after an
-    alert was raised, none of the same rule, robot, camera and class for so long. escalate_after_s: an alert that nobody
-    acknowledged by then escalates.
+    for_s: how long it must be so without a gap. between: local times of day, over midnight too. days: on which those
+    begin. cooldown_s: after an alert was raised, none of the same rule, robot, camera and class for so long.
+    escalate_after_s: an alert that nobody acknowledged by then escalates.
     """
 
     name: Text
@@ -69,12 +69,16 @@ class Rule(_Part):
         return _matches(robot, self.robots) and _matches(camera, cameras)
 
     def applies_at(self, local: datetime) -> bool:
-        """Whether it holds at a time."""
-        now, day = local.time().replace(tzinfo=None), DAYS[local.weekday()]
-        if self.between is None:
-            return day in self.days
-        begin, end = self.between
-        return day in self.days and (begin <= now < end if begin <= end else now >= begin or now < end)
+        """Whether it holds at a time. What goes on over midnight is of the day that it began on."""
+        now, day = local.time().replace(tzinfo=None), local.weekday()
+        if self.between is not None:
+            begin, end = self.between
+            over_midnight = begin > end
+            if over_midnight and now < end:
+                day -= 1
+            elif now < begin or not (over_midnight or now < end):
+                return False
+        return DAYS[day] in self.days
 
 
 class ClassRule(Rule):

@@ -140,6 +140,22 @@ def test_days_and_what_still_holds_when_the_time_comes() -> None:
     assert ruling.due(24 * 3600) == ["1 raised"]
 
 
+@pytest.mark.parametrize(
+    ("days", "hour", "raised"),
+    [
+        (["thu"], 23, True),
+        (["thu"], 24 + 5, True),
+        (["thu"], 24 + 23, False),
+        (["thu"], 5, False),
+        (["wed"], 5, True),
+        (["fri"], 24 + 5, False),
+    ],
+)
+def test_a_night_is_of_the_day_that_it_began_on(days: list[str], hour: float, *, raised: bool) -> None:
+    ruling = Ruling({**OVER, "between": ["22:00", "06:00"], "days": days})
+    assert (ruling.look(hour * 3600, counts={"box": 3}) == ["1 raised"]) is raised, "the epoch began on a Thursday"
+
+
 def test_after_an_alert_there_is_none_for_a_while() -> None:
     ruling = Ruling({**OVER, "cooldown_s": 60})
     assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
