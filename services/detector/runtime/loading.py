@@ -1,6 +1,7 @@
 """Settings to a model that is ready."""
 
 import os
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,6 +14,7 @@ from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
+from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine
 from services.detector.runtime.exporting import exported
 from services.detector.runtime.letterbox import Letterbox
@@ -28,31 +30,56 @@ if TYPE_CHECKING:
 
 
 def load_all(settings: DetectorSettings, folder: Path) -> Model:
-    """Load the model, and the one for boxes if there is one; see `load`."""
-    model = load(settings, folder)
+    """Load the model, and the one for boxes if there is one; see `load`. Both are read before either is exported."""
+    read = _read(settings, folder, "--model")
     if settings.detection_model is None:
-        return model
+        return _ready(read, settings, folder)
+    read_boxes = _read(settings.model_copy(update={"model": settings.detection_model}), folder, "--detection-model")
+    model = _ready(read, settings, folder)
     try:
-        boxes = settings.model_copy(update={"model": settings.detection_model})
-        return PairedModel(load(boxes, folder, option="--detection-model"), model)
+        return PairedModel(_ready(read_boxes, settings, folder), model)
     except ModelError:
         model.close()
         raise
 
 
-def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -> Pipeline:
+def load(settings: DetectorSettings, folder: Path) -> Pipeline:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours, and what is exported if the cache
-    cannot be written. option: what errors speak of.
+    cannot be written.
 
     Raises:
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
     """
+    return _ready(_read(settings, folder, "--model"), settings, folder)
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """Weights that are a model, and what is to count as its detections. what: it is, to whoever named it."""
+
+    weights: "Weights"
+    criteria: Criteria
+    what: str
+
+
+def _read(settings: DetectorSettings, folder: Path, option: str) -> _Read:
     keep_offline(folder, download=settings.download)
-    from services.detector.runtime.weights import device_of, load_weights  # noqa: PLC0415 - they are heavy
+    from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it is heavy
 
     weights = load_weights(settings.model, option)
+    what = f"{option} {settings.model}"
+    try:
+        return _Read(weights, Criteria().tuned(_tuning(settings), weights.names), what)
+    except TuningError as error:
+        raise ModelError(f"--classes with {what}: {error}") from error
+
+
+def _ready(read: _Read, settings: DetectorSettings, folder: Path) -> Pipeline:
+    from services.detector.runtime.weights import device_of  # noqa: PLC0415 - it is heavy
+
+    weights = read.weights
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
     on_gpu = device.type == "cuda"
@@ -61,18 +88,16 @@ def load(settings: DetectorSettings, folder: Path, *, option: str = "--model") -
         return Pipeline(
             Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
-            _tuning(settings),
+            read.criteria,
             blank=_blank(longest, weights.stride),
             reference=None if runtime == "torch" else reference,
             max_batch=BATCH_ON_GPU if on_gpu else 1,
             in_flight=3 if on_gpu else 2,
         )
-    except TuningError as error:
-        raise ModelError(f"--classes with {option} {settings.model}: {error}") from error
     except ModelError:
         raise
     except Exception as error:
-        raise ModelError(f"{option} {settings.model}: not a model that can be used: {first_line(error)}") from error
+        raise ModelError(f"{read.what}: not a model that can be used: {first_line(error)}") from error
 
 
 def tracking(tracker: Literal["off", "bytetrack", "botsort"]) -> Tracking | None:

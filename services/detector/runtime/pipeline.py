@@ -59,7 +59,7 @@ class Pipeline:
         self,
         facts: Facts,
         engine: Engine,
-        tuning: Tuning,
+        criteria: Criteria,
         *,
         blank: NDArray[np.uint8],
         reference: Engine | None = None,
@@ -78,7 +78,7 @@ class Pipeline:
         self._stages = ThreadPoolExecutor(in_flight, thread_name_prefix="images")
         self._computing = ThreadPoolExecutor(1, thread_name_prefix="model")
         self._last: asyncio.Future[None] | None = None
-        self._criteria = Criteria().tuned(tuning, facts.names)
+        self._criteria = criteria
 
     @property
     def tuning(self) -> Tuning:

@@ -11,7 +11,7 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.detector.model import Found, ModelError, Request
-from services.detector.runtime.loading import load
+from services.detector.runtime.loading import load, load_all
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from tests.services.detector.requests import frame_of
 
@@ -62,6 +62,22 @@ def test_unknown_classes_and_devices(model_folder: Path) -> None:
         f"--classes with --model {SHIPPED_MODEL}: no class is called 'unicorn'; the model knows box, pallet, forklift"
     )
     assert refusal(model_folder, device="cuda:77").startswith("--device cuda:77: ")
+
+
+def test_classes_that_the_model_for_boxes_does_not_know_are_refused_before_anything_is_exported(
+    tmp_path: Path, model_folder: Path
+) -> None:
+    load(settings(model_folder), model_folder / "ultralytics").close()  # Ultralytics is offline by then
+    from ultralytics.models import YOLO  # noqa: PLC0415
+
+    YOLO("yolo11n.yaml").save(tmp_path / "boxes.pt")
+    cache = tmp_path / "cache"
+    asked = settings(
+        model_folder, runtime="onnx", cache=cache, detection_model=str(tmp_path / "boxes.pt"), classes=["pallet"]
+    )
+    with pytest.raises(ModelError, match=r"^--classes with --detection-model .*boxes.pt: no class is called 'pallet'"):
+        load_all(asked, model_folder / "ultralytics")
+    assert not cache.exists()
 
 
 def test_a_model_of_another_task(tmp_path: Path, model_folder: Path) -> None:

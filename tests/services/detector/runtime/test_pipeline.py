@@ -10,6 +10,7 @@ from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
 from services.detector.account import FAILED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
+from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.pipeline import Pipeline
 from tests.services.detector.requests import request
 from tests.services.detector.runtime.engines import FACTS, BrightEngine
@@ -28,7 +29,7 @@ def score(outcome: Outcome) -> float:
 
 
 def pipeline(engine: BrightEngine, *, max_batch: int = 8, reference: BrightEngine | None = None) -> Pipeline:
-    return Pipeline(DETECTION, engine, Tuning(), blank=BLANK, max_batch=max_batch, reference=reference)
+    return Pipeline(DETECTION, engine, Criteria(), blank=BLANK, max_batch=max_batch, reference=reference)
 
 
 async def test_images_of_one_shape_are_computed_together_and_answered_in_order() -> None:
@@ -94,7 +95,7 @@ async def test_a_model_without_masks_says_what_will_be_silent() -> None:
 
 
 def test_a_name_is_no_longer_than_messages_carry() -> None:
-    assert len(Pipeline(replace(FACTS, name="x" * 300), BrightEngine(), Tuning(), blank=BLANK).name) == MAX_LABEL
+    assert len(Pipeline(replace(FACTS, name="x" * 300), BrightEngine(), Criteria(), blank=BLANK).name) == MAX_LABEL
 
 
 async def test_tuning_counts_from_the_next_image_on() -> None:
