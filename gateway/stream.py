@@ -22,13 +22,12 @@ from schemas.image import ImageFrame
 from schemas.keys import SensorKey, owner_of
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
-from schemas.status import BEYOND_USE, REPLACED_BEFORE_LINK, THINNED, StreamStatus
+from schemas.status import BEYOND_USE, REPLACED_BEFORE_LINK, THINNED, UNWANTED, StreamStatus
 
 log = logging.getLogger(__name__)
 
 MALFORMED: Final = "malformed"
 MISMATCH: Final = "of a type that the stream cannot carry"
-UNWANTED: Final = "no longer wanted"
 
 _THINNED: Final = (ImageFrame, PointCloud, RawMessage)
 

@@ -35,6 +35,9 @@ OVER_BUDGET: Final = "over the uplink budget"
 ENDED: Final = "not sent yet when its stream or its publisher ended"
 """Reason: nothing was there any more to send this one for. Its number is missing."""
 
+UNWANTED: Final = "no longer wanted"
+"""Reason: this one was still on its way when the last who wanted it went."""
+
 NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFORE_LINK, ENDED)
 """Reasons of gateways for which a frame's number is missing at every receiver."""
 

@@ -6,7 +6,7 @@ from typing import Final
 from gateway.doctor.evidence import Account, Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.ros1.subscriber import LinkFailure
-from gateway.stream import MALFORMED, MISMATCH, UNWANTED
+from gateway.stream import MALFORMED, MISMATCH
 from schemas.status import (
     BEYOND_USE,
     ENDED,
@@ -15,6 +15,7 @@ from schemas.status import (
     REPLACED_BEFORE_SHAPING,
     THINNED,
     UNSHAPED,
+    UNWANTED,
     StreamStatus,
 )
 

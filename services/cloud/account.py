@@ -16,7 +16,6 @@ UNSTAMPED: Final = "points without a stamp"
 UNJOINED: Final = "no points of the same instant"
 UNPLACED: Final = "points that cannot be brought to the picture"
 FAILED: Final = "failed"
-UNWANTED: Final = "no longer wanted"
 
 
 class Account(Tally):

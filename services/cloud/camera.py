@@ -21,6 +21,7 @@ from schemas.errors import SchemaError
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
+from schemas.status import UNWANTED
 from schemas.transforms import Transforms
 from services.cloud.account import (
     FAILED,
@@ -33,7 +34,6 @@ from services.cloud.account import (
     TOO_MANY_TRANSFORMS,
     UNJOINED,
     UNPLACED,
-    UNWANTED,
     Account,
 )
 from services.cloud.cutting import Job, cut, nothing

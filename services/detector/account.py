@@ -13,7 +13,6 @@ DOUBLE: Final = "the same frame again"
 MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
 DEPTH: Final = "a depth image, not a picture"
-UNWANTED: Final = "no longer wanted"
 SPARED: Final = "more than a second opinion asked for"
 
 TOO_MANY: Final = (REPLACED, STALE)

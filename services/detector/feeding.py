@@ -12,7 +12,8 @@ from schemas import codec
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import Stream, StreamKey, Wanted
-from services.detector.account import DEPTH, REPLACED, SPARED, UNWANTED
+from schemas.status import UNWANTED
+from services.detector.account import DEPTH, REPLACED, SPARED
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
 from services.detector.lateness import Lateness

@@ -13,7 +13,8 @@ from typing import Final
 from bus.sharing.pace import Totals
 from schemas.detections import Detections
 from schemas.keys import CameraKey
-from services.detector.account import STALE, UNWANTED, Account
+from schemas.status import UNWANTED
+from services.detector.account import STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
 from services.detector.model import Found, Model, ModelError, Outcome, Request

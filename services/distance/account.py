@@ -9,7 +9,6 @@ from schemas.keys import CameraKey
 DOUBLE: Final = "the same detections again"
 REPLACED: Final = "replaced by newer detections"
 UNJOINED: Final = "no depth image of the same instant"
-UNWANTED: Final = "no longer wanted"
 FAILED: Final = "failed while measuring"
 STAMPLESS: Final = "without a stamp"
 TOO_MANY: Final = "too many at once"

@@ -16,7 +16,8 @@ from schemas.detections import Detections
 from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
 from schemas.keys import Stream, StreamKey, Wanted
-from services.distance.account import FAILED, REPLACED, UNJOINED, UNWANTED, Account
+from schemas.status import UNWANTED
+from services.distance.account import FAILED, REPLACED, UNJOINED, Account
 from services.distance.measuring import View, measure_apart, unknown
 from services.distance.picking import Criteria
 from services.distance.sensed import Moment, Sensed

@@ -29,7 +29,7 @@ def equipment(settings: SimulatorSettings) -> Equipment:
 
 def robots(settings: SimulatorSettings, *, namespaced: bool) -> Iterator[Robot]:
     """Make the robots one after the other; each new warehouse takes a moment. namespaced: topics like `/r1/tf`."""
-    store = Store(settings.memory_mb << 20)
+    store = Store(settings.memory_mib << 20)
     films: dict[int, Film] = {}
     published = topics(settings.streams, aligned=settings.align_depth)
     for number in range(settings.robots):

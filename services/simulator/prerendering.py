@@ -22,7 +22,7 @@ async def prerender(fleet: Iterable[Robot], executor: Executor) -> list[Robot]:
                 await loop.run_in_executor(executor, film.measure, number, parts)
                 done()
     stores = {film.store for film in films}
-    log.info("keeps %.0f MB", sum(store.size for store in stores) / 1e6)
+    log.info("keeps %.0f MiB", sum(store.size for store in stores) / 2**20)
     if any(store.refused for store in stores):
-        log.warning("not everything fits in --memory-mb: what does not is rendered again each time")
+        log.warning("not everything fits in --memory-mib: what does not is rendered again each time")
     return robots

@@ -55,7 +55,7 @@ class SimulatorSettings(BaseModel):
     prerender: Annotated[
         bool, Field(description="render everything before it starts, not each thing when first subscribed to")
     ] = False
-    memory_mb: Annotated[
+    memory_mib: Annotated[
         int, Field(ge=1, description="keep at most so much of what was rendered; the rest is rendered again")
     ] = 512
     seconds: Annotated[

@@ -14,12 +14,13 @@ from gateway.forward import Forward, offering
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
-from gateway.stream import MALFORMED, UNWANTED, StreamForward
+from gateway.stream import MALFORMED, StreamForward
 from gateway.subscriptions import Subscriptions
 from gateway.translators import kind_of
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
+from schemas.status import UNWANTED
 from schemas.transforms import Transforms
 from tests.gateway.sensing import compressed, tf, transform
 from tests.schemas.pictures import file_of

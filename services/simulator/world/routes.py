@@ -7,10 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.world.clearance import CELLS_PER_METRE, Clearance
+from services.simulator.world.clearance import Clearance
 
 STRIDE: Final = 4
-STEP_METRES: Final = STRIDE / CELLS_PER_METRE
 NEIGHBOURS: Final = tuple((r, c, float(np.hypot(r, c))) for r in (-1, 0, 1) for c in (-1, 0, 1) if r or c)
 Cell = tuple[int, int]
 

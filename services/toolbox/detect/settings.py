@@ -31,7 +31,7 @@ class DetectSettings(BusSettings):
     @model_validator(mode="after")
     def _reads_and_writes(self) -> Self:
         if not self.image.is_file():
-            raise ValueError(f"--image {self.image}: no such file")
+            raise ValueError(f"--image {self.image}: {'not a file' if self.image.exists() else 'no such file'}")
         if not self.drawing.parent.is_dir():
             raise ValueError(f"--output {self.drawing}: {self.drawing.parent} is no folder")
         if self.model is not None and not self.local:

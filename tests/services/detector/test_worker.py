@@ -16,9 +16,9 @@ from schemas.codec import M
 from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted
-from schemas.status import CameraLoad, WorkerStatus
+from schemas.status import UNWANTED, CameraLoad, WorkerStatus
 from schemas.worker_keys import WorkerAlive
-from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED, UNWANTED
+from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED
 from services.detector.worker import Worker
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of

@@ -29,7 +29,7 @@ def test_ros_own_variable_names_a_real_master(monkeypatch: pytest.MonkeyPatch) -
         ("seconds", 0),
         ("seconds", float("inf")),
         ("seconds", float("nan")),
-        ("memory_mb", 0),
+        ("memory_mib", 0),
         ("warehouses", 0),
         ("width", 100_000),
         ("ros_master", "nonsense"),

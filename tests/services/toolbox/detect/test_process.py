@@ -152,6 +152,7 @@ async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pyt
     ("fields", "reason"),
     [
         ({"image": "absent.jpg"}, "--image absent.jpg: no such file"),
+        ({"image": "."}, "--image .: not a file"),
         ({"model": "x.pt"}, "--local"),
         ({"model": "x.pt", "local": True}, "--model x.pt: no such file"),
         ({"output": "absent/x.jpg"}, "--output absent/x.jpg: absent is no folder"),
