@@ -5,11 +5,11 @@ import logging
 from typing import Final
 
 from bus.shared_demand import SharedDemand, while_wanted
+from gateway.rate_limited_log import RateLimitedLog
 from gateway.ros1.errors import MessageError, Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock, decode_clock
 from gateway.ros1.subscriber import Message
-from gateway.sparing_log import SparingLog
 
 log = logging.getLogger(__name__)
 
@@ -35,16 +35,16 @@ async def _is_set(node: Node, *, before: bool) -> bool:
 
 
 async def _listen(node: Node, clock: SimClock) -> None:
-    sparing = SparingLog(log)
+    limited = RateLimitedLog(log)
 
     def on_message(message: Message) -> None:
         try:
             jumped = clock.tell(decode_clock(message.data))
         except MessageError as error:
-            sparing.warning("%s from %s: %s", TOPIC, message.callerid, error)
+            limited.warning("%s from %s: %s", TOPIC, message.callerid, error)
             return
         if jumped:
-            sparing.warning("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)
+            limited.warning("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)
 
     log.info("%s is set: ROS time is what %s says", PARAMETER, TOPIC)
     async with node.subscribe(TOPIC, TYPE_NAME, on_message):

@@ -7,13 +7,13 @@ from typing import Final
 
 from gateway.gaps import Gaps
 from gateway.meter import Meter
+from gateway.rate_limited_log import RateLimitedLog
 from gateway.ros1.errors import MessageError, TypeMismatchError
 from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.instants import Thinning
-from gateway.sparing_log import SparingLog
 from gateway.translators import StreamKind, Translate
 from schemas import codec
 from schemas.errors import SchemaError
@@ -57,7 +57,7 @@ class StreamForward:
         self._useful = useful
         self._robot, self._camera = owner_of(key)
         self._boot_id = boot_id
-        self._log = SparingLog(log)
+        self._log = RateLimitedLog(log)
         self._translates: dict[TopicType, Translate] = {}
         self._received = 0
         self._translated = 0

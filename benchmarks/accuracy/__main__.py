@@ -50,7 +50,7 @@ from services.detector.model import ModelError
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.simulator.training.errors import TrainingError
 from services.simulator.training.evaluation.held_out import scored
-from services.simulator.training.evaluation.looking import LOWEST_CONFIDENCE
+from services.simulator.training.evaluation.predictor import LOWEST_CONFIDENCE
 from services.simulator.training.evaluation.scenes import generator_digest, held_out_seeds, held_out_views
 from services.toolbox.train.inference import open_follower, open_weights
 
@@ -112,10 +112,10 @@ def measure(plan: Plan) -> dict[str, Any]:
     seeds, ways = held_out_seeds(SEED, plan.scenes), drive_seeds(SEED, plan.drives)
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        look = open_weights(plan.weights, confidence=LOWEST_CONFIDENCE, device=plan.device, folder=Path(folder))
+        predict = open_weights(plan.weights, confidence=LOWEST_CONFIDENCE, device=plan.device, folder=Path(folder))
         progress = partial(note_step, every=REPORT_EVERY)
         views = held_out_views(plan.work_dir, seeds, plan.workers, progress)
-        score = scored(views, look, lambda done: progress("look", done, plan.scenes))
+        score = scored(views, predict, lambda done: progress("look", done, plan.scenes))
         follow = open_follower(plan.weights, device=plan.device, folder=Path(folder))
         drives = held_out_drives(plan.work_dir, ways, plan.drive_frames, plan.workers, progress)
         ids = followed(drives, follow, lambda done: note(f"follow {done}/{plan.drives}"))

@@ -56,7 +56,7 @@ from benchmarks.space.speed import measure as measure_speed
 from benchmarks.space.views import seeds, view_of
 from services.detector.model import ModelError
 from services.detector.settings import SHIPPED_MODEL
-from services.simulator.training.evaluation.looking import CONFIDENCE
+from services.simulator.training.evaluation.predictor import CONFIDENCE
 from services.toolbox.train.inference import open_weights
 
 DRIVES_FIRST: Final = 220_000
@@ -129,14 +129,14 @@ def measure(weights: Path, asked: Size, seconds: float) -> dict[str, Any]:
     view_seeds, drive_seeds = seeds(asked.views), seeds(asked.drives, DRIVES_FIRST)
     views = drives = 0
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        look = open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=Path(folder))
+        predict = open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=Path(folder))
         samples = Samples(list)
         for views, seed in _while_time(view_seeds, began + FOR_VIEWS * seconds):
             view = view_of(seed)
-            add_view(view, look(view.image), samples)
+            add_view(view, predict(view.image), samples)
             note_step("views", views, asked.views, REPORT_EVERY)
         for drives, seed in _while_time(drive_seeds, began + seconds):
-            for measured, true in spreads(seed, look, asked.frames):
+            for measured, true in spreads(seed, predict, asked.frames):
                 samples["map_spread"].append(measured)
                 samples["map_spread_true"].append(true)
             note_step("drives", drives, asked.drives, REPORT_EVERY)

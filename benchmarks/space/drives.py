@@ -14,7 +14,7 @@ from benchmarks.space.paths import DistancePath
 from benchmarks.space.views import is_asked_for, view_from
 from schemas.distances import ObjectDistance
 from services.simulator.placement import BASE, COLOR_OPTICAL, MAP, ODOM, Placement, odometry_error, of_pose, rig
-from services.simulator.training.evaluation.looking import Look
+from services.simulator.training.evaluation.predictor import Predictor
 from services.simulator.world import Camera, Drive, Pose, Scene, generate
 
 FRAMES: Final = 10
@@ -33,7 +33,7 @@ PLACES: Final = (0.1, 0.6)
 Points = NDArray[np.float64]
 
 
-def spreads(seed: int, look: Look, frames: int = FRAMES) -> Iterator[tuple[float, float]]:
+def spreads(seed: int, predict: Predictor, frames: int = FRAMES) -> Iterator[tuple[float, float]]:
     """Yield how far the places of each object lie from their middle, and how far the true ones do: medians, metres.
 
     The true places are the middles of what is visible of it, which change as a robot drives by.
@@ -42,7 +42,7 @@ def spreads(seed: int, look: Look, frames: int = FRAMES) -> Iterator[tuple[float
     drive = Drive.plan(scene)
     for start in PLACES:
         passing = Passing(scene, drive, start)
-        for measured, true in passing.sightings(look, frames):
+        for measured, true in passing.sightings(predict, frames):
             if len(measured) >= min(LEAST_SIGHTINGS, frames):
                 yield _spread(measured), _spread(true)
 
@@ -55,14 +55,14 @@ class Passing:
     drive: Drive
     start: float
 
-    def sightings(self, look: Look, frames: int) -> Iterable[tuple[list[Points], list[Points]]]:
+    def sightings(self, predict: Predictor, frames: int) -> Iterable[tuple[list[Points], list[Points]]]:
         """Return the measured and the true places of each object in the map."""
         measured: defaultdict[int, list[Points]] = defaultdict(list)
         true: defaultdict[int, list[Points]] = defaultdict(list)
         path = self._path(frames)
         for number in range(frames):
             view, head = view_from(self.scene, self._pose(number)), header(COLOR_OPTICAL, _stamp(number))
-            found = look(view.image)
+            found = predict(view.image)
             objects = path.measure(detections_of(found, view.camera, head), depth_of(view.depth, head))
             for index, seen in matched(found, view.every_object).items():
                 at = _in_map(objects[index])

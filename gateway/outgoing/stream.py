@@ -7,7 +7,7 @@ from typing import Final, Generic
 
 from gateway.outgoing.novelty import Novelty
 from gateway.outgoing.translator import R, Translator
-from gateway.sparing_log import SparingLog
+from gateway.rate_limited_log import RateLimitedLog
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
@@ -36,7 +36,7 @@ class StreamReturn(Generic[R]):
         self.key = key
         self.translator = translator
         self.topics = topics
-        self._log = SparingLog(log)
+        self._log = RateLimitedLog(log)
         self._novelty = novelty
         self._received = 0
         self._published = 0

@@ -7,13 +7,13 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from bus import Publisher
+from gateway.rate_limited_log import RateLimitedLog
 from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.pacer import Pacer
 from gateway.shaping.scaling import scale_info
 from gateway.shaping.uplink import Moment
 from gateway.shaping.workshop import Job, Shaped, Workshop
-from gateway.sparing_log import SparingLog
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.header import Header
@@ -57,7 +57,7 @@ class Outlet:
         pacer: Pacer | None = None,
     ) -> None:
         self._key = key
-        self._log = SparingLog(log)
+        self._log = RateLimitedLog(log)
         self._publisher = publisher
         self._plan = plan
         self._workshop = workshop

@@ -39,7 +39,7 @@ from services.cloud.account import (
 from services.cloud.cutting import Job, cut, nothing
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Matched, Waiting
-from services.geometry.room import Room
+from services.geometry.memory_budget import MemoryBudget
 
 log = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ class Camera:
         limits: Limits,
         target_frame: str,
         tolerance_ns: int | None,
-        room: Room,
+        budget: MemoryBudget,
     ) -> None:
         self._bus = bus
         self._key = key
@@ -83,7 +83,7 @@ class Camera:
         self._executor = executor
         self._limits = limits
         self._target_frame = target_frame
-        self._waiting = Waiting(account, target=target_frame, tolerance_ns=tolerance_ns, room=room)
+        self._waiting = Waiting(account, target=target_frame, tolerance_ns=tolerance_ns, budget=budget)
         self._news = asyncio.Event()
 
     async def run(self, points: CameraKey, publish: Callable[[ObjectClouds], None]) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from schemas.compression import ZSTD
 from schemas.points import PointCloud, rgb_offsets
 from services.cloud.errors import CloudError
-from services.geometry.payload import decompressed
+from services.geometry.decompression import decompressed
 
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]

@@ -10,7 +10,7 @@ from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey
 from services.cloud.measuring import Limits
-from services.geometry.room import MIB, ROOM_BYTES
+from services.geometry.memory_budget import MEMORY_BYTES, MIB
 
 
 def _points(points: dict[str, str]) -> dict[str, str]:
@@ -62,7 +62,7 @@ class CloudSettings(SharingSettings, BusSettings):
             le=1_048_576,
             description="memory for points and transforms that wait for detections, of all cameras together",
         ),
-    ] = ROOM_BYTES // MIB
+    ] = MEMORY_BYTES // MIB
 
     @property
     def limits(self) -> Limits:

@@ -12,8 +12,8 @@ from schemas.transforms import Transforms
 from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner, Partner
+from services.geometry.memory_budget import MemoryBudget
 from services.geometry.motion import FIXED_FRAMES
-from services.geometry.room import Room
 from services.geometry.transforms import TransformTree
 
 PATIENCE_S: Final = 0.3
@@ -38,19 +38,19 @@ class Matched:
 class Waiting:
     """Joins one camera's detections with its points; the newest that can be joined count.
 
-    target: the frame that transforms are waited for to. tolerance_ns, room: see `Joiner`. Time is any steady clock's,
+    target: the frame that transforms are waited for to. tolerance_ns, budget: see `Joiner`. Time is any steady clock's,
     in seconds.
     """
 
     def __init__(
-        self, account: Account, *, target: str, tolerance_ns: int | None = None, room: Room | None = None
+        self, account: Account, *, target: str, tolerance_ns: int | None = None, budget: MemoryBudget | None = None
     ) -> None:
         self._account = account
         self._target = target
-        self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns, room=room)
+        self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns, budget=budget)
         self._waiting: deque[tuple[Detections, float]] = deque()
         self._newest: tuple[str, int] | None = None
-        self.tree = TransformTree(room=room)
+        self.tree = TransformTree(budget=budget)
         self.info: CameraInfo | None = None
 
     @property

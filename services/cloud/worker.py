@@ -25,7 +25,7 @@ from services.cloud.account import Account
 from services.cloud.camera import Camera
 from services.cloud.sensors import Sensors
 from services.cloud.settings import CloudSettings
-from services.geometry.room import MIB, Room
+from services.geometry.memory_budget import MIB, MemoryBudget
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ class Worker:
         self._executor = executor
         self._sensors = Sensors(settings.points)
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
-        self._room = Room(settings.memory_mib * MIB)
+        self._budget = MemoryBudget(settings.memory_mib * MIB)
         self._accounts = Tallies(Account)
         tokens = settings.tokens(SERVICE, settings.worker)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
@@ -95,7 +95,7 @@ class Worker:
             limits=self._settings.limits,
             target_frame=self._settings.target_frame,
             tolerance_ns=self._settings.tolerance_ns,
-            room=self._room,
+            budget=self._budget,
         )
 
     async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Awaitable[None]]) -> None:

@@ -19,7 +19,7 @@ from services.detector.camera import Camera
 from services.detector.lateness import Lateness
 from services.detector.pixels import shows_colours
 from services.detector.role import Role
-from services.detector.sparing import Sparing
+from services.detector.thinning import Thinning
 
 log = logging.getLogger(__name__)
 
@@ -34,10 +34,10 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
 
     async def receive() -> None:
         camera.account.begin()
-        lateness, sparing = Lateness(), Sparing()
+        lateness, thinning = Lateness(), Thinning()
 
         def passes(arrived_ns: int) -> bool:
-            return role.most_hz is None or asked.hz is None or sparing.passes(arrived_ns, asked.hz, asked.from_ns)
+            return role.most_hz is None or asked.hz is None or thinning.passes(arrived_ns, asked.hz, asked.from_ns)
 
         try:
             async with (

@@ -12,8 +12,8 @@ from PIL import Image
 
 from schemas.compression import JPEG, ZSTD
 from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
+from services.geometry.decompression import decompressed
 from services.geometry.errors import PayloadError
-from services.geometry.payload import decompressed
 
 _TO_BGR: Final = {
     "rgb8": cv2.COLOR_RGB2BGR,

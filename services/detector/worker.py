@@ -23,7 +23,7 @@ from services.detector.account import REPLACED, SPARED, Account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
-from services.detector.looking import Looking
+from services.detector.inference import Inference
 from services.detector.model import Model
 from services.detector.role import DETECTOR, Role
 from services.detector.tracking import Tracking
@@ -40,7 +40,7 @@ FINISH_S: Final = 0.5
 class Worker:
     """Serves the cameras that fall to it.
 
-    tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Looking`.
+    tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Inference`.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Worker:
         self._took_over: dict[CameraKey, Callable[[], None]] = {}
         self._painters = ThreadPoolExecutor(PAINTERS, thread_name_prefix="overlays")
         self._pace = Pace()
-        self._looking = Looking(
+        self._inference = Inference(
             model,
             self._name,
             self._board,
@@ -87,7 +87,7 @@ class Worker:
             async with asyncio.TaskGroup() as group:
                 group.create_task(report(self._bus, self._role.service, self._name, self._status))
                 group.create_task(self._keep_pace())
-                group.create_task(self._looking.run())
+                group.create_task(self._inference.run())
                 await self._sharing.run()
         finally:
             self._painters.shutdown(wait=False, cancel_futures=True)
@@ -117,7 +117,7 @@ class Worker:
     async def _finish(self, key: CameraKey) -> None:
         with suppress(TimeoutError):
             async with asyncio.timeout(FINISH_S):
-                await self._looking.settled(key)
+                await self._inference.settled(key)
 
     def _has_result(self, key: CameraKey) -> None:
         if key in self._took_over:
@@ -129,7 +129,7 @@ class Worker:
         while True:
             await asyncio.sleep(PACE_PERIOD_S)
             wanted = {key for key, camera in self._cameras.items() if camera.demand.wanted}
-            changed = self._pace.look(self._looking.totals(), len(wanted), time.monotonic())
+            changed = self._pace.look(self._inference.totals(), len(wanted), time.monotonic())
             if changed or wanted != shared_by:
                 self._share_pace(self._board.by_turn(wanted))
             shared_by = wanted

@@ -10,7 +10,7 @@ from schemas.distances import MAX_PLACES
 from schemas.header import MAX_LABEL
 from services.distance.picking import Criteria
 from services.distance.views import Limits
-from services.geometry.room import MIB, ROOM_BYTES
+from services.geometry.memory_budget import MEMORY_BYTES, MIB
 
 
 class DistanceSettings(SharingSettings, BusSettings):
@@ -45,7 +45,7 @@ class DistanceSettings(SharingSettings, BusSettings):
             le=1_048_576,
             description="memory for depth and transforms that wait for detections, of all cameras together",
         ),
-    ] = ROOM_BYTES // MIB
+    ] = MEMORY_BYTES // MIB
 
     @model_validator(mode="after")
     def _something_can_be_measured(self) -> Self:

@@ -23,7 +23,7 @@ from services.distance.sensed import DEPTH_IMAGE, Sensed
 from services.distance.settings import DistanceSettings
 from services.distance.views import Views
 from services.geometry.joining import Joiner
-from services.geometry.room import MIB, Room
+from services.geometry.memory_budget import MIB, MemoryBudget
 from services.geometry.transforms import TransformTree
 
 SERVICE: Final = "distance"
@@ -36,7 +36,7 @@ class Worker:
         self._bus = bus
         self._settings = settings
         self._executor = executor
-        self._room = Room(settings.memory_mib * MIB)
+        self._budget = MemoryBudget(settings.memory_mib * MIB)
         self._accounts = Tallies(Account)
         tokens = settings.tokens(SERVICE, settings.worker)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
@@ -67,8 +67,8 @@ class Worker:
             account=account,
             sensed=Sensed(
                 self._settings.frames,
-                Joiner(DEPTH_IMAGE, tolerance_ns=self._settings.tolerance_ns, room=self._room),
-                TransformTree(room=self._room),
+                Joiner(DEPTH_IMAGE, tolerance_ns=self._settings.tolerance_ns, budget=self._budget),
+                TransformTree(budget=self._budget),
             ),
             views=Views(self._settings.limits),
             criteria=self._settings.criteria,

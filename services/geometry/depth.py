@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from schemas.compression import PNG, ZSTD
 from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
+from services.geometry.decompression import decompressed
 from services.geometry.errors import DepthError
-from services.geometry.payload import decompressed
 
 Floats = NDArray[np.float32]
 

@@ -5,7 +5,7 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
-from services.geometry.room import CROWDED, Room
+from services.geometry.memory_budget import CROWDED, MemoryBudget
 
 T = TypeVar("T")
 
@@ -51,20 +51,20 @@ class _Kept(Generic[T]):
 
 
 class Joiner(Generic[T]):
-    """Keeps a stream's newest items by stamp, bounded by time and by room, and finds the one of an instant.
+    """Keeps a stream's newest items by stamp, bounded by time and by memory, and finds the one of an instant.
 
     what: names an item in reasons, like "depth image". tolerance_ns: how far apart the stamps of one instant may be;
-    None is half of the kept stream's own period, which is measured. room: what it may share with others. dropped: items
-    that left without having been found, by reason. jumps: how often the stamps went back.
+    None is half of the kept stream's own period, which is measured. budget: what it may share with others. dropped:
+    items that left without having been found, by reason. jumps: how often the stamps went back.
     """
 
     def __init__(
-        self, what: str, *, tolerance_ns: int | None = None, keep_ns: int = KEEP_NS, room: Room | None = None
+        self, what: str, *, tolerance_ns: int | None = None, keep_ns: int = KEEP_NS, budget: MemoryBudget | None = None
     ) -> None:
         self._what = what
         self._given_ns = tolerance_ns
         self._keep_ns = keep_ns
-        self._room = room or Room()
+        self._budget = budget or MemoryBudget()
         self._kept: list[_Kept[T]] = []
         self._bytes = 0
         self._periods: deque[int] = deque(maxlen=_PERIODS)
@@ -99,7 +99,7 @@ class Joiner(Generic[T]):
         self._bytes += size + ITEM_BYTES
         old = bisect_left(self._kept, self._kept[-1].stamp_ns - self._keep_ns, key=lambda kept: kept.stamp_ns)
         self._leave(old, UNUSED)
-        self._room.settle()
+        self._budget.settle()
 
     def find(self, stamp_ns: int) -> Partner[T] | NoPartner:
         """Return the item nearest to a stamp, or why there is none; the item stays."""
@@ -134,4 +134,4 @@ class Joiner(Generic[T]):
             if not kept.used:
                 self.dropped[reason] += 1
         del self._kept[:count]
-        self._room.hold(self, self._bytes)
+        self._budget.hold(self, self._bytes)

@@ -19,7 +19,7 @@ from services.geometry.errors import (
     UnconnectedError,
     UnknownFrameError,
 )
-from services.geometry.room import CROWDED, Room
+from services.geometry.memory_budget import CROWDED, MemoryBudget
 from services.geometry.rotation import inverse_of, matrix_of, slerp
 
 Numbers = NDArray[np.float64]
@@ -63,14 +63,14 @@ class _Edge:
 class TransformTree:
     """One robot's frames of reference. A frame has one parent, the one that was said last, as in ROS.
 
-    keep_ns: how far back transforms are kept. room: what it may share with others. rejected: transforms that were not
+    keep_ns: how far back transforms are kept. budget: what it may share with others. rejected: transforms that were not
     taken, or gave way to something else, by reason. jumps: how often a frame's stamps went back by more than JUMP_NS,
     so that what was kept of it was forgotten.
     """
 
-    def __init__(self, keep_ns: int = KEEP_NS, room: Room | None = None) -> None:
+    def __init__(self, keep_ns: int = KEEP_NS, budget: MemoryBudget | None = None) -> None:
         self._keep_ns = keep_ns
-        self._room = room or Room()
+        self._budget = budget or MemoryBudget()
         self._samples = 0
         self._edges: dict[str, _Edge] = {}
         self.rejected: Counter[str] = Counter()
@@ -80,8 +80,8 @@ class TransformTree:
         """Take what came on `tf`, or `static`, on `tf_static`."""
         for transform in transforms.transforms:
             self.add(transform, static=static)
-        self._room.hold(self, self._samples * SAMPLE_BYTES)
-        self._room.settle()
+        self._budget.hold(self, self._samples * SAMPLE_BYTES)
+        self._budget.settle()
 
     def add(self, transform: Transform, *, static: bool) -> None:
         """Take one transform; one that means nothing is counted in `rejected`."""
@@ -100,7 +100,7 @@ class TransformTree:
         """Forget everything that is not static: the clock is another one."""
         self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
         self._samples = 0
-        self._room.hold(self, 0)
+        self._budget.hold(self, 0)
 
     def shed(self) -> None:
         """Let go of the older half of what is not static; a frame of which nothing is left is not known any more."""
@@ -109,7 +109,7 @@ class TransformTree:
             self._forget(edge, (len(edge.stamps) + 1) // 2)
         self._edges = {child: edge for child, edge in self._edges.items() if edge.static or edge.stamps}
         self.rejected[CROWDED] += before - self._samples
-        self._room.hold(self, self._samples * SAMPLE_BYTES)
+        self._budget.hold(self, self._samples * SAMPLE_BYTES)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> Numbers:
         """Return the 4 x 4 transform that moves points of the source frame into the target frame at a stamp.

@@ -9,7 +9,7 @@ from typing import Final
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet, Row
-from services.monitor.inventory.settling import NS
+from services.monitor.inventory.debouncing import NS
 from services.monitor.picture import CameraLine, Picture, RobotLine, WorkerLine
 from services.monitor.troubles import problems_of
 

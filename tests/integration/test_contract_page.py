@@ -15,8 +15,8 @@ from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
 from services.monitor.answering import answer_inventory
 from services.monitor.fleet import Fleet
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Limits
-from services.monitor.inventory.settling import Debounce
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import PATIENCE_S, until
 from tests.schemas.frames import header

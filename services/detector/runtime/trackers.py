@@ -17,7 +17,7 @@ from schemas.detections import Detection
 from schemas.image import ImageFrame
 from services.detector.evidence import Evidence
 from services.detector.pixels import glance
-from services.detector.runtime.motion import Motion, moved
+from services.detector.runtime.camera_motion import Motion, moved
 from services.detector.runtime.overlap import at_border, boxes_of, overlaps
 
 Kind = Literal["bytetrack", "botsort"]

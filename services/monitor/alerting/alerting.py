@@ -15,8 +15,8 @@ from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Webhooks
 from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
-from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.inventory.speaking import Speaking
 from services.monitor.rules.conditions import Look

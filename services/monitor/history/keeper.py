@@ -21,8 +21,8 @@ from services.monitor.history.presence import RESTORED_NS, Attendance, Presence
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.store import Kept, Store
 from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.inventory.settling import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.inventory.speaking import Speaking
 from services.monitor.mapping.places import FORGET_NS, Places

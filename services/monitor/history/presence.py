@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator
 from typing import Final, Self
 
 from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import SETTLE_NS, Inventory
-from services.monitor.inventory.settling import NS
 from services.monitor.inventory.speaking import Speaking
 
 Place = tuple[str, str]

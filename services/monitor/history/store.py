@@ -39,8 +39,8 @@ from services.monitor.history.tables import (
     presence,
 )
 from services.monitor.history.upsert import Upsert, upsert_of
+from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import MAX_MEMBERS
-from services.monitor.inventory.settling import NS
 from services.monitor.mapping.pose import Pose
 
 LOCK: Final = 0x666C656574

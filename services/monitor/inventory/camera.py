@@ -8,8 +8,8 @@ from schemas import worker_keys
 from schemas.detections import ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
+from services.monitor.inventory.debouncing import NS, Debounce
 from services.monitor.inventory.order import FrameOrder
-from services.monitor.inventory.settling import NS, Debounce
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.inventory.view import Tracked, View, Vocabularies
 

@@ -13,7 +13,7 @@ from schemas.detections import ClassList
 from schemas.distances import Distances
 from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.settling import NS, Debounce
+from services.monitor.inventory.debouncing import NS, Debounce
 from services.monitor.inventory.sighting import Change, Sighting
 
 MAX_MEMBERS: Final = 20_000

@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, Field
 
+from services.monitor.inventory.debouncing import NS, Debounce
 from services.monitor.inventory.inventory import Limits
-from services.monitor.inventory.settling import NS, Debounce
 
 Lists = Annotated[int, Field(ge=1, le=100)]
 Seconds = Annotated[float, Field(ge=0, le=3600)]

@@ -7,8 +7,8 @@ from typing import Final
 from schemas import worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
+from services.monitor.inventory.debouncing import Debounce, DebouncedCount
 from services.monitor.inventory.order import FrameOrder
-from services.monitor.inventory.settling import Debounce, SettledCount
 from services.monitor.inventory.sighting import Sighting
 
 Vocabularies = Mapping[tuple[str, str], AbstractSet[str]]
@@ -39,7 +39,7 @@ class Tracked:
     )
 
     def __init__(self, count: int = 0) -> None:
-        self.count = SettledCount(count)
+        self.count = DebouncedCount(count)
         self.score = 0.0
         self.first_ns = 0
         self.last_ns = 0
@@ -116,7 +116,7 @@ class View:
         """Look again after a gap: what was in view then is not known to be now."""
         self.began_ns, self.lists = at_ns, 0
         for tracked in self.classes.values():
-            tracked.count, tracked.listed = SettledCount(), 0
+            tracked.count, tracked.listed = DebouncedCount(), 0
 
     def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
         """Take a class list that is news; return the classes whose count moved."""

@@ -9,7 +9,7 @@ from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
-from services.monitor.looking.shared import Shared
+from services.monitor.live_views.shared import Shared
 from services.monitor.mapping.pose import Whereabouts
 
 log = logging.getLogger(__name__)

@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 from types import TracebackType
 from typing import Self
 
-from services.monitor.looking.shared import CrowdedError
+from services.monitor.live_views.shared import CrowdedError
 from services.monitor.mapping.following import Robots
 from services.monitor.mapping.pose import Whereabouts
 

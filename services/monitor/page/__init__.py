@@ -6,8 +6,8 @@ from nicegui import app as nicegui_app
 from services.monitor.monitor import Monitor
 from services.monitor.page.alerts import add_alerts
 from services.monitor.page.chart import Charts
+from services.monitor.page.error_pages import answer_instead
 from services.monitor.page.health import add_health
-from services.monitor.page.instead import answer_instead
 from services.monitor.page.inventory import add_inventory
 from services.monitor.page.kept_alerts import KeptAlerts
 from services.monitor.page.overview import add_overview

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.history.acts import Act
-from services.monitor.page.words import NOTHING, ago, iso, natural
+from services.monitor.page.formatting import NOTHING, ago, iso, natural
 
 URGENCY: Final = {severity: number for number, severity in enumerate(reversed(Severity))}
 """Severities, the most urgent first."""

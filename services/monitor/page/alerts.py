@@ -21,12 +21,12 @@ from services.monitor.page.alert_rows import (
     wanted_alerts,
 )
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
+from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
 from services.monitor.page.links import ALERTS
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.tiles import Tile
-from services.monitor.page.words import plural
 from services.monitor.rules.engine import UnknownAlertError
 from services.monitor.web.auth.visitor import Visitor
 

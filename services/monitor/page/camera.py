@@ -12,16 +12,16 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from services.monitor.fleet import STALE_S, Age
 from services.monitor.inventory.sighting import Sighting
-from services.monitor.looking.motion import path_of
-from services.monitor.looking.newest import Newest
-from services.monitor.looking.reasons import Reason, facts_of, why_nothing
-from services.monitor.looking.views import Views
+from services.monitor.live_views.mjpeg import path_of
+from services.monitor.live_views.newest import Newest
+from services.monitor.live_views.reasons import Reason, facts_of, why_nothing
+from services.monitor.live_views.views import Views
 from services.monitor.monitor import Monitor
+from services.monitor.page.formatting import age_text, ago, rate_text
 from services.monitor.page.frame import page_at, page_frame
-from services.monitor.page.gaze import Gaze
 from services.monitor.page.links import FLEET, still
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
-from services.monitor.page.words import age_text, ago, rate_text
+from services.monitor.page.visibility import PageVisibility
 
 PATH: Final = "/cameras/{robot}/{camera}"
 REFRESH_S: Final = 0.5
@@ -43,10 +43,10 @@ def add_camera(monitor: Monitor, views: Views) -> None:
             if key is None:
                 return
             live = _Live(monitor, views, key)
-            gaze = Gaze()
-        while await gaze.begins():
+            visibility = PageVisibility()
+        while await visibility.begins():
             live.show()
-            while not await gaze.ends(REFRESH_S):
+            while not await visibility.ends(REFRESH_S):
                 live.refresh()
             live.hide()
 

@@ -9,8 +9,8 @@ from nicegui import ui
 
 from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.errors import HistoryError
-from services.monitor.page.counting import Points, counts_over_time
-from services.monitor.page.words import NS
+from services.monitor.page.counts_over_time import Points, counts_over_time
+from services.monitor.page.formatting import NS
 from services.monitor.recent import Recent
 
 RANGES: Final = {"1 h": 3_600, "6 h": 21_600, "24 h": 86_400, "7 d": 604_800}

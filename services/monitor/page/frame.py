@@ -13,7 +13,7 @@ from nicegui import ui
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
-from services.monitor.page.instead import TooManyPagesError
+from services.monitor.page.error_pages import TooManyPagesError
 from services.monitor.page.links import Links, Place, icon_of, still
 from services.monitor.page.visits import Visits
 from services.monitor.turns import pause

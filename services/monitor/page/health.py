@@ -12,9 +12,9 @@ from services.monitor.monitor import Monitor
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
 from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
-from services.monitor.page.itself import Itself
 from services.monitor.page.links import HEALTH
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.monitor_health import MonitorHealth
 from services.monitor.page.robots import robot_of
 from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Wanted
@@ -88,7 +88,7 @@ class _Health:
                 "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
             )
         with _panel("This monitor"):
-            self._itself = Itself(monitor)
+            self._itself = MonitorHealth(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
 
     async def refresh(self) -> None:

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from schemas.status import StreamStatus, WorkerStatus
+from services.monitor.page.formatting import NOTHING, NS, ago, brief, iso, rate_text
 from services.monitor.page.robots import Robot, RobotState
-from services.monitor.page.words import NOTHING, NS, ago, brief, iso, rate_text
 from services.monitor.picture import WorkerLine
 
 MAX_SHOWN: Final = 12

@@ -12,6 +12,7 @@ from nicegui import events, ui
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
+from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.inventory_rows import as_csv, sighting_row
 from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
@@ -20,7 +21,6 @@ from services.monitor.page.live_table import Column, LiveTable, Rows, Window
 from services.monitor.page.shared import Shared
 from services.monitor.page.sightings import Filters, Stock
 from services.monitor.page.tiles import Tile
-from services.monitor.page.words import plural
 
 MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000

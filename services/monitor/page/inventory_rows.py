@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from services.monitor.export.writing import as_text
 from services.monitor.inventory.inventory import Entry
-from services.monitor.page.words import NOTHING, ago, iso
+from services.monitor.page.formatting import NOTHING, ago, iso
 
 CSV_COLUMNS: Final = (
     "robot", "camera", "class", "count", "confidence", "nearest_m", "first_seen", "last_seen", "available", "model",

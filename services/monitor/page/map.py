@@ -8,7 +8,7 @@ from typing import Final
 
 from nicegui import ui
 
-from services.monitor.looking.views import Views
+from services.monitor.live_views.views import Views
 from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
 from services.monitor.mapping.following import MOST_ROBOTS
 from services.monitor.mapping.held import HeldRobots
@@ -16,11 +16,11 @@ from services.monitor.mapping.last_poses import LastPoses
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
+from services.monitor.page.formatting import ago, plural
 from services.monitor.page.frame import nothing_yet, page_at, page_frame
-from services.monitor.page.gaze import Gaze
 from services.monitor.page.links import MAP, still
 from services.monitor.page.stage import VIEW_STYLE
-from services.monitor.page.words import ago, plural
+from services.monitor.page.visibility import PageVisibility
 
 REFRESH_S: Final = 1.0
 
@@ -37,11 +37,11 @@ def add_map(monitor: Monitor, views: Views) -> None:
         async with page_frame(monitor, "Map", MAP):
             ui.add_css(VIEW_STYLE)
             shown = _Map(monitor, views.last_poses)
-            gaze = Gaze()
-        while await gaze.begins():
+            visibility = PageVisibility()
+        while await visibility.begins():
             async with HeldRobots(views.robots) as held:
                 shown.refresh(await held.keep(shown.robots()), held.crowded)
-                while not await gaze.ends(REFRESH_S):
+                while not await visibility.ends(REFRESH_S):
                     shown.refresh(await held.keep(shown.robots()), held.crowded)
 
 

@@ -12,18 +12,18 @@ from nicegui.elements.scene.objects.box import Box
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from services.monitor.fleet import STALE_S
-from services.monitor.looking.newest import Newest
-from services.monitor.looking.reasons import Reason, facts_of, why_nothing
-from services.monitor.looking.shared import CrowdedError
-from services.monitor.looking.solid import Solid, frame_of, rounded, solids_of
-from services.monitor.looking.views import Views
+from services.monitor.live_views.newest import Newest
+from services.monitor.live_views.reasons import Reason, facts_of, why_nothing
+from services.monitor.live_views.shared import CrowdedError
+from services.monitor.live_views.solid import Solid, frame_of, rounded, solids_of
+from services.monitor.live_views.views import Views
 from services.monitor.mapping.drawing import colour_of
 from services.monitor.monitor import Monitor
+from services.monitor.page.formatting import age_text, plural
 from services.monitor.page.frame import page_at, page_frame
-from services.monitor.page.gaze import Gaze
 from services.monitor.page.links import FLEET
 from services.monitor.page.stage import VIEW_STYLE, Stage, camera_key
-from services.monitor.page.words import age_text, plural
+from services.monitor.page.visibility import PageVisibility
 
 PATH: Final = "/objects/{robot}/{camera}"
 REFRESH_S: Final = 1.0
@@ -59,15 +59,15 @@ def add_objects(monitor: Monitor, views: Views) -> None:
             if key is None:
                 return
             solids = _Solids(monitor, key)
-            gaze = Gaze()
-        while await gaze.begins():
+            visibility = PageVisibility()
+        while await visibility.begins():
             try:
                 async with views.clouds.hold(StreamKey(key, Stream.OBJECTS)) as newest:
-                    while not await gaze.ends(REFRESH_S):
+                    while not await visibility.ends(REFRESH_S):
                         solids.refresh(newest)
             except CrowdedError as error:
                 solids.say(Reason("Too many views are open", str(error)))
-                await gaze.ends()
+                await visibility.ends()
 
 
 class _Solids:

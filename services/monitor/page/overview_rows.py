@@ -2,9 +2,9 @@
 
 from typing import Any, Final
 
+from services.monitor.page.formatting import age_text, ago, iso, plural, rate_text
 from services.monitor.page.health_rows import dropped_cells
 from services.monitor.page.robots import Robot, RobotState
-from services.monitor.page.words import age_text, ago, iso, plural, rate_text
 from services.monitor.picture import CameraLine
 
 MAX_CAMERAS: Final = 8

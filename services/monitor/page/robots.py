@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from schemas.keys import CameraKey
 from services.monitor.fleet import Row
 from services.monitor.glance import Glance
-from services.monitor.page.words import NS, lasting, natural
+from services.monitor.page.formatting import NS, lasting, natural
 from services.monitor.picture import CameraLine, RobotLine
 from services.monitor.troubles import problems_of
 

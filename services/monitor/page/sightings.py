@@ -7,7 +7,7 @@ from operator import attrgetter
 from typing import Any, Final
 
 from services.monitor.inventory.inventory import Entry
-from services.monitor.page.words import natural
+from services.monitor.page.formatting import natural
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from nicegui import ui
 
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey
-from services.monitor.looking.reasons import Reason
+from services.monitor.live_views.reasons import Reason
 from services.monitor.page.frame import nothing_yet
 
 VIEW_STYLE: Final = (Path(__file__).parent / "view.css").read_text(encoding="utf-8")

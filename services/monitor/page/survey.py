@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from schemas.keys import CameraKey
 from services.monitor.glance import Glance
+from services.monitor.page.formatting import natural
 from services.monitor.page.robots import DETECTOR, RobotState, Standing
-from services.monitor.page.words import natural
 from services.monitor.turns import in_turns
 
 WORST_FIRST: Final = {state: place for place, state in enumerate(RobotState)}

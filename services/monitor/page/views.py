@@ -3,8 +3,8 @@
 from fastapi import FastAPI
 from starlette.routing import Route
 
-from services.monitor.looking.motion import PATH, MotionPictures
-from services.monitor.looking.views import Views
+from services.monitor.live_views.mjpeg import PATH, MjpegStreams
+from services.monitor.live_views.views import Views
 from services.monitor.monitor import Monitor
 from services.monitor.page.camera import add_camera
 from services.monitor.page.map import add_map
@@ -14,7 +14,7 @@ from services.monitor.page.objects import add_objects
 def add_views(app: FastAPI, monitor: Monitor) -> None:
     """Add the pages, and where browsers get pictures."""
     views = Views(monitor.bus)
-    app.router.routes.insert(0, Route(PATH, MotionPictures(views.pictures)))  # before the page, which takes the rest
+    app.router.routes.insert(0, Route(PATH, MjpegStreams(views.pictures)))  # before the page, which takes the rest
     add_camera(monitor, views)
     add_objects(monitor, views)
     add_map(monitor, views)

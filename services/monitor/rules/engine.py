@@ -10,7 +10,7 @@ import msgspec
 
 from schemas.alerts import MAX_TEXT, Alert, AlertState
 from schemas.keys import CameraKey
-from services.monitor.inventory.settling import NS
+from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Finding, Look, findings, found_in
 from services.monitor.rules.model import AnyRule, RuleBook, SilentRule

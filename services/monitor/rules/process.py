@@ -13,7 +13,7 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
 from services.monitor.history.tables import disagreements, intervals, lasted, presence
-from services.monitor.inventory.settling import NS
+from services.monitor.inventory.debouncing import NS
 from services.monitor.rules.loading import RuleFileError, load_rules
 from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
 from services.monitor.rules.past import FOREVER_NS, Past

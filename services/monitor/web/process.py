@@ -14,7 +14,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.access import Access
 from services.monitor.web.auth.store import UserStore, users_url
-from services.monitor.web.door import open_door, url_of
+from services.monitor.web.listener import open_listener, url_of
 
 log = logging.getLogger(__name__)
 
@@ -24,26 +24,26 @@ class Web:
     """A web server that has its port and is not serving yet. url: where the page is."""
 
     url: str
-    door: socket.socket
+    listener: socket.socket
     access: Access
 
     @classmethod
     def of(cls, settings: MonitorSettings) -> Self:
         """Take the port; raises WebError."""
-        door = open_door(settings)
-        url = url_of(door, settings)
-        if not (url.startswith("https:") or ipaddress.ip_address(door.getsockname()[0]).is_loopback):
+        listener = open_listener(settings)
+        url = url_of(listener, settings)
+        if not (url.startswith("https:") or ipaddress.ip_address(listener.getsockname()[0]).is_loopback):
             log.warning(
                 "passwords cross the network unencrypted: have a proxy with TLS before it, and name it: --web-url"
             )
-        return cls(url, door, Access(UserStore(users_url(settings.history)), settings.web_session_hours, url))
+        return cls(url, listener, Access(UserStore(users_url(settings.history)), settings.web_session_hours, url))
 
     async def run(self, monitor: Monitor) -> None:
         """Serve for ever."""
         serve = await asyncio.wrap_future(_importing_server())
         async with asyncio.TaskGroup() as group:
             group.create_task(self.access.run())
-            await serve(monitor, self.door, self.access)
+            await serve(monitor, self.listener, self.access)
 
     def notes(self) -> list[str]:
         """Say what whoever looks at the terminal should know."""

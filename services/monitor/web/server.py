@@ -38,7 +38,7 @@ class _Server(uvicorn.Server):
         yield
 
 
-async def serve(monitor: Monitor, door: socket.socket, access: Access) -> None:
+async def serve(monitor: Monitor, listener: socket.socket, access: Access) -> None:
     """Serve at a listening socket until cancelled; it is closed then."""
     app = make_application(monitor, access)
     ui.run_with(
@@ -67,7 +67,7 @@ async def serve(monitor: Monitor, door: socket.socket, access: Access) -> None:
         ws_max_size=MAX_FRAME_BYTES,
     )
     server = _Server(config)
-    serving = asyncio.ensure_future(server.serve(sockets=[door]))
+    serving = asyncio.ensure_future(server.serve(sockets=[listener]))
     try:
         await asyncio.shield(serving)
     finally:

@@ -10,8 +10,8 @@ from services.simulator.training.dataset import VIEWS, holdout_seed, write_datas
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.errors import TrainingError
 from services.simulator.training.evaluation.held_out import scored
-from services.simulator.training.evaluation.looking import CONFIDENCE, LOWEST_CONFIDENCE, Opener
 from services.simulator.training.evaluation.near import near_figures
+from services.simulator.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, PredictorLoader
 from services.simulator.training.evaluation.scenes import held_out_seeds, held_out_views
 from services.simulator.training.fitting import device_name, epochs_done, fit
 from services.simulator.training.metering import effort_so_far, metered
@@ -24,10 +24,10 @@ DRIVES: Final = 20
 FRAMES_PER_DRIVE: Final = 24
 
 
-def train(settings: TrainingSettings, progress: Progress, opener: Opener) -> None:
+def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader) -> None:
     """Make `settings.output` and the model card beside it, going on where an earlier run was interrupted.
 
-    opener: loads the weights as a detector would, to evaluate them.
+    load: loads the weights as a detector would, to evaluate them.
 
     Raises TrainingError, before anything is rendered, when the work directory belongs to a run with other settings or
     what it holds is no checkpoint, when the device is not there, and when the output cannot be written.
@@ -47,20 +47,20 @@ def train(settings: TrainingSettings, progress: Progress, opener: Opener) -> Non
         )
         write_weights(fit(settings, dataset, progress), settings.output, settings.imgsz)
     with metered(record):
-        figures = evaluate(settings, progress, opener)
+        figures = evaluate(settings, progress, load)
     settings.output.with_suffix(".md").write_text(model_card(settings, figures, effort_so_far(record)))
 
 
-def evaluate(settings: TrainingSettings, progress: Progress, opener: Opener) -> Figures:
+def evaluate(settings: TrainingSettings, progress: Progress, load: PredictorLoader) -> Figures:
     """Find out how well the weights at `settings.output` do on scenes that they were not trained on."""
-    open_at = partial(opener, settings.output, device=device_name(settings), folder=settings.work_dir / "ultralytics")
+    load_at = partial(load, settings.output, device=device_name(settings), folder=settings.work_dir / "ultralytics")
     seeds = held_out_seeds(settings.seed, settings.holdout)
     views = held_out_views(settings.work_dir, seeds, settings.workers, progress)
-    look = open_at(confidence=LOWEST_CONFIDENCE)
-    score = scored(views, look, lambda done: progress("evaluate", done, len(seeds)))
+    predict = load_at(confidence=LOWEST_CONFIDENCE)
+    score = scored(views, predict, lambda done: progress("evaluate", done, len(seeds)))
     drives = min(DRIVES, settings.holdout)
     near = near_figures(
-        open_at(confidence=CONFIDENCE),
+        load_at(confidence=CONFIDENCE),
         [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
         FRAMES_PER_DRIVE,
         lambda done: progress("drive", done, drives),

@@ -18,8 +18,8 @@ from services.detector.model import Failed, Found, ModelError, Outcome, Request
 from services.detector.runtime.loading import load, tracking
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.settings import DetectorSettings
-from services.simulator.training.evaluation.looking import Look
 from services.simulator.training.evaluation.precision import MAX_DETECTIONS
+from services.simulator.training.evaluation.predictor import Predictor
 from services.simulator.world import CLASSES
 
 NAMED: Final = 5
@@ -27,11 +27,11 @@ CAMERA: Final = CameraKey("r1", "camera")
 HEADER: Final = Header(robot="r1", camera="camera", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
 
 Follow = Callable[[Iterable[NDArray[np.uint8]], float], Sequence[Sequence[Detection]]]
-"""Finds and follows the objects in pictures that a camera takes so many of a second: `Look`, with tracks."""
+"""Finds and follows the objects in pictures that a camera takes so many of a second: `Predictor`, with tracks."""
 
 
-def open_weights(weights: Path, *, confidence: float, device: str | None, folder: Path) -> Look:
-    """Load `weights` as a detector does, for one thread; see `Opener`.
+def open_weights(weights: Path, *, confidence: float, device: str | None, folder: Path) -> Predictor:
+    """Load `weights` as a detector does, for one thread; see `PredictorLoader`.
 
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
@@ -39,11 +39,11 @@ def open_weights(weights: Path, *, confidence: float, device: str | None, folder
     settings = _settings(weights, device, confidence=confidence, max_detections=MAX_DETECTIONS)
     model = _loaded(settings, folder)
 
-    def look(image: NDArray[np.uint8]) -> Sequence[Detection]:
+    def predict(image: NDArray[np.uint8]) -> Sequence[Detection]:
         (outcome,) = model.run([Request(CAMERA, framed(image), masks=True)])
         return _objects(weights, outcome)
 
-    return look
+    return predict
 
 
 def open_follower(weights: Path, *, device: str | None, folder: Path) -> Follow:

@@ -18,7 +18,7 @@ from services.cloud.account import MALFORMED_POINTS
 from services.cloud.settings import CloudSettings
 from services.cloud.worker import Worker
 from services.geometry.joining import FLUSHED
-from services.geometry.room import CROWDED
+from services.geometry.memory_budget import CROWDED
 from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, found, load_when, placed, receive, registered, until
 
 HOUR_NS = 3_600 * 10**9

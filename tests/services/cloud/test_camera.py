@@ -14,7 +14,7 @@ from schemas.objects import ObjectClouds
 from services.cloud.account import FAILED, TOO_MANY_POINTS, Account
 from services.cloud.camera import POINTS_WAITING, Camera
 from services.cloud.measuring import Limits
-from services.geometry.room import Room
+from services.geometry.memory_budget import MemoryBudget
 from tests.gateway.ros1.waiting import until
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered
 
@@ -55,7 +55,7 @@ async def at_work(
             limits=Limits(),
             target_frame="",
             tolerance_ns=None,
-            room=Room(),
+            budget=MemoryBudget(),
         )
         async with asyncio.TaskGroup() as group:
             working = group.create_task(camera.run(FRONT, publisher.put))

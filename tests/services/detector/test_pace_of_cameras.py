@@ -14,7 +14,7 @@ from gateway.shaping.budgets import Allowance
 from schemas.budget import RateBudget
 from schemas.keys import CameraKey
 from services.detector.board import Board, Waiting
-from services.detector.sparing import Sparing
+from services.detector.thinning import Thinning
 from tests.schemas.frames import image
 
 CALL_S = 0.05
@@ -30,7 +30,7 @@ class Consumer:
     def __init__(self, spares: bool) -> None:  # noqa: FBT001 - one of two
         self._spares = spares
         self._allowance = Allowance()
-        self._sparing = Sparing()
+        self._sparing = Thinning()
         self._asked = (MOST_HZ, 0)
 
     def ask(self, hz: float | None, wait_s: float, now_ns: int) -> None:

@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 
 from services.geometry.joining import DOUBLE, FLUSHED, ITEM_BYTES, UNUSED, Joiner, NoPartner, Partner
-from services.geometry.room import CROWDED, Room
+from services.geometry.memory_budget import CROWDED, MemoryBudget
 
 MS = 1_000_000
 
@@ -55,21 +55,21 @@ def test_what_is_kept_is_bounded_by_time_and_bytes() -> None:
     old = joiner(0, 100, 200, keep_ns=150 * MS)
     assert len(old) == 2
     assert old.dropped == {UNUSED: 1}
-    large = joiner(0, 100, 200, room=Room(2 * (100 + ITEM_BYTES)))
+    large = joiner(0, 100, 200, budget=MemoryBudget(2 * (100 + ITEM_BYTES)))
     assert len(large) == 2
     assert large.dropped == {CROWDED: 1}
-    assert len(joiner(0, 100, room=Room(100 + ITEM_BYTES - 1))) == 0
+    assert len(joiner(0, 100, budget=MemoryBudget(100 + ITEM_BYTES - 1))) == 0
 
 
 def test_streams_share_the_room_and_the_one_that_holds_most_gives_way() -> None:
-    room = Room(5 * (100 + ITEM_BYTES))
-    modest, greedy = joiner(0, 100, room=room), joiner(*range(0, 1000, 100), room=room)
+    budget = MemoryBudget(5 * (100 + ITEM_BYTES))
+    modest, greedy = joiner(0, 100, budget=budget), joiner(*range(0, 1000, 100), budget=budget)
     assert (len(modest), len(greedy)) == (2, 3)
     assert (modest.dropped, greedy.dropped) == ({}, {CROWDED: 7})
-    assert room.taken == 5 * (100 + ITEM_BYTES)
+    assert budget.taken == 5 * (100 + ITEM_BYTES)
     greedy.flush()
     modest.flush()
-    assert room.taken == 0
+    assert budget.taken == 0
 
 
 def test_what_was_found_is_not_counted_as_unused() -> None:

@@ -15,7 +15,7 @@ from services.geometry.errors import (
     UnconnectedError,
     UnknownFrameError,
 )
-from services.geometry.room import CROWDED, Room
+from services.geometry.memory_budget import CROWDED, MemoryBudget
 from services.geometry.rotation import matrix_of, moved
 from services.geometry.transforms import (
     BAD_ROTATION,
@@ -263,20 +263,20 @@ def test_a_place_beyond_what_messages_carry_is_no_place() -> None:
 
 
 def test_transforms_give_way_where_there_is_no_room_the_older_half_first_and_fixed_ones_never() -> None:
-    room = Room(10 * SAMPLE_BYTES)
-    made = TransformTree(room=room)
+    budget = MemoryBudget(10 * SAMPLE_BYTES)
+    made = TransformTree(budget=budget)
     made.take(Transforms(header=header(), transforms=[said("base", "camera", 1.0)]), static=True)
     for at in range(11):
         made.take(Transforms(header=header(), transforms=[said("map", "base", at, at=at)]), static=False)
     assert made.rejected == {CROWDED: 6}
-    assert room.taken == 5 * SAMPLE_BYTES
+    assert budget.taken == 5 * SAMPLE_BYTES
     assert made.lookup("map", "camera", 6)[0, 3] == 7
     with pytest.raises(TooOldError):
         made.lookup("map", "base", 5)
 
 
 def test_a_frame_that_gave_way_as_a_whole_is_not_known_until_it_is_said_again() -> None:
-    made = TransformTree(room=Room(SAMPLE_BYTES))
+    made = TransformTree(budget=MemoryBudget(SAMPLE_BYTES))
     made.take(Transforms(header=header(), transforms=[said("map", "slow"), said("map", "base")]), static=False)
     with pytest.raises(UnknownFrameError):
         made.lookup("map", "slow", 0)
@@ -285,15 +285,15 @@ def test_a_frame_that_gave_way_as_a_whole_is_not_known_until_it_is_said_again() 
 
 
 def test_room_is_for_what_is_kept_now() -> None:
-    room = Room()
-    made = TransformTree(room=room)
+    budget = MemoryBudget()
+    made = TransformTree(budget=budget)
     for said_now in ([said("map", "base", at=S)], [said("map", "base", 1.0, at=S)], [said("odom", "base", at=3 * S)]):
         made.take(Transforms(header=header(), transforms=said_now), static=False)
-        assert room.taken == SAMPLE_BYTES
+        assert budget.taken == SAMPLE_BYTES
     made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)  # a clock jumped
-    assert room.taken == SAMPLE_BYTES
+    assert budget.taken == SAMPLE_BYTES
     made.take(Transforms(header=header(), transforms=[said("odom", "base")]), static=True)
-    assert room.taken == 0
+    assert budget.taken == 0
     made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)
     made.flush()
-    assert room.taken == 0
+    assert budget.taken == 0

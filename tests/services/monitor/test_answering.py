@@ -9,8 +9,8 @@ from schemas.inventory import InventoryAnswer, InventoryRequest
 from services.monitor import answering
 from services.monitor.answering import answer_inventory, answer_to
 from services.monitor.fleet import Fleet
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Limits
-from services.monitor.inventory.settling import Debounce
 from tests.services.monitor.inventory.seeing import S, seen
 
 

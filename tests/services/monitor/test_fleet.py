@@ -8,8 +8,8 @@ from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.fleet import MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import InventoryFullError, Limits
-from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.sighting import Sighting
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known

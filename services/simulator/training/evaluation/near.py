@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
-from services.simulator.training.evaluation.looking import Look
+from services.simulator.training.evaluation.predictor import Predictor
 from services.simulator.world import CLASSES, Camera, Drive, Rendering, Scene, Sensor, expose, generate, render
 
 NEAR_METRES: Final = 4.0
@@ -55,12 +55,12 @@ class View:
     classes: NDArray[np.int32]
 
 
-def near_figures(look: Look, seeds: Sequence[int], frames: int, report: Callable[[int], None]) -> NearFigures:
+def near_figures(predict: Predictor, seeds: Sequence[int], frames: int, report: Callable[[int], None]) -> NearFigures:
     """Drive through the scenes of `seeds`, `frames` pictures each, and ask what is near."""
     objects, named, misnamed, invented = (Counter[str]() for _ in range(4))
     for done, seed in enumerate(seeds, start=1):
         for view in near_views(seed, frames):
-            predictions = predicted(look(view.image))
+            predictions = predicted(predict(view.image))
             invented.update(found.name for found in predictions if is_invented(found, view.classes))
             for truth in view.near:
                 right, wrong = match(truth, predictions)

@@ -13,8 +13,8 @@ from schemas.alerts import Action, Alert, AlertState
 from schemas.keys import ACTIONS, ALERTS, RobotStreamKey
 from services.monitor.alerting.alerting import OFFER_S, Alerting, look_at
 from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
-from services.monitor.inventory.settling import Debounce
 from services.monitor.rules.engine import MAX_SUBJECTS, UnknownAlertError
 from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until

@@ -16,8 +16,8 @@ from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import MONITOR, Place, Presence
 from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.history.store import Store
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
-from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.sighting import ChangeKind
 from services.monitor.mapping.last_poses import LOST_NS, LastPoses
 from services.monitor.mapping.places import FORGET_NS, Places

@@ -3,7 +3,7 @@ import msgspec
 from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from services.monitor.inventory.camera import MAX_MODELS, CameraView, nearest_of
-from services.monitor.inventory.settling import Debounce
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.sighting import Change, ChangeKind
 from services.monitor.inventory.view import MAX_CLASSES
 from tests.schemas.results import distances, known, unknown

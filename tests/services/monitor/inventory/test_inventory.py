@@ -2,9 +2,9 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory import inventory as module
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, InventoryFullError, Limits
 from services.monitor.inventory.settings import InventorySettings
-from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.sighting import ChangeKind
 from tests.schemas.results import distances, known
 from tests.services.monitor.inventory.seeing import FRONT, S, seen

@@ -2,8 +2,8 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
-from services.monitor.inventory.settling import Debounce
 from services.monitor.inventory.speaking import AT_ONCE, PARTS, Speaking
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 

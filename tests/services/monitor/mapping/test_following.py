@@ -6,7 +6,7 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
-from services.monitor.looking.shared import Shared
+from services.monitor.live_views.shared import Shared
 from services.monitor.mapping.following import Robots, robots
 from services.monitor.mapping.held import HeldRobots
 from services.monitor.mapping.pose import Pose, Whereabouts

@@ -12,7 +12,7 @@ from services.monitor.page.alert_rows import (
     unattended_figure,
     wanted_alerts,
 )
-from services.monitor.page.words import NOTHING
+from services.monitor.page.formatting import NOTHING
 
 S = 1_000_000_000
 ALERT = Alert(

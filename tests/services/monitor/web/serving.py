@@ -26,7 +26,7 @@ from services.monitor.web.auth.passwords import Passwords
 from services.monitor.web.auth.people import Kind, Login, User, digest_of, new_secret
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.visitor import Role
-from services.monitor.web.door import open_door, url_of
+from services.monitor.web.listener import open_listener, url_of
 from services.monitor.web.server import serve
 
 PASSWORD: Final = "correct horse battery"  # noqa: S105 - nobody's
@@ -59,12 +59,12 @@ async def served(monitor: Monitor, role: Role = Role.OPERATOR) -> AsyncIterator[
     """Serve page and API on a free port; a user of the role is logged in."""
     nicegui_app.middleware_stack = None  # the page's application outlives each server of this process
     nicegui_app.user_middleware.clear()
-    door = open_door(monitor.settings)
-    url = url_of(door, monitor.settings)
+    listener = open_listener(monitor.settings)
+    url = url_of(listener, monitor.settings)
     with TemporaryDirectory() as made:
         folder = Path(made)
         access = await access_in(folder)
-        serving = asyncio.create_task(serve(monitor, door, access))
+        serving = asyncio.create_task(serve(monitor, listener, access))
         try:
             async with asyncio.timeout(60), httpx.AsyncClient(timeout=60) as client:
                 await client.get(f"{url}/healthz")

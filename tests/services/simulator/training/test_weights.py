@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from services.simulator.training.engine import load_ultralytics
-from services.simulator.training.evaluation.looking import CONFIDENCE
 from services.simulator.training.evaluation.near import near_figures
+from services.simulator.training.evaluation.predictor import CONFIDENCE
 from services.simulator.training.settings import WEIGHTS_FOLDER
 from services.simulator.training.weights import embedded_paths
 from services.simulator.world import CLASSES

@@ -11,14 +11,14 @@ from services.detector.model import Found, ModelError
 from services.detector.pixels import to_bgr
 from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
-from services.simulator.training.evaluation.looking import CONFIDENCE, Look
+from services.simulator.training.evaluation.predictor import CONFIDENCE, Predictor
 from services.simulator.world import CLASSES
 from services.toolbox.train.inference import framed, open_follower, open_weights
 from tests.services.detector.requests import request
 from tests.services.simulator.views import near_view
 
 
-def opened(weights: Path, folder: Path) -> Look:
+def opened(weights: Path, folder: Path) -> Predictor:
     return open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=folder)
 
 

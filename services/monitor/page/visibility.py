@@ -12,7 +12,7 @@ emitEvent('{EVENT}', !document.hidden);
 """
 
 
-class Gaze:
+class PageVisibility:
     """Follows one page; to be made while the page is built."""
 
     def __init__(self) -> None:

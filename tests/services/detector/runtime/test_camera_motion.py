@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.detector.runtime.motion import LEAST_SIDE, Motion, leap, moved
+from services.detector.runtime.camera_motion import LEAST_SIDE, Motion, leap, moved
 
 HEIGHT, WIDTH = 120, 160
 

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.monitor.inventory.settling import NS, Debounce, SettledCount
+from services.monitor.inventory.debouncing import NS, Debounce, DebouncedCount
 
 QUICK = Debounce(appear_lists=2, appear_ns=0, vanish_lists=2, vanish_ns=0)
 
 
 def settled(said: list[int], debounce: Debounce = QUICK, step_ns: int = NS) -> list[int]:
-    count = SettledCount()
+    count = DebouncedCount()
     found = []
     for number, seen in enumerate(said):
         count.advance(seen, number * step_ns, debounce)
@@ -42,14 +42,14 @@ def test_time_counts_beside_lists(step_ns: int, counts: list[int]) -> None:
 
 
 def test_the_run_is_dated_by_its_first_list() -> None:
-    count = SettledCount()
+    count = DebouncedCount()
     assert not count.advance(1, 5, QUICK)
     assert count.advance(1, 7, QUICK)
     assert count.since_ns == 5
 
 
 def test_a_clock_that_is_set_back_begins_the_run_anew() -> None:
-    count = SettledCount(1)
+    count = DebouncedCount(1)
     long = Debounce(vanish_lists=2, vanish_ns=NS)
     assert not count.advance(0, 3600 * NS, long)
     assert not count.advance(0, 0, long)

@@ -15,7 +15,7 @@ class _Said:
     unsaid: int = 0
 
 
-class SparingLog:
+class RateLimitedLog:
     """Warns of each kind of thing at most once in EVERY_S seconds, and says how often it did not.
 
     A kind is the text of a message before its arguments are filled in.

@@ -10,7 +10,7 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import Stream, StreamKey
 from schemas.objects import ObjectClouds
-from services.monitor.looking.shared import Shared
+from services.monitor.live_views.shared import Shared
 
 MOST_STREAMS: Final = 64
 """How many different streams are looked at through one monitor at the same time."""

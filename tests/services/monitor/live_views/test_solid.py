@@ -7,7 +7,7 @@ import pytest
 
 from schemas.objects import Shape, UprightBox
 from schemas.transforms import Transform
-from services.monitor.looking.solid import MOST_POINTS, frame_of, rounded, solids_of
+from services.monitor.live_views.solid import MOST_POINTS, frame_of, rounded, solids_of
 from tests.schemas.results import SHAPE, cloud, clouds
 
 UP_IN_OPTICAL = (0.0, -1.0, 0.0)

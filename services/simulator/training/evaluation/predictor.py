@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import Detection
 
-Look = Callable[[NDArray[np.uint8]], Sequence[Detection]]
+Predictor = Callable[[NDArray[np.uint8]], Sequence[Detection]]
 """Finds the objects in a height x width x 3 RGB picture, best score first, with masks of the picture's own size."""
 
 CONFIDENCE: Final = 0.25
@@ -19,10 +19,10 @@ LOWEST_CONFIDENCE: Final = 0.001
 """The lowest score asked for where a figure is over all scores."""
 
 
-class Opener(Protocol):
+class PredictorLoader(Protocol):
     """Loads a model."""
 
-    def __call__(self, weights: Path, *, confidence: float, device: str | None, folder: Path) -> Look:
+    def __call__(self, weights: Path, *, confidence: float, device: str | None, folder: Path) -> Predictor:
         """Return the way of `weights` to what they see with a score of at least `confidence`.
 
         device: in Ultralytics' words, or None for the best there is. folder: where files of its own may go.

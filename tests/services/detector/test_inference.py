@@ -15,11 +15,11 @@ from schemas import codec, keys
 from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector import looking
+from services.detector import inference
 from services.detector.account import FAILED, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, serving
-from services.detector.looking import Looking
+from services.detector.inference import Inference
 from services.detector.model import ModelError
 from services.detector.tracking import Tracking
 from tests.contract.waiting import next_of, until
@@ -42,7 +42,7 @@ class Rig:
         self.cameras: dict[CameraKey, Camera] = {}
         self.accounts = {key: Account(key) for key in CAMERAS}
         self.told: list[CameraKey] = []
-        self.looking = Looking(
+        self.inference = Inference(
             model,
             "w1",
             self.board,
@@ -61,7 +61,7 @@ class Rig:
                 self.cameras[key] = await stack.enter_async_context(serving(bus, key, self.accounts[key]))
             await until(lambda: all(camera.demand.wanted for camera in self.cameras.values()))
             async with asyncio.TaskGroup() as group:
-                task = group.create_task(self.looking.run())
+                task = group.create_task(self.inference.run())
                 yield lists
                 task.cancel()
 
@@ -99,7 +99,7 @@ async def test_newest_frames_of_different_cameras_are_one_call(bus: Bus) -> None
         rig.model.answers[1].set()
         assert [await result(lists) for _ in CAMERAS] == [(camera.camera, 2) for camera in CAMERAS]
         assert rig.told == CAMERAS
-        assert rig.looking.totals().done == 4
+        assert rig.inference.totals().done == 4
 
 
 async def test_a_batch_does_not_wait_long_for_cameras_that_send_nothing(bus: Bus) -> None:
@@ -145,16 +145,16 @@ async def test_a_frame_that_is_too_old_when_its_turn_comes_is_left_out_and_count
         rig.post(CAMERAS[0], 1, arrived_ns=1)
         await until(lambda: rig.accounts[CAMERAS[0]].dropped == {STALE: 1})
         assert not rig.model.calls
-        assert rig.looking.totals().lost == 1
+        assert rig.inference.totals().lost == 1
 
 
 async def test_what_is_under_way_of_a_camera_can_be_waited_for(bus: Bus) -> None:
     rig = Rig(ToldModel())
     async with rig.running(bus) as lists:
-        await rig.looking.settled(CAMERAS[0])
+        await rig.inference.settled(CAMERAS[0])
         rig.post(CAMERAS[0], 1)
         await rig.called(1)
-        settled = asyncio.create_task(rig.looking.settled(CAMERAS[0]))
+        settled = asyncio.create_task(rig.inference.settled(CAMERAS[0]))
         await asyncio.sleep(0)
         assert not settled.done()
         rig.model.answers[0].set()
@@ -233,7 +233,7 @@ async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
 
 
 async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(looking, "WATCH_S", 0.005)
+    monkeypatch.setattr(inference, "WATCH_S", 0.005)
     rig = Rig(ToldModel())
 
     async def wait_for_it() -> None:
@@ -253,5 +253,5 @@ async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.
 
 
 def test_frames_of_a_jittery_link_are_not_too_old_for_a_quick_model() -> None:
-    assert Rig(ToldModel(), max_age_s=None).looking._limit_ns == 80_000_000
-    assert Rig(ToldModel(), max_age_s=0.01).looking._limit_ns == 10_000_000
+    assert Rig(ToldModel(), max_age_s=None).inference._limit_ns == 80_000_000
+    assert Rig(ToldModel(), max_age_s=0.01).inference._limit_ns == 10_000_000

@@ -7,10 +7,10 @@ from nicegui import ui
 
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
-from services.monitor.page.words import NS, lasting
+from services.monitor.page.formatting import NS, lasting
 
 
-class Itself:
+class MonitorHealth:
     """A list of what a monitor says of itself."""
 
     def __init__(self, monitor: Monitor) -> None:

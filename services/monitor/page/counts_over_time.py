@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from services.monitor.history.intervals import Interval
-from services.monitor.page.words import NS
+from services.monitor.page.formatting import NS
 
 MAX_LINES: Final = 8
 """Classes in one chart; those with the most in view are shown."""

@@ -1,5 +1,5 @@
 from bus.fake import FakeNetwork
-from services.monitor.page.itself import facts
+from services.monitor.page.monitor_health import facts
 from tests.services.monitor.web.serving import monitor_on
 
 S = 1_000_000_000

@@ -1,7 +1,7 @@
 """Everything that people look at through one monitor."""
 
 from bus import Bus
-from services.monitor.looking.newest import clouds, pictures
+from services.monitor.live_views.newest import clouds, pictures
 from services.monitor.mapping.following import robots
 from services.monitor.mapping.last_poses import LastPoses
 

@@ -16,7 +16,7 @@ class Debounce:
     vanish_ns: int = NS
 
 
-class SettledCount:
+class DebouncedCount:
     """How many objects of one class are in view, moved only by lists that agree.
 
     While lists in a row say more than `count`, the least that they all say is taken once they are enough; the same

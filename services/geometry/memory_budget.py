@@ -1,9 +1,9 @@
-"""Room in memory that several holders share: whoever holds most gives way. Pure."""
+"""Memory that several holders share: whoever holds most gives way. Pure."""
 
 from typing import Final, Protocol
 
 MIB: Final = 1024 * 1024
-ROOM_BYTES: Final = 512 * MIB
+MEMORY_BYTES: Final = 512 * MIB
 
 CROWDED: Final = "no room for more"
 
@@ -12,13 +12,13 @@ class Holder(Protocol):
     """Who keeps something."""
 
     def shed(self) -> None:
-        """Let go of some of what is kept, the oldest first, and say so to the room."""
+        """Let go of some of what is kept, the oldest first, and say so to the budget."""
 
 
-class Room:
+class MemoryBudget:
     """So many bytes, for all of its holders together."""
 
-    def __init__(self, most_bytes: int = ROOM_BYTES) -> None:
+    def __init__(self, most_bytes: int = MEMORY_BYTES) -> None:
         self._most = most_bytes
         self._held: dict[Holder, int] = {}
         self.taken = 0

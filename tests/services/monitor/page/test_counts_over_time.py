@@ -3,7 +3,7 @@ from hypothesis import strategies as st
 
 from schemas.keys import CameraKey
 from services.monitor.history.intervals import Interval
-from services.monitor.page.counting import BUCKETS, MAX_LINES, counts_over_time
+from services.monitor.page.counts_over_time import BUCKETS, MAX_LINES, counts_over_time
 
 S = 1_000_000_000
 

@@ -1,8 +1,8 @@
 import pytest
 from backports import zstd
 
+from services.geometry.decompression import decompressed
 from services.geometry.errors import PayloadError
-from services.geometry.payload import decompressed
 
 DATA = bytes(range(100))
 

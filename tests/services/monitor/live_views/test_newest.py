@@ -10,7 +10,7 @@ from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
-from services.monitor.looking.newest import Newest, clouds, pictures
+from services.monitor.live_views.newest import Newest, clouds, pictures
 from tests.schemas.frames import header, image
 from tests.schemas.results import clouds as object_clouds
 

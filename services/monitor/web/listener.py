@@ -8,7 +8,7 @@ from services.monitor.web.errors import WebError
 from services.monitor.web.settings import WebSettings
 
 
-def open_door(settings: WebSettings) -> socket.socket:
+def open_listener(settings: WebSettings) -> socket.socket:
     """Listen where the settings say.
 
     Raises:
@@ -20,20 +20,20 @@ def open_door(settings: WebSettings) -> socket.socket:
             settings.web_host, settings.web_port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
         family, _, _, _, address = found[0]
-        door = socket.create_server((str(address[0]), int(address[1])), family=family)
+        listener = socket.create_server((str(address[0]), int(address[1])), family=family)
     except (OSError, UnicodeError) as error:
         number = error.errno if isinstance(error, OSError) else None
         reason = os.strerror(number) if number is not None and number > 0 else str(error)
         raise WebError(f"{where}: {reason}; another --web-port, or --no-web, lets it start") from error
-    door.setblocking(False)  # noqa: FBT003 - the standard library's
-    return door
+    listener.setblocking(False)  # noqa: FBT003 - the standard library's
+    return listener
 
 
-def url_of(door: socket.socket, settings: WebSettings) -> str:
+def url_of(listener: socket.socket, settings: WebSettings) -> str:
     """Return the address to write into a browser's bar, without a slash at its end."""
     if settings.web_url is not None:
         return str(settings.web_url).rstrip("/")
-    host, port = door.getsockname()[:2]
+    host, port = listener.getsockname()[:2]
     if ipaddress.ip_address(host).is_unspecified:
         host = socket.gethostname()
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"

@@ -2,12 +2,12 @@ import logging
 
 import pytest
 
-from gateway.sparing_log import EVERY_S, SparingLog
+from gateway.rate_limited_log import EVERY_S, RateLimitedLog
 
 
 def test_a_kind_is_said_once_in_a_while_with_how_often_it_was_not(caplog: pytest.LogCaptureFixture) -> None:
     now_s = 100.0
-    log = SparingLog(logging.getLogger("test"), lambda: now_s)
+    log = RateLimitedLog(logging.getLogger("test"), lambda: now_s)
     for frame in range(4):
         log.warning("%s: left out: %s", "/front", frame)
     log.warning("%s: 100 %% refused", "/front")

@@ -14,8 +14,8 @@ from schemas.compression import JPEG, PNG
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
-from services.monitor.looking.newest import OVERLAYS, Newest, Pictures
-from services.monitor.looking.shared import CrowdedError
+from services.monitor.live_views.newest import OVERLAYS, Newest, Pictures
+from services.monitor.live_views.shared import CrowdedError
 from services.monitor.web.auth.visitor import Visitor, visitor_of
 
 PATH: Final = "/pictures/{robot}/{camera}/{stream:path}"
@@ -48,7 +48,7 @@ START: Final[Message] = {
 }
 
 
-class MotionPictures:
+class MjpegStreams:
     """Answers requests for a camera's overlay, each for as long as the browser takes it. An ASGI application.
 
     The route's parameters are robot, camera and stream. The overlay is looked at from the request to the end of the

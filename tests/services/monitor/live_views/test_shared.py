@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from services.monitor.looking.shared import CrowdedError, Shared
+from services.monitor.live_views.shared import CrowdedError, Shared
 
 
 class Following:

@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class SentFrame:
     """A frame on its way through the model, and how long it had waited by then. settled: set once that is over."""
 
     camera: Camera
@@ -48,7 +48,7 @@ class Look:
     settled: Event = field(default_factory=Event)
 
 
-class Looking:
+class Inference:
     """Takes frames from the board while there is room in the model, and publishes what comes out, in that order.
 
     tracking: follows objects while somebody wants their tracks. cameras: those looked after now. max_age_s: how old a
@@ -76,8 +76,8 @@ class Looking:
         self._max_age_s = max_age_s
         self._on_result = on_result
         self._room = Semaphore(model.in_flight)
-        self._under_way: Queue[tuple[Sequence[Look], Task[Sequence[Outcome]]]] = Queue(model.in_flight)
-        self._seen: Queue[Sequence[tuple[Look, Found | None]]] = Queue(1)
+        self._under_way: Queue[tuple[Sequence[SentFrame], Task[Sequence[Outcome]]]] = Queue(model.in_flight)
+        self._seen: Queue[Sequence[tuple[SentFrame, Found | None]]] = Queue(1)
         self._last: dict[CameraKey, Event] = {}
         self._calls = 0
         self._call_s = 0.0
@@ -113,31 +113,31 @@ class Looking:
             await self._room.acquire()
             while not (batch := await self._batch()):
                 pass
-            self._last.update((look.request.camera, look.settled) for look in batch)
-            call = group.create_task(self._call([look.request for look in batch]))
+            self._last.update((sent.request.camera, sent.settled) for sent in batch)
+            call = group.create_task(self._call([sent.request for sent in batch]))
             self._under_way.put_nowait((batch, call))
 
-    async def _batch(self) -> list[Look]:
+    async def _batch(self) -> list[SentFrame]:
         wished = sum(camera.demand.wanted for camera in self._cameras.values())
         await self._board.filled(min(self._model.max_batch, wished), PATIENCE_S)
         now_ns = time.time_ns()
         for key in self._board.expire(now_ns, self._limit_ns):
             self._accounts[key].dropped[STALE] += 1
-        looks = (self._look(key, waiting, now_ns) for key, waiting in self._board.take(self._model.max_batch))
-        return [look for look in looks if look is not None]
+        frames = (self._sent_frame(key, waiting, now_ns) for key, waiting in self._board.take(self._model.max_batch))
+        return [frame for frame in frames if frame is not None]
 
     @property
     def _limit_ns(self) -> int:
         default_s = max(self._call_s + SPARE_S, LEAST_AGE_S)
         return round((default_s if self._max_age_s is None else self._max_age_s) * 1e9)
 
-    def _look(self, key: CameraKey, waiting: Waiting, now_ns: int) -> Look | None:
+    def _sent_frame(self, key: CameraKey, waiting: Waiting, now_ns: int) -> SentFrame | None:
         camera = self._cameras.get(key)
         if camera is None or not camera.demand.wanted:
             self._accounts[key].dropped[UNWANTED] += 1
             return None
         request = Request(key, waiting.frame, camera.wants_masks)
-        return Look(camera, max(0, now_ns - waiting.arrived_ns), request)
+        return SentFrame(camera, max(0, now_ns - waiting.arrived_ns), request)
 
     async def _call(self, requests: Sequence[Request]) -> Sequence[Outcome]:
         begun_s = time.monotonic()
@@ -168,42 +168,42 @@ class Looking:
         while True:
             batch, call = await self._under_way.get()
             outcomes = await call
-            seen = [(look, self._counted(look, outcome)) for look, outcome in zip(batch, outcomes, strict=True)]
-            for look, found in seen:
+            seen = [(sent, self._counted(sent, outcome)) for sent, outcome in zip(batch, outcomes, strict=True)]
+            for sent, found in seen:
                 if found is not None:
-                    look.camera.publish_classes(self._detections(look, found))
+                    sent.camera.publish_classes(self._detections(sent, found))
             self._room.release()
             await self._seen.put(seen)
 
     async def _publish_objects(self) -> None:
         while True:
-            for look, found in await self._seen.get():
+            for sent, found in await self._seen.get():
                 if found is not None:
-                    await self._publish_found(look, found)
-                look.settled.set()
-                if self._last.get(look.request.camera) is look.settled:
-                    del self._last[look.request.camera]
+                    await self._publish_found(sent, found)
+                sent.settled.set()
+                if self._last.get(sent.request.camera) is sent.settled:
+                    del self._last[sent.request.camera]
 
-    async def _publish_found(self, look: Look, found: Found) -> None:
-        if self._tracking is not None and look.camera.wants_tracks:
-            found = await self._tracking.follow(look.request, found)
-        look.camera.publish_objects(self._detections(look, found), look.request.frame)
-        self._on_result(look.camera.key)
+    async def _publish_found(self, sent: SentFrame, found: Found) -> None:
+        if self._tracking is not None and sent.camera.wants_tracks:
+            found = await self._tracking.follow(sent.request, found)
+        sent.camera.publish_objects(self._detections(sent, found), sent.request.frame)
+        self._on_result(sent.camera.key)
 
-    def _counted(self, look: Look, outcome: Outcome) -> Found | None:
+    def _counted(self, sent: SentFrame, outcome: Outcome) -> Found | None:
         """Count a frame, and return what was found in it."""
-        account, header = look.camera.account, look.request.frame.header
+        account, header = sent.camera.account, sent.request.frame.header
         self._done += 1
         if isinstance(outcome, Found):
             account.inferred += 1
             return outcome
         account.dropped[outcome.reason] += 1
         text = "%s: frame %d of gateway %s left out, %s: %r"
-        log.warning(text, look.camera.key, header.seq, header.boot_id, outcome.reason, outcome.error)
+        log.warning(text, sent.camera.key, header.seq, header.boot_id, outcome.reason, outcome.error)
         return None
 
-    def _detections(self, look: Look, found: Found) -> Detections:
-        frame = look.request.frame
+    def _detections(self, sent: SentFrame, found: Found) -> Detections:
+        frame = sent.request.frame
         return Detections(
             header=frame.header,
             height=frame.height,
@@ -211,5 +211,5 @@ class Looking:
             objects=found.objects,
             model=self._model.name,
             worker=self._worker,
-            spans={"queue": look.queue_ns, **found.spans},
+            spans={"queue": sent.queue_ns, **found.spans},
         )

@@ -4,7 +4,7 @@ import pytest
 
 from schemas.keys import CameraKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
-from services.monitor.looking.reasons import LATE, WAITING, Facts, serving, why_nothing
+from services.monitor.live_views.reasons import LATE, WAITING, Facts, serving, why_nothing
 
 FRONT = CameraKey("r1", "front")
 LOAD = CameraLoad(robot="r1", camera="front", inferred=1, serving=True)
