@@ -1,4 +1,4 @@
-"""The fleet now, of which is painted what somebody looks at and nothing else. Pure."""
+"""The fleet now, of which is made what somebody looks at and nothing else. Pure."""
 
 from bisect import bisect_left
 from collections import defaultdict
@@ -10,7 +10,7 @@ from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet, Row
 from services.monitor.inventory.debouncing import NS
-from services.monitor.picture import CameraLine, Picture, RobotLine, WorkerLine
+from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 from services.monitor.troubles import problems_of
 
 SILENT_NS: Final = 3 * NS
@@ -47,7 +47,7 @@ class Workers:
 
 
 class Glance:
-    """The fleet at `now_ns` (epoch), which is `now_s` on a steady clock. What is painted later shows what came later.
+    """The fleet at `now_ns` (epoch), which is `now_s` on a steady clock. What is made later shows what came later.
 
     robots: all that were ever heard of, by name. cameras: the same, by robot and name.
     """
@@ -87,7 +87,7 @@ class Glance:
         return count
 
     def camera(self, key: CameraKey) -> CameraLine:
-        """Paint a camera."""
+        """Return all that is shown of a camera."""
         dropped = _drops_of(self.fleet.gateways.get(key.robot), key.camera)
         for worker, load in self.workers.loads(key):
             _add(dropped, worker.name, load.dropped)
@@ -95,11 +95,11 @@ class Glance:
         return CameraLine(self.row(key), 0 if view is None else view.last_ns, dropped, self.workers.serving(key))
 
     def robot(self, name: str) -> RobotLine:
-        """Paint a robot."""
+        """Return all that is shown of a robot."""
         return self.robot_of(name, [self.camera(key) for key in self.cameras_of(name)])
 
     def robot_of(self, name: str, cameras: Sequence[CameraLine]) -> RobotLine:
-        """Paint a robot whose cameras are painted."""
+        """Return all that is shown of a robot, whose cameras are made already."""
         gateway = self.fleet.gateways.get(name)
         dropped = _drops_of(gateway, "")
         if gateway is not None:
@@ -121,8 +121,8 @@ class Glance:
         )
 
 
-class Painting:
-    """A picture of everything while it is made, so that others get their turn in between."""
+class SnapshotMaker:
+    """Makes a snapshot of everything step by step, so that others get their turn in between."""
 
     def __init__(self, glance: Glance) -> None:
         self._glance = glance
@@ -137,9 +137,9 @@ class Painting:
             self._robots.append(self._glance.robot_of(name, cameras))
             yield
 
-    def picture(self) -> Picture:
+    def snapshot(self) -> Snapshot:
         """Return it, once all steps are done."""
-        return Picture(self._glance.now_ns, tuple(self._robots), tuple(self._cameras), self._glance.workers.lines)
+        return Snapshot(self._glance.now_ns, tuple(self._robots), tuple(self._cameras), self._glance.workers.lines)
 
 
 def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:

@@ -10,19 +10,19 @@ from schemas.alerts import Alert, AlertState
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.fleet import Fleet
-from services.monitor.glance import Glance, Painting, Workers
+from services.monitor.glance import Glance, SnapshotMaker, Workers
 from services.monitor.health import Health
 from services.monitor.history.acts import Act
 from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import Entry
-from services.monitor.picture import Picture
 from services.monitor.recent import Recent
 from services.monitor.settings import MonitorSettings
+from services.monitor.snapshot import Snapshot
 from services.monitor.turns import in_turns
 
 MAX_AGE_S: Final = 0.5
-"""How old a picture may be; so many people may look as want to."""
+"""How old a snapshot may be; so many people may look as want to."""
 
 MAX_READ_AGE_S: Final = 2.0
 """How old what another monitor wrote may be."""
@@ -35,7 +35,7 @@ NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertS
 class Monitor:
     """Everything a running monitor has. started_ns: when it began, epoch nanoseconds.
 
-    What is made of the whole fleet (`picture`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
+    What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
     """
 
     settings: MonitorSettings
@@ -48,12 +48,12 @@ class Monitor:
     health: Health
     started_ns: int = field(default_factory=time.time_ns)
     _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
-    _picture: Recent[Picture] = field(init=False, repr=False)
+    _snapshot: Recent[Snapshot] = field(init=False, repr=False)
     _inventory: Recent[tuple[Entry, ...]] = field(init=False, repr=False)
     _others: Recent[Sequence[Alert]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._picture = Recent(self._paint, MAX_AGE_S)
+        self._snapshot = Recent(self._make_snapshot, MAX_AGE_S)
         self._inventory = Recent(self._list, MAX_AGE_S)
         self._others = Recent(self._read_alerts, MAX_READ_AGE_S)
 
@@ -68,9 +68,9 @@ class Monitor:
             self._workers = now_s, Workers(self.fleet, time.time_ns())
         return self._workers[1]
 
-    async def picture(self) -> Picture:
+    async def snapshot(self) -> Snapshot:
         """Return all robots, cameras and workers: of thousands, tenths of a second's work."""
-        return await self._picture.get()
+        return await self._snapshot.get()
 
     async def inventory(self) -> tuple[Entry, ...]:
         """Return what is or was in view of every camera, by robot, camera and class."""
@@ -114,11 +114,11 @@ class Monitor:
         self.history.act(Act(alert.id, AlertState(alert.state), by, time.time_ns()))
         return alert
 
-    async def _paint(self) -> Picture:
-        painting = Painting(self.glance())
-        async for _ in in_turns(painting.steps()):
+    async def _make_snapshot(self) -> Snapshot:
+        maker = SnapshotMaker(self.glance())
+        async for _ in in_turns(maker.steps()):
             pass
-        return painting.picture()
+        return maker.snapshot()
 
     async def _list(self) -> tuple[Entry, ...]:
         return tuple([entry async for entry in in_turns(self.fleet.inventory.entries(time.time_ns()))])

@@ -1,4 +1,4 @@
-"""Workers and gateways as rows of the health page. Pure: all of it is made of a picture."""
+"""Workers and gateways as rows of the health page. Pure: all of it is made of a snapshot."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -7,7 +7,7 @@ from typing import Any, Final
 from schemas.status import StreamStatus, WorkerStatus
 from services.monitor.page.formatting import NOTHING, NS, ago, brief, iso, rate_text
 from services.monitor.page.robots import Robot, RobotState
-from services.monitor.picture import WorkerLine
+from services.monitor.snapshot import WorkerLine
 
 MAX_SHOWN: Final = 12
 """Cameras of a worker, and streams of a gateway, that are shown."""

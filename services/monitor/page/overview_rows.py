@@ -5,7 +5,7 @@ from typing import Any, Final
 from services.monitor.page.formatting import age_text, ago, iso, plural, rate_text
 from services.monitor.page.health_rows import dropped_cells
 from services.monitor.page.robots import Robot, RobotState
-from services.monitor.picture import CameraLine
+from services.monitor.snapshot import CameraLine
 
 MAX_CAMERAS: Final = 8
 """Cameras of one robot that are shown."""

@@ -1,4 +1,4 @@
-"""How robots are, at a glance for all of them, and painted for those that are shown. Pure."""
+"""How robots are, at a glance for all of them, and in full for those that are shown. Pure."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from schemas.keys import CameraKey
 from services.monitor.fleet import Row
 from services.monitor.glance import Glance
 from services.monitor.page.formatting import NS, lasting, natural
-from services.monitor.picture import CameraLine, RobotLine
+from services.monitor.snapshot import CameraLine, RobotLine
 from services.monitor.troubles import problems_of
 
 QUIET_NS: Final = 5 * NS

@@ -11,7 +11,7 @@ from prometheus_client.registry import Collector
 
 from schemas.alerts import Severity
 from services.monitor.monitor import Monitor
-from services.monitor.picture import CameraLine, Picture, RobotLine, WorkerLine
+from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 
 MAX_LABELLED: Final = 5_000
 """Robots, and cameras, that have series of their own; the first by name."""
@@ -25,32 +25,32 @@ CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 async def metrics_of(monitor: Monitor) -> bytes:
     """Return everything in Prometheus's text format."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Seen(monitor, await monitor.picture()))
+    registry.register(_Seen(monitor, await monitor.snapshot()))
     return await asyncio.to_thread(generate_latest, registry)
 
 
 class _Seen(Collector):
     """The metrics of one moment; what changes while they are written is taken beforehand."""
 
-    def __init__(self, monitor: Monitor, picture: Picture) -> None:
-        self._monitor = list(_of_monitor(monitor, picture))
-        self._picture = picture
+    def __init__(self, monitor: Monitor, snapshot: Snapshot) -> None:
+        self._monitor = list(_of_monitor(monitor, snapshot))
+        self._snapshot = snapshot
 
     def collect(self) -> Iterator[Metric]:
         """Yield them."""
         yield from self._monitor
-        yield from _of_robots(self._picture.robots[:MAX_LABELLED])
-        yield from _of_cameras(self._picture.cameras[:MAX_LABELLED])
-        yield from _of_workers(self._picture.workers[:MAX_LABELLED])
+        yield from _of_robots(self._snapshot.robots[:MAX_LABELLED])
+        yield from _of_cameras(self._snapshot.cameras[:MAX_LABELLED])
+        yield from _of_workers(self._snapshot.workers[:MAX_LABELLED])
 
 
-def _of_monitor(monitor: Monitor, picture: Picture) -> Iterator[Metric]:
+def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     history = monitor.history.status
-    yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of.", len(picture.robots))
-    yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in picture.robots))
-    yield GaugeMetricFamily("fleetsight_cameras", "Cameras ever heard of.", len(picture.cameras))
+    yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of.", len(snapshot.robots))
+    yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in snapshot.robots))
+    yield GaugeMetricFamily("fleetsight_cameras", "Cameras ever heard of.", len(snapshot.cameras))
     yield GaugeMetricFamily(
-        "fleetsight_unlabelled", "Robots and cameras over the limit for series of their own.", _over(picture)
+        "fleetsight_unlabelled", "Robots and cameras over the limit for series of their own.", _over(snapshot)
     )
     yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
     yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)
@@ -125,5 +125,5 @@ def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
     yield from (online, info, serves, inferred, dropped)
 
 
-def _over(picture: Picture) -> int:
-    return sum(max(0, len(each) - MAX_LABELLED) for each in (picture.robots, picture.cameras, picture.workers))
+def _over(snapshot: Snapshot) -> int:
+    return sum(max(0, len(each) - MAX_LABELLED) for each in (snapshot.robots, snapshot.cameras, snapshot.workers))

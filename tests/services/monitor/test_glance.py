@@ -1,7 +1,7 @@
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.glance import SILENT_NS, Glance, Painting, Workers
-from services.monitor.picture import Picture
+from services.monitor.glance import SILENT_NS, Glance, SnapshotMaker, Workers
+from services.monitor.snapshot import Snapshot
 from tests.services.monitor.web.api.seeing import ODD, fill
 
 
@@ -9,22 +9,22 @@ def glance(fleet: Fleet, now_ns: int = 0) -> Glance:
     return Glance(fleet, Workers(fleet, now_ns), now_ns, 0.0)
 
 
-def picture(fleet: Fleet, now_ns: int) -> Picture:
-    painting = Painting(glance(fleet, now_ns))
-    for _ in painting.steps():
+def snapshot(fleet: Fleet, now_ns: int) -> Snapshot:
+    maker = SnapshotMaker(glance(fleet, now_ns))
+    for _ in maker.steps():
         pass
-    return painting.picture()
+    return maker.snapshot()
 
 
 def test_an_empty_fleet_is_an_empty_picture() -> None:
-    assert picture(Fleet("clock"), 5) == Picture(5, (), (), ())
+    assert snapshot(Fleet("clock"), 5) == Snapshot(5, (), (), ())
 
 
 def test_who_serves_and_what_was_dropped_is_with_the_camera_and_its_robot() -> None:
     fleet = Fleet("clock")
     fill(fleet)
     heard_ns = fleet.heard_ns["r1"]
-    now = picture(fleet, heard_ns)
+    now = snapshot(fleet, heard_ns)
     (first, lost), (camera, _), (worker,) = now.robots, now.cameras, now.workers
     assert camera.dropped == {f"gateway: {ODD}": 4, "detector/w1: late": 2}
     assert first.dropped == {**camera.dropped, "gateway: w": 1}
@@ -42,8 +42,8 @@ def test_a_worker_that_says_nothing_serves_nobody() -> None:
     fleet = Fleet("clock")
     fill(fleet)
     heard_ns = fleet.worker_heard_ns["detector", "w1"]
-    assert picture(fleet, heard_ns + SILENT_NS).workers[0].online
-    later = picture(fleet, heard_ns + SILENT_NS + 1)
+    assert snapshot(fleet, heard_ns + SILENT_NS).workers[0].online
+    later = snapshot(fleet, heard_ns + SILENT_NS + 1)
     assert (later.workers[0].online, later.workers[0].serves, later.cameras[0].served_by) == (False, (), ())
 
 
@@ -51,7 +51,7 @@ def test_a_robot_that_is_painted_alone_is_as_it_is_in_the_picture() -> None:
     fleet = Fleet("clock")
     fill(fleet)
     now_ns = fleet.heard_ns["r1"]
-    whole, some = picture(fleet, now_ns), glance(fleet, now_ns)
+    whole, some = snapshot(fleet, now_ns), glance(fleet, now_ns)
     assert tuple(some.robot(name) for name in some.robots) == whole.robots
     assert tuple(some.camera(key) for key in some.cameras) == whole.cameras
     assert some.drops("r1", some.cameras_of("r1")) == sum(whole.robots[0].dropped.values()) == 7
@@ -77,12 +77,12 @@ def test_a_robot_of_before_a_restart_was_seen_last_when_it_was_there_until_it_sa
     fleet = Fleet("clock")
     fleet.inventory.recall({("r1", ""): 5, ("r2", ""): 7}, 0)
     fill(fleet)
-    painted = {robot.name: robot for robot in picture(fleet, 9).robots}
+    painted = {robot.name: robot for robot in snapshot(fleet, 9).robots}
     assert (painted["r2"].online, painted["r2"].last_ns) == (False, 7)
     assert painted["r1"].last_ns >= fleet.heard_ns["r1"]
     fleet = Fleet("clock")
     fleet.inventory.recall({("r1", ""): 5}, 6)
-    assert [(robot.name, robot.online, robot.last_ns) for robot in picture(fleet, 9).robots] == [("r1", False, 5)]
+    assert [(robot.name, robot.online, robot.last_ns) for robot in snapshot(fleet, 9).robots] == [("r1", False, 5)]
 
 
 def test_workers_of_a_service_are_those_that_are_there() -> None:

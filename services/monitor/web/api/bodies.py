@@ -7,7 +7,7 @@ import msgspec
 from fastapi import Response
 
 from services.monitor.inventory.inventory import Entry
-from services.monitor.picture import CameraLine, RobotLine
+from services.monitor.snapshot import CameraLine, RobotLine
 from services.monitor.web.api.models import known_moment, moment
 
 Body = dict[str, Any]

@@ -12,8 +12,8 @@ from services.monitor.history.acts import Act
 from services.monitor.history.errors import HistoryError
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import MAX_AGE_S, Monitor
-from services.monitor.picture import CameraLine, RobotLine, WorkerLine
 from services.monitor.recent import Recent
+from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 from services.monitor.turns import in_turns
 from services.monitor.web.api.bodies import camera_body, encoded, robot_body, sighting_body
 from services.monitor.web.api.models import alert_answer, gateway_answer, moment, worker_answer
@@ -68,9 +68,9 @@ class Feed:
     async def _found(self, topic: Topic) -> Iterable[Found]:
         match topic:
             case "robots":
-                return map(_of_robot, (await self._monitor.picture()).robots)
+                return map(_of_robot, (await self._monitor.snapshot()).robots)
             case "cameras":
-                return map(_of_camera, (await self._monitor.picture()).cameras)
+                return map(_of_camera, (await self._monitor.snapshot()).cameras)
             case "inventory":
                 return map(_of_entry, await self._monitor.inventory())
             case "alerts":
@@ -78,7 +78,7 @@ class Feed:
             case "workers":
                 return map(_of_worker, self._monitor.workers().lines)
             case "gateways":
-                robots = (await self._monitor.picture()).robots
+                robots = (await self._monitor.snapshot()).robots
                 return (_of_gateway(robot, robot.gateway) for robot in robots if robot.gateway is not None)
 
     def _of_alerts(self, alerts: Iterable[Alert]) -> Iterator[Found]:

@@ -1,4 +1,4 @@
-"""Routes about the fleet now: robots, cameras, what is in view, gateways, workers. Only what is answered is painted."""
+"""Routes about the fleet now: robots, cameras, what is in view, gateways, workers. Only what is answered is made."""
 
 import time
 from typing import Final
@@ -8,7 +8,7 @@ from fastapi import APIRouter, Response
 from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
-from services.monitor.picture import WorkerLine
+from services.monitor.snapshot import WorkerLine
 from services.monitor.turns import in_turns
 from services.monitor.web.api.bodies import camera_body, page_response, robot_body, sighting_body
 from services.monitor.web.api.models import (

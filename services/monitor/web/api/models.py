@@ -10,7 +10,7 @@ from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import GatewayStatus
 from services.monitor.history.acts import Act
 from services.monitor.history.intervals import Interval
-from services.monitor.picture import WorkerLine
+from services.monitor.snapshot import WorkerLine
 from services.monitor.web.auth.visitor import Role
 
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)

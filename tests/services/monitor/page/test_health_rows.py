@@ -2,7 +2,7 @@ from dataclasses import replace
 
 from schemas.status import StreamStatus
 from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, gateway_row, worker_row
-from tests.services.monitor.page.picturing import NOW, S, camera, robot, shown, worker
+from tests.services.monitor.page.shown import NOW, S, camera, robot, shown, worker
 
 COLOR = StreamStatus(
     camera="front",

@@ -1,5 +1,5 @@
 from services.monitor.page.overview_rows import MAX_CAMERAS, robot_row
-from tests.services.monitor.page.picturing import NOW, S, camera, robot, shown
+from tests.services.monitor.page.shown import NOW, S, camera, robot, shown
 
 
 def test_a_robot_that_is_gone_says_since_when_and_its_cameras_are_not_live() -> None:

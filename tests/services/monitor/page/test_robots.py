@@ -1,7 +1,7 @@
 import pytest
 
 from services.monitor.page.robots import QUIET_NS, RobotState, in_natural_order, standing
-from tests.services.monitor.page.picturing import NOW, camera, robot
+from tests.services.monitor.page.shown import NOW, camera, robot
 
 
 def test_a_robot_whose_cameras_speak_is_online() -> None:

@@ -7,7 +7,7 @@ from services.monitor.glance import Glance, Workers
 from services.monitor.page.robots import RobotState, robot_of, standings_of
 from services.monitor.page.survey import Survey, Wanted
 from tests.services.monitor.inventory.seeing import seen as class_list
-from tests.services.monitor.page.picturing import NOW
+from tests.services.monitor.page.shown import NOW
 
 NOW_S = 100.0
 
@@ -88,6 +88,6 @@ def test_a_robot_is_counted_as_what_it_is_shown_as() -> None:
     made = fleet()
     glance = Glance(made, Workers(made, NOW), NOW, NOW_S)
     for each in standings_of(glance):
-        painted = robot_of(glance, each.name)
-        assert (painted.state, painted.line.last_ns, painted.line.rate_hz) == (each.state, each.last_ns, each.rate_hz)
-        assert painted.line.age_s == each.age_s
+        shown = robot_of(glance, each.name)
+        assert (shown.state, shown.line.last_ns, shown.line.rate_hz) == (each.state, each.last_ns, each.rate_hz)
+        assert shown.line.age_s == each.age_s

@@ -12,7 +12,7 @@ async def test_nothing_is_made_that_nobody_asked_for() -> None:
         fill(monitor.fleet)
         _, found = await Feed(monitor).current(["workers", "alerts"])
         assert {topic: list(items) for topic, items in found.items()} == {"workers": [("detector", "w1")], "alerts": []}
-        assert monitor._picture._made is None
+        assert monitor._snapshot._made is None
         assert monitor._inventory._made is None
 
 
@@ -26,7 +26,7 @@ async def test_what_is_no_news_stays_the_same_item() -> None:
         see(monitor.fleet, 2, 1)
         for recent in feed._recent.values():
             recent._made = None
-        monitor._picture._made = monitor._inventory._made = None
+        monitor._snapshot._made = monitor._inventory._made = None
         _, then = await feed.current(TOPICS)
         assert then["cameras"]["r1", "front"] is not first["cameras"]["r1", "front"]
         assert then["cameras"]["r2", "front"] is first["cameras"]["r2", "front"]

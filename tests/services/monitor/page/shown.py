@@ -7,7 +7,7 @@ from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
 from services.monitor.fleet import Age, Row
 from services.monitor.page.robots import Robot, standing
-from services.monitor.picture import CameraLine, RobotLine, WorkerLine
+from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 
 S = 1_000_000_000
 NOW = 1_000 * S

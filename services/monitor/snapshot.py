@@ -67,7 +67,7 @@ class WorkerLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class Snapshot:
     """Everything at `now_ns`, robots, cameras and workers by name."""
 
     now_ns: int
