@@ -16,6 +16,7 @@ from services.monitor.history.acts import Act
 from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import Entry
+from services.monitor.mapping.floor_plan import FloorPlan
 from services.monitor.recent import Recent
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import Snapshot
@@ -33,7 +34,7 @@ NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertS
 
 @dataclass(slots=True, eq=False)
 class Monitor:
-    """Everything a running monitor has. started_ns: when it began, epoch nanoseconds.
+    """Everything a running monitor has. floor_plan: what the map is drawn on. started_ns: when it began, epoch.
 
     What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
     """
@@ -46,6 +47,7 @@ class Monitor:
     history: HistoryKeeper
     archive: Archive
     health: Health
+    floor_plan: FloorPlan | None = None
     started_ns: int = field(default_factory=time.time_ns)
     _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
     _snapshot: Recent[Snapshot] = field(init=False, repr=False)

@@ -29,6 +29,7 @@ from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
+from services.monitor.mapping.floor_plan_file import load_floor_plan
 from services.monitor.measuring import measure_clocks
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
@@ -56,6 +57,7 @@ async def run(settings: MonitorSettings) -> None:
 
     Raises:
         RuleFileError: the rule file cannot be used.
+        FloorPlanError: the floor plan cannot be used.
         OtherVersionError: the database of the history or of the users is another version's.
         WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
@@ -92,13 +94,15 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
 
     Raises:
         RuleFileError: the rule file cannot be used.
+        FloorPlanError: the floor plan cannot be used.
         OtherVersionError: the database of the history is another version's.
     """
     rules = RuleFile(settings.rules)
     await rules.load()
+    plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
     alerting = Alerting(rules, fleet.inventory)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places)
-    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
+    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan)
 
     def told(changes: Sequence[Change]) -> None:
         if changes:

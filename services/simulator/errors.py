@@ -9,5 +9,9 @@ class MasterError(SimulatorError):
     """A robot's own ROS master cannot be started."""
 
 
+class FloorPlanError(SimulatorError):
+    """A floor plan cannot be written."""
+
+
 class BagError(SimulatorError):
     """A bag cannot be written."""

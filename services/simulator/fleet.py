@@ -27,6 +27,11 @@ def equipment(settings: SimulatorSettings) -> Equipment:
     return Equipment(color, None if settings.align_depth else depth, metric=settings.depth_encoding == "32FC1")
 
 
+def warehouse_seed(seed: int, number: int = 0) -> int:
+    """Return the seed of one of a fleet's warehouses, of which the first has number 0."""
+    return seed + 1 + number
+
+
 def robots(settings: SimulatorSettings, *, namespaced: bool) -> Iterator[Robot]:
     """Make the robots one after the other; each new warehouse takes a moment. namespaced: topics like `/r1/tf`."""
     store = Store(settings.memory_mib << 20)
@@ -35,6 +40,8 @@ def robots(settings: SimulatorSettings, *, namespaced: bool) -> Iterator[Robot]:
     for number in range(settings.robots):
         convoy, warehouse = divmod(number, settings.warehouses)
         if warehouse not in films:
-            films[warehouse] = Film(settings.seed + 1 + warehouse, equipment(settings), settings.frames, store)
+            films[warehouse] = Film(
+                warehouse_seed(settings.seed, warehouse), equipment(settings), settings.frames, store
+            )
         name = f"r{number + 1}"
         yield Robot(name, f"/{name}" if namespaced else "", films[warehouse], published, ahead=convoy * BEHIND)

@@ -15,7 +15,8 @@ from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.tasks import TaskScope
 from services.simulator.bagging import write_bags
 from services.simulator.errors import MasterError
-from services.simulator.fleet import robots
+from services.simulator.fleet import robots, warehouse_seed
+from services.simulator.floor_plan import write_floor_plan
 from services.simulator.live import LiveRobot
 from services.simulator.prerendering import prerender
 from services.simulator.recording import one_each
@@ -31,8 +32,12 @@ async def run(settings: SimulatorSettings) -> None:
     Raises:
         MasterError: a robot's own ROS master cannot listen where it should.
         BagError: a bag cannot be written.
+        FloorPlanError: the floor plan cannot be written.
     """
     with ThreadPoolExecutor(1, thread_name_prefix="render") as executor:
+        if settings.floor_plan is not None:
+            seed = warehouse_seed(settings.seed)
+            await asyncio.get_running_loop().run_in_executor(executor, write_floor_plan, settings.floor_plan, seed)
         if settings.bag is None:
             await _live(settings, executor)
         else:

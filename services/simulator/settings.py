@@ -15,6 +15,12 @@ def master_uri() -> str | None:
     return os.environ.get("ROS_MASTER_URI") or None
 
 
+def _described(path: Path | None) -> Path | None:
+    if path is not None and path.suffix not in (".yaml", ".yml"):
+        raise ValueError("a floor plan's name ends in .yaml")
+    return path
+
+
 class SimulatorSettings(BaseModel):
     """Publish the sensors of robots that are not there, in rendered warehouses, on a ROS 1 graph or into bags.
 
@@ -65,6 +71,11 @@ class SimulatorSettings(BaseModel):
     bag: Annotated[
         Path | None,
         Field(description="write this ROS 1 bag instead; {robot} in its name gives each robot its own"),
+    ] = None
+    floor_plan: Annotated[
+        Path | None,
+        AfterValidator(_described),
+        Field(description="also write the first warehouse's floor plan, for map_server: this YAML, a PGM beside it"),
     ] = None
     ros_master: Annotated[str, AfterValidator(validate_master_uri)] | None = Field(
         default_factory=master_uri,

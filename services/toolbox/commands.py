@@ -152,13 +152,14 @@ COMMANDS: Final = (
         refusals=(
             "bus:BusError",
             "services.monitor.history.errors:OtherVersionError",
+            "services.monitor.mapping.floor_plan_file:FloorPlanError",
             "services.monitor.rules.loading:RuleFileError",
             "services.monitor.web.errors:WebError",
         ),
         extra="monitor",
         examples=(
             "fleetsight monitor --listen tcp/0.0.0.0:7447",
-            "fleetsight monitor --listen tcp/0.0.0.0:7447 --rules warehouse.yaml --web-host 0.0.0.0",
+            "fleetsight monitor --listen tcp/0.0.0.0:7447 --rules rules.yaml --floor-plan map.yaml --web-host 0.0.0.0",
             "fleetsight monitor --history postgresql://fleetsight@db/fleetsight",
         ),
     ),

@@ -63,6 +63,21 @@ async def test_from_the_first_user_to_the_end(tmp_path: Path) -> None:
         assert "leaving at once" not in child.last_words
 
 
+async def test_a_floor_plan_that_is_not_there_is_one_line_and_the_exit_code_of_a_wrong_setting(
+    tmp_path: Path,
+) -> None:
+    options = ["monitor", "--listen", "tcp/127.0.0.1:0", "--history", "none", "--web-port", "0"]
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "services.toolbox", *options, "--floor-plan", str(tmp_path / "absent.yaml")),
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    async with asyncio.timeout(PATIENCE_S):
+        _, errors = await process.communicate()
+    assert process.returncode == EXIT_USAGE
+    assert f"fleetsight monitor: floor plan {tmp_path}/absent.yaml: No such file or directory\n" in errors.decode()
+
+
 async def test_a_port_that_is_taken_is_one_line_and_the_exit_code_of_a_wrong_setting(tmp_path: Path) -> None:
     async with await asyncio.start_server(lambda _, writer: writer.close(), "127.0.0.1", 0) as taken:
         port = str(taken.sockets[0].getsockname()[1])

@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 import pytest_asyncio
@@ -16,8 +17,10 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
+from services.monitor.mapping.floor_plan_file import load_floor_plan
 from services.monitor.monitor import Monitor
 from services.monitor.process import watch_fleet
+from services.simulator.floor_plan import write_floor_plan
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.sights import Robot, robot_on, until
 from tests.services.monitor.web.serving import Served, monitor_on, served
@@ -27,6 +30,12 @@ pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)
 expect.set_options(timeout=PATIENCE_MS)
 
 SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+SIZE_OF_IMAGE = """url => new Promise((done, failed) => {
+  const image = new Image();
+  image.onload = () => done([image.naturalWidth, image.naturalHeight]);
+  image.onerror = failed;
+  image.src = url;
+})"""
 BOXES, MASKS, OBJECTS = "front/overlay/detection", "front/overlay/segmentation", "front/objects"
 
 
@@ -46,7 +55,9 @@ async def site() -> AsyncIterator[Site]:
     network = FakeNetwork()
     async with AsyncExitStack() as stack:
         central, fleet = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
-        monitor = monitor_on(central)
+        folder = Path(stack.enter_context(TemporaryDirectory()))
+        write_floor_plan(folder / "map.yaml", 1)
+        monitor = monitor_on(central, plan=load_floor_plan(folder / "map.yaml"))
         work = (watch_fleet(central, monitor.fleet), monitor.health.run())
         running = [asyncio.create_task(each) for each in work]
         robot = await stack.enter_async_context(robot_on(fleet, "r1"))
@@ -114,6 +125,15 @@ async def test_the_map_shows_where_robots_are_and_what_was_seen_where(site: Site
         assert await page.evaluate("document.documentElement.scrollWidth") == 375
         await looker.picture("map-phone-dark")
     await until(lambda: "tf" not in site.robot.wanted)
+
+
+async def test_the_map_is_drawn_on_the_floor_plan(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/map")
+        plan = page.locator(".fs-map image.plan")
+        await expect(plan).to_be_visible()
+        assert await page.evaluate(SIZE_OF_IMAGE, await plan.get_attribute("href")) == [333, 313]
+        await looker.picture("map-desk-light")
 
 
 async def test_a_robot_that_is_lost_stays_on_the_map(site: Site, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Final, Self
 
+from services.monitor.mapping.floor_plan import FloorPlan
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose
 
@@ -96,10 +97,20 @@ def colour_of(name: str) -> str:
     return f"#{round(red * 255):02x}{round(green * 255):02x}{round(blue * 255):02x}"
 
 
-def svg_of(bounds: Bounds, marks: Sequence[Mark], robots: Sequence[Robot], now_ns: int) -> str:
-    """Return the map; of the marks the first MOST_SHOWN. Names from the bus are text, whatever they hold."""
+def svg_of(
+    bounds: Bounds,
+    marks: Sequence[Mark],
+    robots: Sequence[Robot],
+    now_ns: int,
+    plan: tuple[FloorPlan, str] | None = None,
+) -> str:
+    """Return the map; of the marks the first MOST_SHOWN. Names from the bus are text, whatever they hold.
+
+    plan: what is under all of it, and where a browser finds its image.
+    """
     scale = _Scale.of(bounds)
     drawn = [
+        *([] if plan is None else [_plan(*plan, scale)]),
         *_grid(scale),
         *(_mark(mark, scale, now_ns) for mark in reversed(marks[:MOST_SHOWN])),
         *(_robot(robot, scale, now_ns) for robot in robots if _is_near(robot.pose.x, robot.pose.y)),
@@ -114,6 +125,16 @@ def is_fresh(mark: Mark, now_ns: int) -> bool:
 
 def _is_near(x: float, y: float) -> bool:
     return abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M
+
+
+def _plan(plan: FloorPlan, url: str, scale: _Scale) -> str:
+    x, y = scale.at(plan.x, plan.y)
+    wide, high = round(plan.width * scale.per_m, 1), round(plan.height * scale.per_m, 1)
+    return (
+        f'<g transform="translate({x} {y}) rotate({round(-math.degrees(plan.yaw), 2)})">'
+        f'<image class="plan" href="{escape(url)}" y="{-high}" width="{wide}" height="{high}"'
+        ' preserveAspectRatio="none"/></g>'
+    )
 
 
 def _mark(mark: Mark, scale: _Scale, now_ns: int) -> str:

@@ -16,6 +16,7 @@ from services.monitor.mapping.last_poses import LastPoses
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
+from services.monitor.page.floor_plan import url_of
 from services.monitor.page.formatting import ago, plural
 from services.monitor.page.frame import nothing_yet, page_at, page_frame
 from services.monitor.page.links import MAP, still
@@ -51,7 +52,10 @@ class _Map:
     def __init__(self, monitor: Monitor, last_poses: LastPoses) -> None:
         self._monitor = monitor
         self._last_poses = last_poses
+        plan = monitor.floor_plan
+        self._plan = None if plan is None else (plan, url_of(plan))
         self._bounds: Bounds | None = None
+        self._placed = False
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
@@ -104,11 +108,14 @@ class _Map:
         robots, more = robots[:MOST_SHOWN], len(robots) - MOST_SHOWN
         marks = self._monitor.fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN]
         points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
+        self._placed = self._placed or bool(points)
+        if self._plan is not None and not (points and self._robot.value):
+            points += self._plan[0].corners
         self._bounds = Bounds.around(points, self._bounds)
-        self._empty.set_visibility(self._bounds is None)
+        self._empty.set_visibility(not self._placed)
         self._picture.set_visibility(self._bounds is not None)
         if self._bounds is not None:
-            self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns))
+            self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns, self._plan))
         self._explain(marks, now_ns)
         placed = {robot.name for robot in robots if robot.live}
         without = [f"{name}: {why}" for name, why in poses.items() if isinstance(why, str) and name not in placed]

@@ -1,5 +1,6 @@
 """Settings of the monitor's page and HTTP API."""
 
+from pathlib import Path
 from typing import ClassVar
 
 from pydantic import BaseModel, Field, HttpUrl
@@ -17,6 +18,9 @@ class WebSettings(BaseModel):
     web_port: int = Field(default=8080, ge=0, le=65535, description="port to serve them at; 0 takes a free one")
     web_url: HttpUrl | None = Field(
         default=None, description="address that people use if a proxy is before it, like https://fleet.example"
+    )
+    floor_plan: Path | None = Field(
+        default=None, description="floor plan to draw the map on: the YAML file of a map as ROS's map_server has it"
     )
     web_session_hours: float = Field(
         default=168, gt=0, le=8_760, description="hours after which somebody who did nothing is logged out"

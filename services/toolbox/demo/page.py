@@ -1,5 +1,6 @@
 """The demo's page: a history of its own, a user to log in as, and a port that is free."""
 
+import asyncio
 import secrets
 import time
 from dataclasses import dataclass
@@ -13,6 +14,9 @@ from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.visitor import Role
 from services.monitor.web.errors import WebError
 from services.monitor.web.process import Web
+from services.simulator.fleet import warehouse_seed
+from services.simulator.floor_plan import write_floor_plan
+from services.toolbox.demo.settings import SEED
 
 NAME: Final = "demo"
 RULES: Final = Path(__file__).parent / "rules.yaml"
@@ -32,7 +36,9 @@ class Page:
         history, password = f"sqlite:///{folder / 'history.db'}", secrets.token_urlsafe(9)
         hashed = await Passwords().hash(password)
         await UserStore(history).add(User(NAME, Role.OPERATOR, hashed, time.time_ns()))
-        settings = MonitorSettings(listen=[endpoint], history=history, rules=RULES)
+        floor_plan = folder / "map.yaml"
+        await asyncio.to_thread(write_floor_plan, floor_plan, warehouse_seed(SEED))
+        settings = MonitorSettings(listen=[endpoint], history=history, rules=RULES, floor_plan=floor_plan)
         try:
             web = Web.of(settings)
         except WebError:

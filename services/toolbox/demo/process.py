@@ -22,7 +22,7 @@ from services.monitor.table import notes_of
 from services.toolbox.demo.children import Child, ChildFailedError, child
 from services.toolbox.demo.page import Page
 from services.toolbox.demo.ports import free_ports
-from services.toolbox.demo.settings import DemoSettings
+from services.toolbox.demo.settings import SEED, DemoSettings
 from services.toolbox.demo.summary import Summary, drops
 from services.toolbox.process import EXIT_FAILED
 
@@ -73,7 +73,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     model = ["--model", settings.model] if settings.model else []
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
-        *("--warehouses", "1"),  # so that all of them are on one map
+        *("--seed", str(SEED), "--warehouses", "1"),  # so that all of them are on one map
         *("--master-port", str(master_port)),
     ]
     gateways = {

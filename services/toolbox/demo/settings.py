@@ -1,9 +1,12 @@
 """Settings of the demo."""
 
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, Field, model_validator
+
+SEED: Final = 0
+"""Of the simulated warehouse."""
 
 
 class DemoSettings(BaseModel):

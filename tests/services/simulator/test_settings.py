@@ -39,6 +39,7 @@ def test_ros_own_variable_names_a_real_master(monkeypatch: pytest.MonkeyPatch) -
         ("hz", 1e-12),
         ("height", 1),
         ("seed", -1),
+        ("floor_plan", "map.pgm"),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object) -> None:

@@ -1,7 +1,10 @@
 import re
 from xml.etree import ElementTree as ET
 
+import pytest
+
 from services.monitor.mapping.drawing import FRESH_NS, MOST_SHOWN, Bounds, Robot, colour_of, is_fresh, svg_of
+from services.monitor.mapping.floor_plan import FloorPlan
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose
 
@@ -40,6 +43,20 @@ def test_east_is_right_and_north_is_up_on_one_scale() -> None:
     (x2, y2), (x1, y1), (x0, y0) = ((float(each.get("cx", "")), float(each.get("cy", ""))) for each in circles)
     assert x1 - x0 == y0 - y2 > 0
     assert (y1, x2) == (y0, x0)
+
+
+def test_the_floor_plan_lies_under_everything_where_its_corner_is_and_turned_about_it() -> None:
+    plan = FloorPlan(b"", 3.0, 2.0, 1.0, 1.0, 0.5, ())
+    svg = drawn(svg_of(BOUNDS, [mark(1, 1), mark(2, 1)], [], NOW, (plan, "/plan.png?a&b")))
+    right, corner = svg.findall("circle")
+    per_m = float(right.get("cx", "")) - float(corner.get("cx", ""))
+    group = svg[0]
+    assert group.get("transform") == f"translate({corner.get('cx')} {corner.get('cy')}) rotate(-28.65)"
+    (image,) = group
+    assert image.get("href") == "/plan.png?a&b"
+    assert [float(image.get(name, "")) for name in ("y", "width", "height")] == pytest.approx(
+        [-2 * per_m, 3 * per_m, 2 * per_m], abs=0.3
+    )
 
 
 def test_a_robot_points_where_it_looks_and_its_name_is_text() -> None:

@@ -18,6 +18,7 @@ from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.mapping.floor_plan import FloorPlan
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.application import cookie_of
@@ -44,14 +45,14 @@ class Served:
     token: str
 
 
-def monitor_on(bus: Bus, **given: Any) -> Monitor:
+def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Monitor:
     """Return a monitor without history, unless `given` settings say otherwise; nothing of it runs."""
     settings = MonitorSettings(**{"history": "none", "web_port": 0, **given})
     fleet = Fleet("clock")
     rules = RuleFile(settings.rules)
     alerting = Alerting(rules, fleet.inventory, settle_s=0)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
-    return Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus))
+    return Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan)
 
 
 @asynccontextmanager

@@ -1,0 +1,94 @@
+"""The warehouse's floor plan: an image that lies in the map, drawn under everything else. Pure.
+
+Source: http://wiki.ros.org/map_server#YAML_format
+"""
+
+import hashlib
+import io
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from pydantic import BaseModel, Field, FiniteFloat, model_validator
+
+FREE, UNKNOWN, OCCUPIED = 0, 1, 2
+GREY: Final = (0x80, 0x86, 0x8E)
+"""Legible on light and dark pages."""
+
+OPACITY: Final = bytes((0, 30, 120))
+"""Of what is free, unknown and occupied."""
+
+
+class MapDescription(BaseModel):
+    """What a map's YAML file says, in metres and radians; map_server's other keys do not matter here."""
+
+    image: Annotated[str, Field(min_length=1)]
+    resolution: Annotated[FiniteFloat, Field(gt=0)]
+    origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+    negate: bool = False
+    occupied_thresh: Annotated[float, Field(gt=0, le=1)]
+    free_thresh: Annotated[float, Field(ge=0, lt=1)]
+
+    @model_validator(mode="after")
+    def _free_is_less(self) -> Self:
+        if self.free_thresh > self.occupied_thresh:
+            raise ValueError("free_thresh is over occupied_thresh")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPlan:
+    """An image in the map. png: it, transparent where the floor is free. width, height: its size in metres.
+
+    x, y, yaw: where in the map its lower left corner lies, and how far it is turned there, in metres and radians.
+    corners: of the part of it that is not unknown, in the map; empty if all is.
+    """
+
+    png: bytes
+    width: float
+    height: float
+    x: float
+    y: float
+    yaw: float
+    corners: tuple[tuple[float, float], ...]
+
+    @classmethod
+    def of(cls, shades: NDArray[np.uint8], said: MapDescription) -> Self:
+        """Return what a grey image (rows from the top) and its description stand for."""
+        darkness = shades if said.negate else 255 - shades
+        cells = np.full(shades.shape, UNKNOWN, np.uint8)
+        cells[darkness < said.free_thresh * 255] = FREE
+        cells[darkness > said.occupied_thresh * 255] = OCCUPIED
+        rows, columns = shades.shape
+        x, y, yaw = said.origin
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        known = _known(cells, said.resolution)
+        corners = tuple((x + cos * across - sin * up, y + sin * across + cos * up) for across, up in known)
+        return cls(_png(cells), columns * said.resolution, rows * said.resolution, x, y, yaw, corners)
+
+    @property
+    def digest(self) -> str:
+        """A name for what the image shows."""
+        return hashlib.sha256(self.png).hexdigest()[:16]
+
+
+def _known(cells: NDArray[np.uint8], resolution: float) -> Iterator[tuple[float, float]]:
+    """Yield the corners around what is not unknown, in metres from the lower left corner, across and up."""
+    rows, columns = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return
+    for column in (int(columns[0]), int(columns[-1]) + 1):
+        for row in (int(rows[0]), int(rows[-1]) + 1):
+            yield column * resolution, (len(cells) - row) * resolution
+
+
+def _png(cells: NDArray[np.uint8]) -> bytes:
+    image = Image.frombytes("P", cells.shape[::-1], cells.tobytes())
+    image.putpalette(bytes(GREY) * len(OPACITY))
+    file = io.BytesIO()
+    image.save(file, "PNG", transparency=OPACITY)
+    return file.getvalue()
