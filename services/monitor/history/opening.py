@@ -13,6 +13,11 @@ from services.monitor.history.tables import SCHEMA_VERSION, metadata, open_inter
 
 OURS: Final = f"this one's are version {SCHEMA_VERSION}"
 
+ALONE: Final = 0x666C656575
+"""An advisory lock's number, next to that of whoever leads: held for a transaction."""
+
+BEGIN_ALONE: Final = {"sqlite": "BEGIN IMMEDIATE", "postgresql": f"SELECT pg_advisory_xact_lock({ALONE})"}
+
 
 async def connect(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
     """Return a connection to a database. create: make it, and the tables, where there are none.
@@ -43,20 +48,35 @@ def _check_there(file: Path) -> None:
         raise HistoryError("it does not exist")
 
 
+def begin_alone(connection: Connection) -> None:
+    """Begin a transaction that waits until no other one that began like this goes on, whoever's it is."""
+    connection.exec_driver_sql(BEGIN_ALONE[connection.dialect.name])
+
+
 def _check_tables(connection: Connection, *, create: bool) -> None:
+    if _are_made(connection):
+        return
+    if not create:
+        if not metadata.tables.keys() - {schema_version.name} <= set(inspect(connection).get_table_names()):
+            raise HistoryError("no monitor has kept anything there")
+        return
+    begin_alone(connection)
+    if not _are_made(connection):  # by somebody who was quicker
+        metadata.create_all(connection)
+        open_intervals.create(connection, checkfirst=True)  # tables may be there without
+        connection.execute(schema_version.insert().values(id=1, number=SCHEMA_VERSION))
+
+
+def _are_made(connection: Connection) -> bool:
+    """Return whether the tables are those of this version; tables without a version may become so."""
     there = set(inspect(connection).get_table_names())
     number = connection.scalar(select(schema_version.c.number)) if schema_version.name in there else None
     if number is None:
         _check_unnumbered(connection, there)
-        if create:
-            metadata.create_all(connection)
-            open_intervals.create(connection, checkfirst=True)  # tables may be there without
-            connection.execute(schema_version.insert().values(id=1, number=SCHEMA_VERSION))
-        elif not metadata.tables.keys() - {schema_version.name} <= there:
-            raise HistoryError("no monitor has kept anything there")
     elif number != SCHEMA_VERSION:
         age = "newer" if number > SCHEMA_VERSION else "older"
         raise OtherVersionError(f"made by a fleetsight that is {age}: its tables are version {number}, {OURS}")
+    return number is not None
 
 
 def _check_unnumbered(connection: Connection, there: set[str]) -> None:

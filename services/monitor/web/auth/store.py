@@ -8,11 +8,10 @@ from enum import StrEnum
 from typing import Any, Final, TypeVar
 
 from sqlalchemy import Row, delete, func, select
-from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from services.monitor.history.engine import engine_of, translating
-from services.monitor.history.opening import connect
+from services.monitor.history.opening import begin_alone, connect
 from services.monitor.history.settings import NONE, default_state
 from services.monitor.history.tables import logins, users
 from services.monitor.web.auth.people import MAX_LOGINS, MAX_USERS, Kind, Login, User
@@ -64,15 +63,13 @@ class UserStore:
     async def add(self, user: User, *, first: bool = False) -> bool:
         """Add somebody; return False if the name is taken or, for the first one, anybody is there."""
         async with self._connected() as connection:
+            await connection.run_sync(begin_alone)
             there = select(func.count()).select_from(users)
             count = await connection.scalar(there if first else there.where(users.c.name == user.name))
             if count:
                 return False
-            try:
-                await connection.execute(users.insert().values(_row_of(user)))
-                await connection.commit()
-            except IntegrityError:
-                return False
+            await connection.execute(users.insert().values(_row_of(user)))
+            await connection.commit()
         return True
 
     async def change(self, user: User) -> bool:

@@ -1,5 +1,6 @@
 """What else is in the history's database, and who else reads it: on SQLite and on PostgreSQL alike."""
 
+import asyncio
 import csv
 from io import StringIO
 from pathlib import Path
@@ -14,7 +15,7 @@ from services.monitor.history.archive import Archive
 from services.monitor.rules.process import run as try_rules
 from services.monitor.rules.settings import RulesSettings
 from services.monitor.web.auth.access import Access, AccessError
-from services.monitor.web.auth.people import Kind
+from services.monitor.web.auth.people import Kind, User
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.visitor import Role
 from tests.schemas.results import alert
@@ -48,6 +49,15 @@ async def test_monitors_that_share_a_database_share_their_users_and_sessions(url
     assert await UserStore(url).remove("ann")
     await other.look()
     assert other.visitor(again, Kind.SESSION) is None
+
+
+async def test_of_several_who_would_be_first_at_once_one_is(url: str) -> None:
+    stores = [UserStore(url) for _ in range(8)]
+    await stores[0].users()
+    people = [User(f"user{number}", Role.OPERATOR, "x", 1) for number in range(len(stores))]
+    added = await asyncio.gather(*(store.add(user, first=True) for store, user in zip(stores, people, strict=True)))
+    assert await stores[0].users() == [user for user, was_first in zip(people, added, strict=True) if was_first]
+    assert sum(added) == 1
 
 
 async def test_history_is_exported_read_and_has_rules_tried_against_it(

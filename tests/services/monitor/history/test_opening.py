@@ -1,3 +1,4 @@
+import asyncio
 import hashlib
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -109,6 +110,13 @@ async def test_a_database_without_a_version_and_with_other_tables_is_refused(url
     await unnumbered(url, "ALTER TABLE intervals DROP COLUMN score")
     with pytest.raises(OtherVersionError, match=r"older.*its table intervals has other columns"):
         await Store.open(url, create=create)
+
+
+async def test_several_that_open_an_empty_database_at_once_all_have_it(url: str) -> None:
+    stores = await asyncio.gather(*(Store.open(url) for _ in range(8)))
+    for store in stores:
+        await store.close()
+    assert await numbers(url) == [SCHEMA_VERSION]
 
 
 async def test_one_that_only_reads_changes_nothing(url: str) -> None:
