@@ -13,7 +13,7 @@ from services.monitor.history.acts import Act
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
-from services.monitor.history.presence import Place, Presence
+from services.monitor.history.presence import Presence
 from services.monitor.history.tables import disagreements, intervals, presence
 from services.monitor.mapping.pose import Pose
 
@@ -66,21 +66,15 @@ def row_of_presence(there: Presence) -> dict[str, Any]:
 
 
 def presence_of_row(row: Row[Any], heartbeat_ns: int = 0) -> Presence:
-    """Return who a row says was there."""
-    checked_place(row.robot, row.camera)
-    return Presence(**_lasting(row, heartbeat_ns))
-
-
-def checked_place(robot: str, camera: str) -> Place:
-    """Return of whom a row of `presence` is.
+    """Return who a row says was there.
 
     Raises:
         SchemaError: names that nobody can have.
     """
-    for role, name in (("robot", robot), ("camera", camera)):
+    for role, name in (("robot", row.robot), ("camera", row.camera)):
         if name:
             check_name(role, name)
-    return (robot, camera)
+    return Presence(**_lasting(row, heartbeat_ns))
 
 
 def row_of_disagreement(of: Disagreement) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from sqlalchemy import ColumnElement, Table, case, delete, func, select
+from sqlalchemy import ColumnElement, Row, Table, delete, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
@@ -18,14 +18,16 @@ from services.monitor.history.engine import engine_of, file_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
+from services.monitor.history.newest import newest_of_each
 from services.monitor.history.opening import connect
 from services.monitor.history.presence import Place
 from services.monitor.history.rows import (
     KINDS,
     act_of_row,
     alert_of_row,
-    checked_place,
+    interval_of_row,
     pose_of_row,
+    presence_of_row,
     row_of_act,
     row_of_alert,
     row_of_pose,
@@ -94,9 +96,15 @@ class Store:
 
     async def load(self, since_ns: int) -> Kept:
         """Return what goes on, and what ended since then."""
-        ended = await self.select(Interval, intervals.c.until_ns >= since_ns)
-        going_on = [each for kind, of in KINDS.items() for each in await self.select(kind, of.table.c.open)]
+        at_ns = await self.heartbeat_ns()
+        going_on: list[Lasting] = []
         async with translating():
+            for table, of_row in ((of.table, of.of_row) for of in KINDS.values()):
+                are_open = table.select().where(table.c.open).order_by(table.c.since_ns).limit(MAX_LOADED)
+                going_on += [of_row(row, at_ns) for row in await self._connection.execute(are_open)]
+            last = newest_of_each(intervals).where(intervals.c.open.is_(False), intervals.c.until_ns >= since_ns)
+            last = last.order_by(intervals.c.until_ns.desc()).limit(MAX_LOADED)
+            ended = [interval_of_row(row) for row in await self._connection.execute(last)]
             unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
             found = [alert_of_row(row) for row in rows]
@@ -110,13 +118,10 @@ class Store:
     async def last_present(self) -> Mapping[Place, int]:
         """Return until when each robot and each camera was there, as far as that is kept."""
         at_ns = await self.heartbeat_ns()
-        until_ns = case((presence.c.open, at_ns), else_=presence.c.until_ns)
         async with translating():
-            of_each = select(presence.c.robot, presence.c.camera, func.max(until_ns)).where(presence.c.robot != "")
-            query = of_each.group_by(presence.c.robot, presence.c.camera).limit(MAX_LOADED)
-            rows = (await self._connection.execute(query)).all()
+            rows = (await self._connection.execute(newest_of_each(presence).limit(MAX_LOADED))).all()
             await self._connection.commit()
-            return {checked_place(row[0], row[1]): row[2] for row in rows}
+            return {there.place: there.until_ns for there in (presence_of_row(row, at_ns) for row in rows)}
 
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
@@ -125,13 +130,16 @@ class Store:
             await self._connection.commit()
             return found or 0
 
-    async def select(self, kind: type[L], *where: ColumnElement[bool]) -> list[L]:
-        """Return the newest MAX_LOADED intervals, the oldest first; what is open goes on until the heartbeat."""
+    async def select(self, kind: type[L], *where: ColumnElement[bool], since_ns: int = 0) -> list[L]:
+        """Return the newest MAX_LOADED intervals that lasted until then, or go on until the heartbeat; oldest first."""
         at_ns = await self.heartbeat_ns()
         table, of_row = KINDS[kind].table, KINDS[kind].of_row
-        async with translating():
-            query = table.select().where(*where).order_by(table.c.open.desc(), table.c.until_ns.desc())
-            rows = (await self._connection.execute(query.limit(MAX_LOADED))).all()
+        ended = table.c.open.is_(False) & (table.c.until_ns >= since_ns)
+        rows: list[Row[Any]] = []
+        async with translating():  # the newest of either are found in an index of their own
+            for of, ends in ((table.c.open, table.c.since_ns), (ended, table.c.until_ns)):
+                query = table.select().where(*where, of).order_by(ends.desc()).limit(MAX_LOADED - len(rows))
+                rows += (await self._connection.execute(query)).all()
             await self._connection.commit()
             return sorted((of_row(row, at_ns) for row in rows), key=lambda each: each.since_ns)
 

@@ -12,7 +12,7 @@ from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
-from services.monitor.history.tables import disagreements, intervals, lasted, presence
+from services.monitor.history.tables import presence
 from services.monitor.inventory.debouncing import NS
 from services.monitor.rules.loading import RuleFileError, load_rules
 from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
@@ -51,12 +51,12 @@ async def run(settings: RulesSettings) -> None:
 async def _past(store: Store, since_ns: int) -> Past:
     runs, there = presence.c.robot == "", presence.c.robot != ""  # however many others there are, all of the runs
     return Past(
-        await store.select(Interval, lasted(intervals, since_ns)),
+        await store.select(Interval, since_ns=since_ns),
         [
-            *await store.select(Presence, lasted(presence, since_ns), runs),
-            *await store.select(Presence, lasted(presence, since_ns), there),
+            *await store.select(Presence, runs, since_ns=since_ns),
+            *await store.select(Presence, there, since_ns=since_ns),
         ],
-        await store.select(Disagreement, lasted(disagreements, since_ns)),
+        await store.select(Disagreement, since_ns=since_ns),
     )
 
 

@@ -18,7 +18,7 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import SLICE_NS, Store
-from services.monitor.history.tables import disagreements, intervals, lasted, poses, presence, schema_version
+from services.monitor.history.tables import disagreements, intervals, poses, presence, schema_version
 from services.monitor.mapping.pose import Pose
 from tests.schemas.results import alert
 from tests.services.monitor.history.lasting import disagreement, there
@@ -79,7 +79,7 @@ async def test_who_was_there_and_what_models_disagreed_about_is_kept_beside_it(u
         going_on = [interval(4, 9, is_open=True), led, second, disagreed]
         assert (kept.intervals, list(kept.going_on)) == (going_on[:1], going_on)
         assert await store.last_present() == {("r1", ""): 9 * S, ("r1", "front"): 5 * S}
-        found = await store.select(Presence, lasted(presence, 5 * S), presence.c.robot != "")
+        found = await store.select(Presence, presence.c.robot != "", since_ns=5 * S)
         assert found in ([second, front], [front, second])
 
 
@@ -97,6 +97,21 @@ async def test_a_database_of_an_earlier_release_goes_on_with_what_it_has(url: st
         )
         await store.write([there(3, 4), disagreement(3, 4)], [], 5 * S)
         assert (await store.select(Presence), await store.select(Disagreement)) == ([there(3, 4)], [disagreement(3, 4)])
+
+
+async def test_of_each_class_that_ended_the_last_interval_is_known_and_of_each_place_when_somebody_was_there(
+    url: str,
+) -> None:
+    rear, other = CameraKey("r1", "rear"), CameraKey("r10", "front")
+    last = [interval(5, 6), interval(3, 4, name="pallet"), interval(7, 9, key=rear), interval(1, 2, key=other)]
+    before = [interval(1, 2), interval(3, 4), interval(1, 2, name="pallet"), interval(2, 3, key=rear)]
+    places = [(robot, camera) for robot in ("r1", "r10") for camera in ("", "c")]
+    present = [there(since, since + 1, *place) for since in (1, 3) for place in places]
+    async with opened(url) as store:
+        await store.write([*before, *last, *present, there(1, 9, ""), there(8, 8, "r9", "c", is_open=True)], [], 20 * S)
+        assert sorted((await store.load(0)).intervals, key=last.index) == last
+        assert (await store.load(5 * S)).intervals == [last[2], last[0]]
+        assert await store.last_present() == {**dict.fromkeys(places, 4 * S), ("r9", "c"): 20 * S}
 
 
 async def test_where_robots_were_last_is_kept(url: str) -> None:
@@ -195,6 +210,21 @@ async def test_what_goes_on_is_found_without_a_look_at_all_history(tmp_path: Pat
     with closing(sqlite3.connect(file)) as database:
         (plan,) = database.execute(f"EXPLAIN QUERY PLAN {asked}").fetchall()
     assert "USING INDEX intervals_open" in plan[-1]
+
+
+async def test_what_was_so_last_is_found_without_a_look_at_all_history(tmp_path: Path) -> None:
+    async with opened(f"sqlite:///{tmp_path}/history.db") as store:
+        flaps = [each for second in range(5_000) for each in (interval(second, second), there(second, second))]
+        await store.write(flaps, [], 5_000 * S)
+        database = (await store._connection.get_raw_connection()).driver_connection
+        assert database is not None
+        steps: list[int] = []
+        await database.set_progress_handler(lambda: steps.append(1), 1)
+        for since_s in (0, 4_990):
+            assert len((await store.load(since_s * S)).intervals) == 1
+            assert await store.last_present() == {("r1", ""): 4_999 * S}
+        assert len(await store.select(Interval, since_ns=4_990 * S)) == 10
+        assert len(steps) < 5_000
 
 
 @pytest.mark.parametrize(
