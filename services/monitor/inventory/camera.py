@@ -11,7 +11,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.debouncing import NS, Debounce
 from services.monitor.inventory.order import FrameOrder
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
-from services.monitor.inventory.view import Tracked, View, Vocabularies
+from services.monitor.inventory.view import MAX_CLASSES, Tracked, View, Vocabularies
 
 MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
@@ -101,6 +101,10 @@ class CameraView:
                 tracked.measure(nearest.get(name), at_ns)
         return True
 
+    def is_forsaken(self, since_ns: int) -> bool:
+        """Whether what is in view is to be given up: nobody has said so since then."""
+        return self.last_ns < since_ns and self.speaker is not None and not self.lost
+
     def lose(self, at_ns: int) -> list[Change]:
         """Give up knowing what is in view: nobody has said so for too long."""
         self.lost = True
@@ -110,11 +114,15 @@ class CameraView:
             if sighting.count
         ]
 
+    def set_back(self, now_ns: int) -> None:
+        """Have nothing be heard later than now: the clock was set back."""
+        for view in chain(self.views.values(), self.opinions.values()):
+            view.last_ns = min(view.last_ns, now_ns)
+
     def restore(self, sighting: Sighting) -> None:
-        """Take a sighting as it was when it was stored."""
-        view = self.views.get(sighting.model) or self._add(sighting.model, sighting.last_ns)
-        self.speaker = self.speaker or view
-        if view is self.speaker:
+        """Take a sighting as it was when it was stored; whatever model it was of, the first one's speaks."""
+        view = self.speaker or self._add(sighting.model, sighting.last_ns)
+        if sighting.count or len(view.classes) < MAX_CLASSES:
             tracked = view.classes[sighting.name] = Tracked(sighting.count)
             tracked.score, tracked.worker, tracked.closest_m = sighting.score, sighting.worker, sighting.closest_m
             tracked.first_ns, tracked.last_ns = sighting.first_ns, sighting.last_ns

@@ -19,6 +19,8 @@ from services.monitor.inventory.sighting import Change, Sighting
 MAX_MEMBERS: Final = 20_000
 """How many robots, or cameras, are followed; whoever floods the bus with names fills no memory."""
 
+MAX_NS: Final = 2**63 - 1
+
 SETTLE_NS: Final = 3 * NS
 """How long after a monitor's start it is not known yet who is there."""
 
@@ -71,6 +73,7 @@ class Inventory:
         self._disputed: set[CameraKey] = set()
         self._recalled: dict[str, int] = {}
         self._followers: list[News] = []
+        self._ticked_ns = MAX_NS
 
     def follow(self) -> News:
         """Return what is told from now on of each camera and robot that is new, comes or goes, for good."""
@@ -104,10 +107,11 @@ class Inventory:
         Lists of one camera are to come in order, but a clock that was set back is lived with.
         """
         camera = self._camera(camera_key(seen.header.robot, seen.header.camera))
+        lost = camera.lose(at_ns) if camera.is_forsaken(at_ns - self.limits.lost_ns) else []
         changes = camera.see(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
         if len(camera.views) > 1:
             self._disputed.add(camera.key)
-        return changes
+        return [*lost, *(changes or ())] if lost else changes
 
     def opine(self, seen: ClassList, at_ns: int) -> bool:
         """Take a second opinion on what was in view at `at_ns`; return False if it is a double, late or on no camera.
@@ -126,14 +130,21 @@ class Inventory:
 
     def tick(self, now_ns: int) -> list[Change]:
         """Let time pass; return what is not known any more."""
+        if now_ns < self._ticked_ns:
+            for each in self._cameras.values():
+                each.set_back(now_ns)
+        self._ticked_ns = now_ns
         fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
         self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
-        silent = [each for each in self._cameras.values() if each.last_ns < since_ns and each.speaker and not each.lost]
+        silent = [each for each in self._cameras.values() if each.is_forsaken(since_ns)]
         return [change for camera in silent for change in camera.lose(now_ns)]
 
     def restore(self, sightings: Iterable[Sighting]) -> None:
-        """Take the sightings that a store kept, before anything else is taken; those over the limit are left out."""
-        for sighting in sightings:
+        """Take the sightings that a store kept, before anything else is taken; those over the limits are left out.
+
+        The model of the newest one speaks for a camera, as after one that went silent, and goes on with all of them.
+        """
+        for sighting in sorted(sightings, key=_newness, reverse=True):
             if sighting.key in self._cameras or len(self._cameras) < MAX_MEMBERS:
                 self._camera(sighting.key).restore(sighting)
 
@@ -215,6 +226,10 @@ class Inventory:
                 news.cameras.add(key)
                 news.robots.add(key.robot)
         return found
+
+
+def _newness(sighting: Sighting) -> tuple[bool, int, int]:
+    return (sighting.count > 0, sighting.last_ns, sighting.since_ns)
 
 
 def _robot_of(key: CameraKey) -> str:

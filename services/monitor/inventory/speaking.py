@@ -6,9 +6,7 @@ from itertools import count, islice
 from typing import Final
 
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.inventory import Inventory
-
-MAX_NS: Final = 2**63 - 1
+from services.monitor.inventory.inventory import MAX_NS, Inventory
 
 AT_ONCE: Final = 500
 PARTS: Final = 5

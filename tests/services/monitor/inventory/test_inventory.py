@@ -5,7 +5,8 @@ from services.monitor.inventory import inventory as module
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, InventoryFullError, Limits
 from services.monitor.inventory.settings import InventorySettings
-from services.monitor.inventory.sighting import ChangeKind
+from services.monitor.inventory.sighting import ChangeKind, Sighting
+from services.monitor.inventory.view import MAX_CLASSES
 from tests.schemas.results import distances, known
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
@@ -19,6 +20,10 @@ def quick() -> Inventory:
 def online(inventory: Inventory, key: CameraKey = FRONT) -> None:
     inventory.robot_presence(key.robot, alive=True)
     inventory.camera_presence(key, alive=True)
+
+
+def seen_of(inventory: Inventory) -> list[Sighting]:
+    return [entry.sighting for entry in inventory.entries(0)]
 
 
 @pytest.mark.parametrize("lost", ["nothing", "robot", "camera"])
@@ -103,6 +108,56 @@ def test_what_a_store_kept_is_there_until_the_camera_says_otherwise() -> None:
     assert after.see(seen(9, {"box": 1}), 32 * S) == []
     (entry,) = after.entries(32 * S)
     assert (entry.available, entry.sighting.first_ns, entry.sighting.last_ns) == (True, 10 * S, 32 * S)
+
+
+def test_what_comes_after_long_silence_is_new_even_if_nobody_noticed_the_silence() -> None:
+    before, after = quick(), quick()
+    before.see(seen(7, {"box": 1}), 10 * S)
+    after.restore(before.open())
+    changes = after.see(seen(8, {"box": 1, "pallet": 1}), 7_200 * S)
+    assert changes is not None
+    assert [(of.kind, of.sighting.name, of.sighting.last_ns, of.first_look) for of in changes] == [
+        (ChangeKind.LOST, "box", 10 * S, False),
+        (ChangeKind.APPEARED, "box", 7_200 * S, True),
+        (ChangeKind.APPEARED, "pallet", 7_200 * S, True),
+    ]
+    assert after.tick(7_200 * S) == []
+
+
+def test_the_model_that_spoke_last_goes_on_after_a_restart_with_what_others_saw_before() -> None:
+    def kept(name: str, count: int, last_s: int, model: str) -> Sighting:
+        return Sighting(FRONT, name, count, 0.5, S, last_s * S, last_s * S, model, "w")
+
+    inventory = quick()
+    inventory.restore([kept("cat", 0, 2, "old"), kept("box", 1, 100, "new"), kept("tree", 0, 50, "older")])
+    assert {(of.name, of.count, of.model) for of in seen_of(inventory)} == {
+        ("cat", 0, "new"),
+        ("box", 1, "new"),
+        ("tree", 0, "new"),
+    }
+    assert inventory.see(seen(1, {"box": 1}, model="new"), 101 * S) == []
+
+
+def test_of_many_classes_that_were_seen_a_camera_remembers_what_is_in_view_and_the_newest_others() -> None:
+    inventory = quick()
+    some = [Sighting(FRONT, f"c{n}", n == 1, 0.5, S, n * S, n * S, "m", "w") for n in range(1, MAX_CLASSES + 9)]
+    inventory.restore(some)
+    found = {of.name for of in seen_of(inventory)}
+    assert (len(found), {"c1", some[-1].name} <= found) == (MAX_CLASSES, True)
+
+
+def test_when_the_clock_is_set_back_who_is_silent_does_not_speak_until_it_has_caught_up() -> None:
+    inventory = quick()
+    online(inventory)
+    for seq in (1, 2):
+        inventory.see(seen(seq, {"box": 1}, model="gone"), 3_600 * S)
+    inventory.tick(3_600 * S)
+    inventory.tick(10 * S)
+    (entry,) = inventory.entries(14 * S)
+    assert not entry.available
+    inventory.see(seen(3, {"pallet": 1}, model="other"), 14 * S)
+    assert {(of.name, of.model) for of in inventory.open()} == {("box", "other"), ("pallet", "other")}
+    assert [of.kind for of in inventory.tick(80 * S)] == [ChangeKind.LOST, ChangeKind.LOST]
 
 
 def test_distances_are_of_the_newest_frame_only() -> None:
