@@ -195,10 +195,10 @@ class HistoryKeeper:
 
     async def _go_on(self, store: Store) -> None:
         """Go on where whoever wrote before stopped."""
-        now_ns, gap_ns = time.time_ns(), self._inventory.limits.lost_ns
-        kept: Kept = await store.load(now_ns)
-        heartbeat_ns = await store.heartbeat_ns()
-        self._ledger.merge(kept.going_on, heartbeat_ns, now_ns, gap_ns)
+        gap_ns, heartbeat_ns = self._inventory.limits.lost_ns, await store.heartbeat_ns()
+        kept: Kept = await store.load(heartbeat_ns - gap_ns)
+        now_ns, ended = time.time_ns(), [each for each in kept.intervals if not each.open]
+        self._ledger.merge([*kept.going_on, *ended], heartbeat_ns, gap_ns, followed=not self._leads)
         if now_ns - heartbeat_ns <= gap_ns:
             self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
         self.acts.take(kept.acts)

@@ -34,6 +34,7 @@ class Lasting(msgspec.Struct, frozen=True, gc=False, kw_only=True):
 L = TypeVar("L", bound=Lasting)
 
 _At = tuple[type[Lasting], Hashable]
+_Key = tuple[_At, int]
 
 
 class Ledger:
@@ -41,7 +42,7 @@ class Ledger:
 
     def __init__(self) -> None:
         self._open: dict[_At, Lasting] = {}
-        self._pending: dict[tuple[_At, int], Lasting] = {}
+        self._pending: dict[_Key, Lasting] = {}
         self.lost = 0
 
     def __len__(self) -> int:
@@ -70,7 +71,7 @@ class Ledger:
     def note(self, some: Iterable[Lasting]) -> None:
         """Have intervals written as they stand."""
         for each in some:
-            at = (_at(each), each.since_ns)
+            at = _key(each)
             if at not in self._pending and len(self._pending) >= MAX_PENDING:
                 del self._pending[next(iter(self._pending))]
                 self.lost += 1
@@ -80,25 +81,36 @@ class Ledger:
         """Go on with open intervals of the database, whose sightings the inventory was given back."""
         self._open.update((_at(each), each) for each in stored if each.open)
 
-    def merge(self, stored: Iterable[Lasting], heartbeat_ns: int, now_ns: int, gap_ns: int) -> None:
+    def merge(self, stored: Sequence[Lasting], heartbeat_ns: int, gap_ns: int, *, followed: bool) -> None:
         """Begin to write where another monitor, or this one, stopped at `heartbeat_ns`.
 
-        What is open there and here and says the same is one interval if the gap is no longer than `gap_ns`; what is
-        open there alone ended at the heartbeat.
+        stored: what is open there or ended lately. What is there and here at the same time and says the same is one
+        interval, also after a gap no longer than `gap_ns`; what is open there alone ended at the heartbeat.
+        followed: another one wrote until then, and so what ended by then.
         """
-        goes_on = now_ns - heartbeat_ns <= gap_ns
+        ours: dict[_At, list[Lasting]] = {_at(old): [] for old in stored}
+        for (at, _), each in ({_key(of): of for of in self._open.values()} | self._pending).items():
+            if at in ours:
+                ours[at].append(each)
+        merged: list[Lasting] = []
         for old in stored:
-            ours = self._open.get(_at(old))
-            if (_at(old), old.since_ns) in self._pending:
-                continue
-            if ours is not None and (ours.since_ns == old.since_ns or (goes_on and ours.is_as(old))):
-                self._pending.pop((_at(ours), ours.since_ns), None)
-                self._open[_at(old)] = ours.going_on_from(old)
-            else:
-                until_ns = max(old.until_ns, heartbeat_ns)
-                if ours is not None:
-                    until_ns = max(old.since_ns, min(until_ns, ours.since_ns))
-                self.note([replace(old, until_ns=until_ns, open=False)])
+            here = ours[_at(old)]
+            same = min((each for each in here if _goes_on(each, old, heartbeat_ns, gap_ns)), key=_since, default=None)
+            if same is not None:
+                here.remove(same)
+                self._pending.pop(_key(same), None)
+                merged.append(same.going_on_from(old))
+                is_open = self._open.get(_at(old))
+                if is_open is not None and is_open.since_ns == same.since_ns:
+                    self._open[_at(old)] = is_open.going_on_from(old)
+            elif old.open:
+                ends_ns = [max(old.until_ns, heartbeat_ns), *(of.since_ns for of in here if of.since_ns > old.since_ns)]
+                merged.append(replace(old, until_ns=min(ends_ns), open=False))
+        if followed:
+            self._pending = {
+                key: each for key, each in self._pending.items() if each.open or each.until_ns > heartbeat_ns
+            }
+        self.note(merged)
         self.note(self._open.values())
 
     def pending(self, at_most: int) -> Sequence[Lasting]:
@@ -108,7 +120,7 @@ class Ledger:
     def written(self, some: Iterable[Lasting]) -> None:
         """Forget what was written, unless it changed meanwhile."""
         for each in some:
-            at = (_at(each), each.since_ns)
+            at = _key(each)
             if self._pending.get(at) is each:
                 del self._pending[at]
 
@@ -119,3 +131,19 @@ class Ledger:
 
 def _at(of: Lasting) -> _At:
     return (type(of), of.place)
+
+
+def _since(of: Lasting) -> int:
+    return of.since_ns
+
+
+def _key(of: Lasting) -> _Key:
+    return (_at(of), of.since_ns)
+
+
+def _goes_on(new: Lasting, old: Lasting, heartbeat_ns: int, gap_ns: int) -> bool:
+    """Whether one that is known here is one of the database, as a monitor entered it that stopped at the heartbeat."""
+    if new.since_ns == old.since_ns:
+        return True
+    by_ns = heartbeat_ns + gap_ns if old.open else old.until_ns
+    return new.is_as(old) and new.since_ns <= by_ns and (new.open or new.until_ns >= old.since_ns)

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history import keeper as module
 from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.intervals import Interval
+from services.monitor.history.intervals import Interval, interval_of
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import MONITOR, Place, Presence
 from services.monitor.history.settings import NONE, HistorySettings, default_url
@@ -194,6 +195,24 @@ async def test_of_two_monitors_one_writes_until_it_goes(url: str) -> None:
             assert [each.open for each in runs] == [False, True]
         else:
             assert [each.open for each in runs] == [True]
+
+
+async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url: str) -> None:
+    async with opened(url) as leader, monitoring(url) as other:
+        assert await leader.lead()
+        await until(lambda: not other.history.status.problem and not other.history.status.leads)
+        now_ns = time.time_ns()
+        other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
+        seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
+        await leader.write(seen_by_leader, [], now_ns - S)
+        other.see(2, box=1, tree=2)
+        await leader.close()
+        await until(lambda: other.history.status.leads and other.written())
+    found = {(each.name, each.count): each for each in await kept(url)}
+    assert len(await kept(url)) == 4
+    since_ns = seen_by_leader[0].since_ns
+    assert {each.since_ns for of, each in found.items() if of != ("tree", 2)} == {since_ns}
+    assert {of for of, each in found.items() if each.open} == {("box", 1), ("tree", 2)}
 
 
 async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(postgresql: PostgreSQL) -> None:

@@ -56,7 +56,7 @@ def test_what_another_monitor_goes_on_with_is_not_written_any_more() -> None:
     ledger.begin(there(1, 1, "", is_open=True))
     ledger.forget_pending()
     ledger.drop(Presence, ("", ""))
-    ledger.merge([], 0, 9 * S, gap_ns=5 * S)
+    ledger.merge([], 0, gap_ns=5 * S, followed=True)
     assert told(ledger) == []
 
 
@@ -91,8 +91,52 @@ def test_another_monitors_intervals_go_on_or_end(
     ledger = Ledger()
     ledger.begin(ours)
     ledger.forget_pending()
-    ledger.merge([old], heartbeat_s * S, 9 * S, gap_ns=5 * S)
+    ledger.merge([old], heartbeat_s * S, gap_ns=5 * S, followed=True)
     assert told(ledger) == written
+
+
+def ended(since_s: int, until_s: int) -> Interval:
+    return replace(interval(since_s, until_s), count=1)
+
+
+@pytest.mark.parametrize(
+    ("stored", "ends_s", "written"),
+    [
+        (box(2), 9, [(2, 9, False)]),
+        (box(2), 7, [(2, 7, False)]),
+        (ended(2, 6), 7, [(2, 7, False)]),
+        (ended(2, 6), None, [(2, 3, True)]),
+        (box(7, count=2), 7, [(7, 8, False)]),
+        (box(8), 7, [(8, 8, False)]),
+    ],
+    ids=[
+        "ended since",
+        "ended before, as was known later",
+        "ended",
+        "ended and may go on",
+        "another one since",
+        "another one after that",
+    ],
+)
+def test_what_another_monitor_saw_as_well_is_one_interval(
+    stored: Lasting, ends_s: int | None, written: list[tuple[int, int, bool]]
+) -> None:
+    """We saw it begin a second later than it did."""
+    ledger = Ledger()
+    ledger.begin(box(3))
+    ledger.forget_pending()
+    if ends_s is not None:
+        ledger.end(Interval, (FRONT, "box"), ends_s * S)
+    ledger.merge([stored], 8 * S, gap_ns=5 * S, followed=True)
+    assert told(ledger) == written
+
+
+def test_what_ended_while_another_monitor_wrote_is_not_written_again() -> None:
+    ledger = Ledger()
+    for second in (3, 5, 9):
+        ledger.begin(box(second, count=second))
+    ledger.merge([box(4, count=5)], 8 * S, gap_ns=5 * S, followed=True)
+    assert sorted(told(ledger)) == [(4, 9, False), (9, 9, True)]
 
 
 def test_over_a_long_gap_nothing_goes_on() -> None:
@@ -100,7 +144,7 @@ def test_over_a_long_gap_nothing_goes_on() -> None:
     for ours in (box(105), there(105, 105, is_open=True)):
         ledger.begin(ours)
     ledger.forget_pending()
-    ledger.merge([box(1), there(1, 1, is_open=True)], 8 * S, 110 * S, gap_ns=60 * S)
+    ledger.merge([box(1), there(1, 1, is_open=True)], 8 * S, gap_ns=60 * S, followed=True)
     assert told(ledger) == [(1, 8, False), (1, 8, False), (105, 105, True), (105, 105, True)]
 
 
@@ -110,7 +154,7 @@ def test_what_happened_while_the_database_was_gone_is_kept() -> None:
     assert told(ledger) == [(1, 1, True)]
     ledger.begin(box(3, count=2))
     ledger.begin(box(5))
-    ledger.merge([box(1)], 2 * S, 6 * S, gap_ns=60 * S)
+    ledger.merge([box(1)], 2 * S, gap_ns=60 * S, followed=False)
     assert sorted(told(ledger)) == [(1, 3, False), (3, 5, False), (5, 5, True)]
 
 
