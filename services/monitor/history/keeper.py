@@ -89,7 +89,7 @@ class HistoryKeeper:
         self._alerts: dict[str, Alert] = {}
         self.acts = Acts()
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
-        self._speaking = Speaking(inventory, self._speaks, speaks=True)
+        self._speaking = self._new_speaking()
         self._store: Store | None = None
         self._problem = "" if settings.history == NONE else "not connected yet"
         self._writes = False
@@ -199,7 +199,8 @@ class HistoryKeeper:
         kept: Kept = await store.load(heartbeat_ns - gap_ns)
         now_ns, ended = time.time_ns(), [each for each in kept.intervals if not each.open]
         self._ledger.merge([*kept.going_on, *ended], heartbeat_ns, gap_ns, followed=not self._leads)
-        if now_ns - heartbeat_ns <= gap_ns:
+        self._speaking = self._new_speaking()
+        if not self._loaded and now_ns - heartbeat_ns <= gap_ns:
             self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
         self.acts.take(kept.acts)
         if not (self._leads and self._loaded):
@@ -247,6 +248,10 @@ class HistoryKeeper:
 
     def _speaks(self, camera: CameraView, now_ns: int) -> bool:
         return camera.last_ns >= now_ns - self._inventory.limits.stale_ns
+
+    def _new_speaking(self) -> Speaking:
+        """Return what finds silent cameras, for a database that has all as going on."""
+        return Speaking(self._inventory, self._speaks, speaks=True)
 
     def _note_silence(self, now_ns: int) -> None:
         """End in the database what cameras had in view that went silent, and resume it when they speak again."""

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from schemas.alerts import Alert, AlertState
 from services.monitor.history import keeper as module
 from services.monitor.history.disagreements import Disagreement
+from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval, interval_of
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import MONITOR, Place, Presence
@@ -237,6 +238,45 @@ async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(pos
     one, two = await kept(url)
     assert (one.count, one.open, two.count, two.open) == (1, False, 2, False)
     assert one.until_ns == two.since_ns
+
+
+@asynccontextmanager
+async def away(monitor: Monitor) -> AsyncIterator[None]:
+    """Have the database be gone for a while."""
+
+    async def refuse(*_: Any) -> None:
+        raise HistoryError("gone")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Store, "write", refuse)
+        await until(lambda: monitor.history.status.problem == "gone")
+        yield
+    await until(monitor.written)
+
+
+async def test_who_came_back_soon_after_the_database_had_been_gone(url: str) -> None:
+    async with monitoring(url) as monitor:
+        monitor.inventory.robot_presence("r1", alive=True)
+        await noted(monitor)
+        await until(monitor.written)
+        async with away(monitor):
+            monitor.inventory.robot_presence("r1", alive=False)
+            await noted(monitor)
+        monitor.inventory.robot_presence("r1", alive=True)
+        await noted(monitor)
+    before, after = await attended(url, ("r1", ""))
+    assert (before.open, after.open, before.until_ns < after.since_ns) == (False, True, True)
+
+
+async def test_what_ended_as_a_camera_fell_silent_does_not_go_on_when_the_database_had_been_gone(url: str) -> None:
+    async with monitoring(url) as monitor:
+        then_ns = time.time_ns() - 10 * S
+        monitor.see(1, then_ns, box=1)
+        await until(monitor.written)
+        async with away(monitor):
+            pass
+    (box,) = await kept(url)
+    assert (box.since_ns, box.until_ns, box.open) == (then_ns, then_ns, False)
 
 
 async def test_with_the_disk_full_monitoring_goes_on_and_history_comes_back(tmp_path: Path) -> None:
