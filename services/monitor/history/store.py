@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
-from sqlalchemy import ColumnElement, Row, Table, delete, func, select
+from sqlalchemy import ColumnElement, Row, Table, delete, func, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert, AlertState
@@ -47,6 +47,15 @@ from services.monitor.mapping.pose import Pose
 
 LOCK: Final = 0x666C656574
 """The advisory lock's number: "fleet", for whoever looks at pg_locks."""
+
+UNHEARD_S: Final = 15.0
+"""After how long without a word from who leads PostgreSQL lets go of the lock: of a machine that is gone none comes."""
+
+END_UNHEARD: Final = text(
+    "SELECT set_config(name, :after, false) FROM pg_settings"
+    " WHERE name IN ('idle_session_timeout', 'idle_in_transaction_session_timeout')"
+)
+"""The former is there since PostgreSQL 14."""
 
 MAX_LOADED: Final = 200_000
 
@@ -90,9 +99,11 @@ class Store:
         async with translating():
             if self._file is not None:
                 return self._lock is not None or self._lock_beside(self._file)
-            taken = await self._connection.scalar(select(func.pg_try_advisory_lock(LOCK)))
+            taken = bool(await self._connection.scalar(select(func.pg_try_advisory_lock(LOCK))))
+            if taken:
+                await self._connection.execute(END_UNHEARD, {"after": f"{round(UNHEARD_S * 1_000)}ms"})
             await self._connection.commit()
-            return bool(taken)
+            return taken
 
     async def load(self, since_ns: int) -> Kept:
         """Return what goes on, and what ended since then."""

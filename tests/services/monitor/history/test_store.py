@@ -163,6 +163,22 @@ async def test_one_of_two_leads_until_it_goes(url: str) -> None:
         assert await second.lead()
 
 
+async def test_one_that_leads_and_is_not_heard_of_any_more_is_taken_over_from(
+    postgresql: PostgreSQL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "UNHEARD_S", 0.2)
+    url = postgresql.create("unheard")
+    async with opened(url) as first, opened(url) as second:
+        assert await first.lead()
+        async with asyncio.timeout(60):
+            while not await second.lead():  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(0.02)
+        with pytest.raises(HistoryError):
+            await first.write([interval(1, 2)], [], 2 * S)
+        await second.write([interval(3, 4)], [], 4 * S)
+        assert await every(second) == [interval(3, 4)]
+
+
 async def test_old_history_is_forgotten_but_not_what_goes_on(url: str) -> None:
     async with opened(url) as store:
         old = [interval(1, 2), interval(3, 4, is_open=True), interval(5, 10)]
