@@ -41,7 +41,6 @@ from services.monitor.history.tables import (
     presence,
 )
 from services.monitor.history.upsert import Upsert, upsert_of
-from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import MAX_MEMBERS
 from services.monitor.mapping.pose import Pose
 
@@ -59,8 +58,8 @@ END_UNHEARD: Final = text(
 
 MAX_LOADED: Final = 200_000
 
-SLICE_NS: Final = 3_600 * NS
-"""How much history is forgotten at once: a database takes its time over many rows, and others wait."""
+SLICE: Final = 10_000
+"""How many rows of a table are forgotten at once: a database takes its time over many, and others wait."""
 
 L = TypeVar("L", bound=Lasting)
 
@@ -186,7 +185,7 @@ class Store:
             await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 
     async def prune(self, before_ns: int) -> bool:
-        """Forget what ended before then, no more at a time than of SLICE_NS; return whether that was all."""
+        """Forget what ended before then, about SLICE rows of a kind at a time; return whether that was all."""
         async with translating(), self._connection.begin():
             of_each = [await self._prune(kind.table, before_ns) for kind in KINDS.values()]
             await self._connection.execute(
@@ -197,11 +196,12 @@ class Store:
         return all(of_each)
 
     async def _prune(self, table: Table, before_ns: int) -> bool:
-        ended = table.c.open.is_(False)
-        oldest_ns = await self._connection.scalar(select(func.min(table.c.until_ns)).where(ended))
-        until_ns = min(before_ns, (oldest_ns or 0) + SLICE_NS)
-        await self._connection.execute(delete(table).where(table.c.until_ns < until_ns, ended))
-        return oldest_ns is None or until_ns == before_ns
+        ended = table.c.open.is_(False) & (table.c.until_ns < before_ns)
+        in_order = select(table.c.until_ns).where(ended).order_by(table.c.until_ns)
+        until_ns = await self._connection.scalar(in_order.offset(SLICE - 1).limit(1))
+        last = before_ns if until_ns is None else until_ns  # with all that ended at that very moment
+        await self._connection.execute(delete(table).where(ended, table.c.until_ns <= last))
+        return until_ns is None
 
     async def close(self) -> None:
         """Let go of the connection and the lock; raises nothing."""
