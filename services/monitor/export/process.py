@@ -16,8 +16,8 @@ from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.opening import connect
 from services.monitor.history.tables import alerts, heartbeat, intervals
 
-ROWS: Final = 5_000
-"""Rows held in memory at a time."""
+ROWS: Final = 100
+"""Rows held in memory and written at a time; a monitor that exports takes class lists in between."""
 
 LONG_S: Final = 3_600.0
 
@@ -81,8 +81,8 @@ def query_of(settings: ExportSettings, table: Table) -> Select[Any]:
 async def _batches(engine: AsyncEngine, query: Select[Any]) -> AsyncIterator[Sequence[Any]]:
     connection = await connect(engine, create=False)
     try:
-        result = await connection.stream(query)
-        async for rows in result.mappings().partitions(ROWS):
+        result = await connection.stream(query, execution_options={"yield_per": ROWS})
+        async for rows in result.mappings().partitions():
             yield rows
     finally:
         await connection.close()

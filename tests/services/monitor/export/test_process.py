@@ -1,4 +1,7 @@
+import asyncio
 import csv
+from collections import Counter
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -7,8 +10,10 @@ import polars as pl
 import pytest
 from pydantic import ValidationError
 
+from services.monitor.export import writing
 from services.monitor.export.process import run
 from services.monitor.export.settings import ExportSettings
+from services.monitor.export.writing import exported as exported_row
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.store import Store
 from tests.schemas.results import alert
@@ -66,6 +71,34 @@ async def test_what_is_exported_can_be_chosen(
 ) -> None:
     rows = await exported(url, tmp_path / "seen.csv", **options)
     assert [int(datetime.fromisoformat(row["since"]).timestamp()) for row in rows] == begins
+
+
+async def test_whatever_else_waits_has_its_turn_after_each_hundred_rows(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = await Store.open(url)
+    try:
+        await store.write([interval(since, since) for since in range(10, 1_000)], [], 1_000 * S)
+    finally:
+        await store.close()
+    turns, rows_of_turn = 0, Counter[int]()
+
+    async def take_turns() -> None:
+        nonlocal turns
+        while True:
+            turns += 1
+            await asyncio.sleep(0)
+
+    def counted(row: Mapping[str, Any]) -> dict[str, Any]:
+        rows_of_turn[turns] += 1
+        return exported_row(row)
+
+    monkeypatch.setattr(writing, "exported", counted)
+    taking = asyncio.create_task(take_turns())
+    rows = await exported(url, tmp_path / "seen.csv")
+    taking.cancel()
+    assert len(rows) == 993
+    assert max(rows_of_turn.values()) <= 100
 
 
 async def test_parquet_has_types(url: str, tmp_path: Path) -> None:
