@@ -7,7 +7,7 @@ from typing import Final
 from schemas import worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey
-from services.monitor.inventory.debouncing import Debounce, DebouncedCount
+from services.monitor.inventory.debouncing import NS, Debounce, DebouncedCount
 from services.monitor.inventory.order import FrameOrder
 from services.monitor.inventory.sighting import Sighting
 
@@ -16,6 +16,10 @@ Vocabularies = Mapping[tuple[str, str], AbstractSet[str]]
 
 MAX_CLASSES: Final = 64
 """How many classes of one camera are remembered; those not in view longest make room."""
+
+
+REPLAY_NS: Final = NS
+"""After a restart the lists that publishers kept come within this time: many were taken in before it."""
 
 
 class Tracked:
@@ -96,7 +100,8 @@ class Tracked:
 class View:
     """The classes that one model has in view.
 
-    began_ns: since when it looks without a gap. lists: how many were taken since then. worker: who sent the newest one.
+    began_ns: since when it looks without a gap; of one that was restored, a moment later. lists: how many were taken
+    since then. worker: who sent the newest one.
     """
 
     __slots__ = ("began_ns", "classes", "last_ns", "left_out", "lists", "model", "order", "service", "worker")
@@ -120,6 +125,8 @@ class View:
 
     def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
         """Take a class list that is news; return the classes whose count moved."""
+        if self.lists == 0 and at_ns > self.began_ns:
+            self.began_ns = at_ns + REPLAY_NS
         self.last_ns, self.worker = at_ns, seen.worker
         self.lists += 1
         moved: list[str] = []

@@ -138,6 +138,20 @@ def test_the_model_that_spoke_last_goes_on_after_a_restart_with_what_others_saw_
     assert inventory.see(seen(1, {"box": 1}, model="new"), 101 * S) == []
 
 
+def test_what_publishers_kept_of_the_time_before_a_restart_did_not_appear_after_it() -> None:
+    before, after = Inventory(), Inventory()
+    lists = [seen(seq, {"box": 1, "cat": 60 <= seq < 70}) for seq in range(100)]
+    for number, each in enumerate(lists):
+        before.see(each, S + number * S // 2)
+    after.restore(seen_of(before))
+    again = [after.see(each, 60 * S + number) for number, each in enumerate(lists)]
+    assert [(of.sighting.name, of.first_look) for some in again for of in some or ()] == [("cat", True)]
+    later = [after.see(seen(seq, {"box": 1, "pallet": 1}), seq * S) for seq in (100, 101)]
+    assert [(of.sighting.name, of.first_look) for some in later for of in some or () if of.sighting.count] == [
+        ("pallet", False)
+    ]
+
+
 def test_of_many_classes_that_were_seen_a_camera_remembers_what_is_in_view_and_the_newest_others() -> None:
     inventory = quick()
     some = [Sighting(FRONT, f"c{n}", n == 1, 0.5, S, n * S, n * S, "m", "w") for n in range(1, MAX_CLASSES + 9)]
