@@ -1,11 +1,13 @@
 """The history as it is read while it is written: pages of what was seen and of alerts, newest first."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import ColumnElement, Select, Table, select, tuple_
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history.acts import Act
@@ -16,12 +18,16 @@ from services.monitor.history.opening import connect
 from services.monitor.history.rows import act_of_row, alert_of_row, interval_of_row
 from services.monitor.history.settings import NONE
 from services.monitor.history.tables import acts, alerts, heartbeat, intervals, lasted
+from services.monitor.inventory.debouncing import NS
 
 MAX_ROWS: Final = 10_000
 """Of one page."""
 
 AT_ONCE: Final = 4
 """How many pages are read at the same time."""
+
+FIRST_NS: Final = 60 * NS
+"""How far back is looked first for the newest."""
 
 SightingPlace = tuple[int, str, str, str]
 """since_ns, robot, camera and class of an interval: where a page ended."""
@@ -51,10 +57,19 @@ class Archive:
     async def sightings(self, asked: Asked, limit: int, after: SightingPlace | None = None) -> list[Interval]:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
-        query = intervals.select().where(
-            *_named(asked, intervals), intervals.c.since_ns <= asked.until_ns, lasted(intervals, asked.since_ns)
-        )
-        rows, at_ns = await self._page(query, order, limit, after)
+        query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
+        query = _page(query, order, limit, after)
+        rows: Sequence[Any] = ()
+        async with self._connected() as connection:
+            at_ns = await _heartbeat_ns(connection)
+            newest_ns = min(at_ns, asked.until_ns, at_ns if after is None else after[0])
+            for since_ns in [] if asked.robot else _ever_earlier(newest_ns, asked.since_ns):
+                began = (intervals.c.since_ns >= since_ns) & lasted(intervals, since_ns)
+                rows = (await connection.execute(query.where(began))).all()
+                if len(rows) >= min(limit, MAX_ROWS):
+                    break
+            else:
+                rows = (await connection.execute(query.where(lasted(intervals, asked.since_ns)))).all()
         return [interval_of_row(row, at_ns) for row in rows]
 
     async def alerts(
@@ -66,34 +81,52 @@ class Archive:
         )
         if states:
             query = query.where(alerts.c.state.in_(states))
-        rows, _ = await self._page(query, (alerts.c.changed_ns, alerts.c.id), limit, after)
+        rows = await self._read(_page(query, (alerts.c.changed_ns, alerts.c.id), limit, after))
         return [alert_of_row(row) for row in rows]
 
     async def acts(self, alert_ids: Sequence[str]) -> list[Act]:
         """Return what was done with some alerts, in order."""
         query = acts.select().where(acts.c.alert_id.in_(alert_ids[:MAX_ROWS])).order_by(acts.c.at_ns).limit(MAX_ROWS)
-        rows, _ = await self._read(query)
+        rows = await self._read(query)
         return [act_of_row(row) for row in rows]
 
-    async def _page(
-        self, query: Select[Any], order: Sequence[Any], limit: int, after: tuple[Any, ...] | None
-    ) -> tuple[Sequence[Any], int]:
-        if after is not None:
-            query = query.where(tuple_(*order) < tuple_(*after))
-        return await self._read(query.order_by(*(each.desc() for each in order)).limit(min(limit, MAX_ROWS)))
+    async def _read(self, query: Select[Any]) -> Sequence[Any]:
+        async with self._connected() as connection:
+            rows: Sequence[Any] = (await connection.execute(query)).all()
+        return rows
 
-    async def _read(self, query: Select[Any]) -> tuple[Sequence[Any], int]:
-        """Return the rows, and when somebody wrote last."""
+    @asynccontextmanager
+    async def _connected(self) -> AsyncIterator[AsyncConnection]:
         if self._url == NONE:
             raise HistoryError("no history is kept: the monitor was started with --history none")
         async with self._room, translating():
             connection = await connect(engine_of(self._url), create=False)
             try:
-                rows = (await connection.execute(query)).all()
-                at_ns = await connection.scalar(select(heartbeat.c.at_ns))
+                yield connection
             finally:
                 await connection.close()
-        return rows, at_ns or 0
+
+
+async def _heartbeat_ns(connection: AsyncConnection) -> int:
+    """Return when somebody wrote last."""
+    return await connection.scalar(select(heartbeat.c.at_ns)) or 0
+
+
+def _page(query: Select[Any], order: Sequence[Any], limit: int, after: tuple[Any, ...] | None) -> Select[Any]:
+    if after is not None:
+        query = query.where(tuple_(*order) < tuple_(*after))
+    return query.order_by(*(each.desc() for each in order)).limit(min(limit, MAX_ROWS))
+
+
+def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
+    """Yield times from shortly before the newest one back to `since_ns`.
+
+    Ends have an index and beginnings none: what began after a time is looked for among what ended after it.
+    """
+    back_ns = FIRST_NS
+    while newest_ns - back_ns > since_ns:
+        yield newest_ns - back_ns
+        back_ns *= 4
 
 
 def _named(asked: Asked, table: Table) -> list[ColumnElement[bool]]:

@@ -1,9 +1,16 @@
+from itertools import product
+from pathlib import Path
+
 import pytest
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import AlertState
+from schemas.keys import CameraKey
+from services.monitor.history import archive as archive_module
 from services.monitor.history.acts import Act
 from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.opening import connect
 from services.monitor.history.settings import NONE
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import interval, opened
@@ -23,6 +30,44 @@ async def test_sightings_come_page_by_page_each_once_newest_first(url: str) -> N
         last = page[-1]
         after = (last.since_ns, last.key.robot, last.key.camera, last.name)
     assert found == some[::-1]
+
+
+async def test_pages_of_a_long_history_are_those_of_all_of_it(url: str) -> None:
+    some = []
+    for number, (ago, long) in enumerate(product(range(14), repeat=2)):
+        since_s = NOW_S - 3**ago
+        key, name = CameraKey(f"r{number}", "front"), ("box", "pallet")[number % 2]
+        some.append(interval(since_s, min(NOW_S, since_s + 3**long), key=key, name=name))
+    async with opened(url) as store:
+        await store.write(some, [], NOW_S * S)
+    for asked, limit in ((Asked(), 50), (Asked((NOW_S - 9_000) * S, (NOW_S - 99) * S, name="box"), 13)):
+        archive, found, after = Archive(url), [], None
+        while page := await archive.sightings(asked, limit, after):
+            found += page
+            last = page[-1]
+            after = (last.since_ns, last.key.robot, last.key.camera, last.name)
+        wanted = [of for of in some if of.until_ns >= asked.since_ns and of.since_ns <= asked.until_ns]
+        wanted = [of for of in wanted if asked.name in ("", of.name)]
+        assert found == sorted(wanted, key=lambda of: (of.since_ns, of.key.robot), reverse=True)
+
+
+async def test_the_newest_are_found_without_a_look_at_all_that_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, steps = f"sqlite:///{tmp_path}/history.db", []
+    async with opened(url) as store:
+        await store.write([interval(NOW_S - n, NOW_S - n) for n in range(5_000)], [], NOW_S * S)
+
+    async def counting(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
+        connection = await connect(engine, create=create)
+        database = (await connection.get_raw_connection()).driver_connection
+        assert database is not None
+        await database.set_progress_handler(lambda: steps.append(1), 1)
+        return connection
+
+    monkeypatch.setattr(archive_module, "connect", counting)
+    assert len(await Archive(url).sightings(Asked(), 20)) == 20
+    assert len(steps) < 5_000
 
 
 async def test_what_goes_on_is_of_now_though_it_began_long_ago(url: str) -> None:
