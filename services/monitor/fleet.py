@@ -13,14 +13,17 @@ from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.clocks import Clocks
-from services.monitor.inventory.inventory import Inventory, Limits, make_room
+from services.monitor.inventory.debouncing import NS
+from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits, make_room
 from services.monitor.inventory.sighting import Change
 from services.monitor.mapping.places import Places
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
-MAX_LAG_NS: Final = 3_600_000_000_000
+MINUTE_NS: Final = 60 * NS
+DAY_NS: Final = 86_400 * NS
+MAX_LAG_NS: Final = 3_600 * NS
 """A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
 
 
@@ -119,9 +122,22 @@ class Fleet:
     def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
         """Keep a worker's newest account of itself, which arrived at `received_ns` (epoch)."""
         name = (status.service, status.worker)
+        if name not in self.workers:
+            self._forget_workers(received_ns)
         make_room(self.workers, name)
+        self.worker_heard_ns.pop(name, None)  # in order: who was heard of longest ago comes first
         self.workers[name], self.worker_heard_ns[name] = status, received_ns
         self.inventory.worker_reports(*name, status.classes)
+
+    def _forget_workers(self, now_ns: int) -> None:
+        """Forget those that said nothing for a day, or for a minute where there is no room: each process has a name."""
+        silent_ns = MINUTE_NS if len(self.workers) >= MAX_MEMBERS else DAY_NS
+        while self.worker_heard_ns:
+            name, heard_ns = next(iter(self.worker_heard_ns.items()))
+            if now_ns - heard_ns <= silent_ns:
+                return
+            del self.workers[name], self.worker_heard_ns[name]
+            self.inventory.forget_worker(*name)
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).

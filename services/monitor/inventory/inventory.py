@@ -101,6 +101,10 @@ class Inventory:
         make_room(self._vocabularies, (service, worker))
         self._vocabularies[service, worker] = frozenset(classes)
 
+    def forget_worker(self, service: str, worker: str) -> None:
+        """Forget what a worker said."""
+        self._vocabularies.pop((service, worker), None)
+
     def see(self, seen: ClassList, at_ns: int) -> list[Change] | None:
         """Take a class list about what was in view at `at_ns`; return what changed, or None if it is a double or late.
 

@@ -1,3 +1,5 @@
+from contextlib import suppress
+
 import msgspec
 import pytest
 
@@ -6,6 +8,7 @@ from schemas.detections import ClassCount, ClassList
 from schemas.distances import Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
+from services.monitor import fleet as fleet_module
 from services.monitor.fleet import MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.debouncing import Debounce
@@ -16,6 +19,7 @@ from tests.schemas.results import distances, known
 
 FRONT = CameraKey("r1", "front")
 CLOCK = "this machine"
+S = 1_000_000_000
 
 
 def seen(seq: int = 0, *, robot: str = "r1", boot_id: str = "boot", box: int = 1) -> ClassList:
@@ -250,3 +254,33 @@ def test_what_workers_say_they_report_is_compared_though_it_was_never_in_a_list(
     assert view.disagreements(0) == {"box": (1, 0)}
     fleet.worker_status(msgspec.structs.replace(says, classes=[]), 0)
     assert view.disagreements(0) == {}
+
+
+def worker(number: int) -> WorkerStatus:
+    return WorkerStatus(service="detector", worker=f"w{number}", model="m", sent_ns=0, classes=["box"])
+
+
+def test_a_worker_that_is_silent_for_a_day_is_forgotten_once_another_one_comes() -> None:
+    fleet = Fleet(CLOCK)
+    for second, number in enumerate((1, 2, 1)):
+        fleet.worker_status(worker(number), second * S)
+    fleet.worker_status(worker(3), 86_401 * S)
+    assert [name for _, name in fleet.workers] == ["w1", "w2", "w3"]
+    fleet.worker_status(worker(4), 86_402 * S)
+    assert [name for _, name in fleet.workers] == ["w1", "w3", "w4"]
+    assert fleet.workers.keys() == fleet.worker_heard_ns.keys()
+
+
+def test_workers_that_are_restarted_over_and_over_leave_room_for_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MAX_MEMBERS", 10)
+    monkeypatch.setattr(fleet_module, "MAX_MEMBERS", 10)
+    fleet = Fleet(CLOCK)
+    for number in range(1, 1_000):
+        for each in (0, number):
+            fleet.worker_status(worker(each), number * 10 * S)
+        assert ("detector", "w0") in fleet.workers
+    for number in range(1_000, 1_010):
+        with suppress(InventoryFullError):
+            fleet.worker_status(worker(number), 10_000 * S)
+    with pytest.raises(InventoryFullError):
+        fleet.worker_status(worker(2_000), 10_000 * S)
