@@ -179,6 +179,8 @@ class CameraView:
             for name, mine in new.classes.items()
             if mine.count.count and (name not in before or before[name].count.count != mine.count.count)
         ]
+        if old is not None:
+            new.speak(moved, old.last_ns)
         for name, theirs in before.items():
             mine = new.classes.get(name)
             if mine is None or mine.count.count == 0:

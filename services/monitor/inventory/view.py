@@ -1,6 +1,6 @@
 """What one model says about one camera. Pure."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from typing import Final
 
@@ -122,6 +122,13 @@ class View:
         self.began_ns, self.lists = at_ns, 0
         for tracked in self.classes.values():
             tracked.count, tracked.listed = DebouncedCount(), 0
+
+    def speak(self, moved: Iterable[str], since_ns: int) -> None:
+        """Speak for a camera since then, of which another model said otherwise about these classes until then."""
+        self.began_ns = max(self.began_ns, since_ns)
+        for tracked in (self.classes[name] for name in moved):
+            tracked.first_ns = max(tracked.first_ns, since_ns)
+            tracked.count.since_ns = max(tracked.count.since_ns, since_ns)
 
     def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
         """Take a class list that is news; return the classes whose count moved."""

@@ -90,6 +90,19 @@ def test_one_model_speaks_until_it_is_silent_and_the_next_goes_on_with_its_sight
     ]
 
 
+def test_what_the_next_model_says_otherwise_is_so_since_the_last_word_of_the_one_before() -> None:
+    camera = Seeing()
+    for at_s in (1, 2):
+        camera.see(at_s, "a", box=1)
+        camera.see(at_s, "b", box=3, pallet=1)
+    camera.see(3, "a", box=1)
+    camera.see(5, "b", box=3, pallet=1)
+    moved = {of.sighting.name: of for of in camera.changes(7, "b", {"box": 3, "pallet": 1})}
+    box, pallet = moved["box"], moved["pallet"]
+    assert (box.kind, box.sighting.since_ns, box.sighting.first_ns) == (ChangeKind.COUNTED, 3 * S, 1 * S)
+    assert (pallet.kind, pallet.sighting.since_ns, pallet.first_look) == (ChangeKind.APPEARED, 3 * S, True)
+
+
 def test_models_that_count_otherwise_disagree_about_what_both_know() -> None:
     camera = Seeing()
     for at_s in (1, 2):
