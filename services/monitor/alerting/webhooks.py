@@ -89,9 +89,13 @@ class Webhooks:
 async def _try(client: httpx.AsyncClient, url: str, post: Post) -> tuple[str, bool]:
     """Post once; return why it was not taken, empty if it was, and whether it makes sense to try again."""
     try:
-        response = await client.post(url, content=post.body, headers=dict(post.headers))
+        # the answer's body is left alone: it may have no end
+        async with client.stream("POST", url, content=post.body, headers=dict(post.headers)) as response:
+            pass
     except httpx.HTTPError as error:
         return str(error) or type(error).__name__, True
+    except (httpx.InvalidURL, UnicodeError) as error:  # a host that httpx takes for no name, as rule files need not
+        return str(error), False
     if response.is_success:
         return "", False
     return f"status {response.status_code}", response.is_server_error or response.status_code in TRY_LATER

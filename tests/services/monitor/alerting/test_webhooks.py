@@ -91,6 +91,34 @@ async def test_a_webhook_that_is_not_there_holds_up_no_other() -> None:
         await until(lambda: webhooks.refused == 1)
 
 
+async def test_a_host_that_is_no_name_is_given_up_and_the_next_one_goes_on() -> None:
+    nowhere = Webhook.model_validate({"url": "http://\u2603.invalid/", "secret": SECRET})
+    async with receiving(200) as (receiver, webhook), posting() as webhooks:
+        webhooks.post(nowhere, alert())
+        await until(lambda: webhooks.refused == 1)
+        webhooks.post(webhook, alert())
+        await until(lambda: len(receiver.got) == 1)
+
+
+async def test_an_answer_without_an_end_holds_up_nothing() -> None:
+    posts: list[str] = []
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        head = (await reader.readuntil(b"\r\n\r\n")).decode()
+        posts.append(next(line for line in head.split("\r\n") if line.lower().startswith("x-fleetsight-delivery")))
+        writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\r\n: and so on\n\n")
+        await reader.read()  # to the end of the connection
+        writer.close()
+
+    async with await asyncio.start_server(serve, "127.0.0.1", 0) as server, posting() as webhooks:
+        port = server.sockets[0].getsockname()[1]
+        webhook = Webhook.model_validate({"url": f"http://127.0.0.1:{port}/", "secret": SECRET})
+        for number in range(3):
+            webhooks.post(webhook, alert(id_=f"a{number}"))
+        await until(lambda: len(posts) == 3)
+        assert len(set(posts)) == 3
+
+
 def test_the_signature_depends_on_the_secret_and_the_alert() -> None:
     names = [
         signed(said, secret).headers["X-Fleetsight-Signature"]
