@@ -58,9 +58,18 @@ class Rule(_Part):
     @field_validator("between", mode="before")
     @classmethod
     def _written_with_a_colon(cls, value: Any) -> Any:
-        """YAML reads 22:30 without quotes as a number of minutes."""
-        if isinstance(value, list) and any(isinstance(each, int) for each in value):
+        """YAML reads 22:30 without quotes as a number of minutes, and 22.30 as one of seconds."""
+        if isinstance(value, list) and any(isinstance(each, int | float) for each in value):
             raise ValueError("write times in quotes, like ['22:00', '06:00']")
+        return value
+
+    @field_validator("between")
+    @classmethod
+    def _is_a_part_of_the_day(cls, value: tuple[time, time] | None) -> tuple[time, time] | None:
+        if value is not None and any(each.tzinfo for each in value):
+            raise ValueError("times are without a time zone; `timezone` of the whole file says which")
+        if value is not None and value[0] == value[1]:
+            raise ValueError("begins when it ends, which is never; leave it out for the whole day")
         return value
 
     def applies_to(self, robot: str, camera: str) -> bool:
