@@ -44,11 +44,14 @@ class Finding(msgspec.Struct, frozen=True, gc=False):
 def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
     """Yield what a rule finds in a look at a camera; of what is not known it says nothing.
 
-    Coming and going are found in changes, see `found_in`.
+    That something came or went is found in changes, see `found_in`. That it is over is found here too: of what went,
+    or came back, while nobody spoke for the camera there is no change.
     """
     match rule:
         case AppearsRule() | DisappearsRule():
-            return
+            in_view = look.counts.get(rule.of, 0) > 0
+            if look.speaks and in_view is isinstance(rule, DisappearsRule):
+                yield Finding(rule.of, holds=False)
         case SilentRule():
             if rule.of_cameras:
                 yield Finding("", not look.speaks, "" if look.speaks else f"{look.key} says nothing")

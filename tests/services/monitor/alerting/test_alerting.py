@@ -4,6 +4,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from bus import QUEUE, Bus
@@ -115,6 +116,23 @@ async def test_an_alert_reaches_its_robot_and_the_store_and_makes_the_robot_act(
         assert len(actions) == 1
 
 
+async def test_what_went_while_its_camera_was_lost_is_over_once_the_camera_is_back(rig: Rig) -> None:
+    rig.see()
+    rig.see(pallet=1)
+    await until(lambda: rig.states() == [("a pallet", AlertState.RAISED)])
+    rig.inventory.camera_presence(FRONT, alive=False)
+    await asyncio.sleep(0.5)
+    rig.alerting.take(rig.inventory.tick(time.time_ns() + 3_600 * S))
+    rig.inventory.camera_presence(FRONT, alive=True)
+    await asyncio.sleep(0.5)
+    assert len(rig.kept) == 1, "nobody knows"
+    rig.see()
+    rig.see()
+    await until(lambda: rig.states()[1:] == [("a pallet", AlertState.RESOLVED)])
+    rig.see(pallet=1)
+    await until(lambda: rig.states()[2:] == [("a pallet", AlertState.RAISED)])
+
+
 async def test_distances_and_silence_are_alerted(rig: Rig) -> None:
     rig.see(box=1)
     rig.see(box=1)
@@ -163,7 +181,7 @@ async def test_a_monitor_that_does_not_lead_raises_nothing(rig: Rig) -> None:
     with pytest.raises(UnknownAlertError, match="another monitor"):
         rig.alerting.resolve("a1")
     rig.leads = True
-    rig.alerting.lead([alert(id_="before", robot="r1")])
+    rig.alerting.lead([msgspec.structs.replace(alert(id_="before", robot="r9"), name="box")])
     assert [each.id for each in rig.alerting.alerts()] == ["before"]
     assert rig.alerting.escalate("before").state is AlertState.ESCALATED
     await until(lambda: bool(rig.kept))

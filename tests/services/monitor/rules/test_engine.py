@@ -33,6 +33,16 @@ def test_what_disappears_is_alerted_until_it_is_back() -> None:
     assert ruling.changed(3, ChangeKind.APPEARED, first_look=True) == ["1 resolved"]
 
 
+def test_what_nobody_saw_go_or_come_back_is_over_when_the_camera_speaks() -> None:
+    ruling = Ruling({"when": "appears", "class": "box"}, {"when": "disappears", "class": "pallet"})
+    assert ruling.changed(1, ChangeKind.APPEARED) == ["1 raised"]
+    assert ruling.changed(1, ChangeKind.VANISHED, "pallet") == ["2 raised"]
+    assert ruling.look(2, counts={"box": 1, "pallet": 0}) == []
+    assert ruling.look(3, speaks=False, counts={"pallet": 1}) == []
+    assert ruling.look(4, counts={"pallet": 1}) == ["1 resolved", "2 resolved"]
+    assert ruling.changed(5, ChangeKind.APPEARED) == ["3 raised"]
+
+
 @pytest.mark.parametrize(
     ("rule", "so", "not_so", "text"),
     [
