@@ -13,7 +13,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Finding, Look, findings, found_in
-from services.monitor.rules.model import AnyRule, RuleBook, SilentRule
+from services.monitor.rules.model import AnyRule, RuleBook, SilentRule, is_about, same_rule
 from services.monitor.rules.waiting import Place, Waiting
 
 MAX_SUBJECTS: Final = 100_000
@@ -78,7 +78,8 @@ class RuleEngine:
 
     def replace(self, book: RuleBook, now_ns: int) -> None:
         """Put other rules in force. A rule that stays as it was goes on; the alerts of one that is gone resolve."""
-        same = {rule.name for rule in book.rules if rule in self._book.rules}
+        before = {rule.name: rule for rule in self._book.rules}
+        same = {rule.name for rule in book.rules if same_rule(rule, before.get(rule.name))}
         kept = {name: subjects for name, subjects in self._subjects.items() if name in same}
         for alert, _ in list(self._alerts.values()):
             if alert.rule not in same:
@@ -91,13 +92,18 @@ class RuleEngine:
         self._full = self._refused = False
 
     def restore(self, alerts: Iterable[Alert], now_ns: int) -> None:
-        """Go on with the alerts of a monitor that ran before; those of rules that are gone, or double, resolve."""
+        """Go on with the alerts of a monitor that ran before.
+
+        Those resolve that are double, and those of rules that are gone or, by now, about something else.
+        """
+        rules = {rule.name: rule for rule in self._book.rules}
         for alert in alerts:
             place = (alert.robot, alert.camera, alert.name)
             if alert.id in self._alerts:
                 continue
             self._alerts[alert.id] = (alert, place)
-            subject = self._subject(alert.rule, place) if alert.rule in self._subjects else None
+            rule = rules.get(alert.rule)
+            subject = self._subject(alert.rule, place) if rule is not None and is_about(rule, *place) else None
             if subject is None or subject.alert is not None:
                 self._change(alert, AlertState.RESOLVED, now_ns)
             else:

@@ -188,6 +188,24 @@ class RuleBook(_Part):
         return self
 
 
+def is_about(rule: AnyRule, robot: str, camera: str, name: str) -> bool:
+    """Whether a rule raises alerts about a robot, camera and class; the latter two may be empty."""
+    match rule:
+        case SilentRule():
+            fits = bool(camera) is rule.of_cameras and not name
+        case DisagreeRule():
+            fits = bool(camera) and rule.of in ("", name)
+        case _:
+            fits = bool(camera) and rule.of == name
+    return fits and rule.applies_to(robot, camera)
+
+
+def same_rule(rule: AnyRule, other: AnyRule | None) -> bool:
+    """Whether a rule means what another one does; of `silent` it counts, too, whether `cameras` is given."""
+    given = other is not None and "cameras" in other.model_fields_set
+    return rule == other and ("cameras" in rule.model_fields_set) == given
+
+
 def _mistake(rule: int, field: str, reason: str) -> PydanticCustomError:
     """Return an error of the whole file whose context says which rule's field is wrong."""
     return PydanticCustomError("across_rules", "{reason}", {"reason": reason, "place": ("rules", rule, field)})

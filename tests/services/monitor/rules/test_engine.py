@@ -221,6 +221,31 @@ def test_alerts_of_a_monitor_that_ran_before_go_on() -> None:
     assert ruling.due(11) == ["gone resolved"]
 
 
+@pytest.mark.parametrize(
+    "rule",
+    [
+        {"when": "nearer", "class": "person", "than_m": 2},
+        {"when": "nearer", "class": "forklift", "than_m": 2, "robots": ["r2"]},
+        {"when": "nearer", "class": "forklift", "than_m": 2, "cameras": ["rear"]},
+        {"when": "silent"},
+        {"when": "silent", "cameras": ["front"]},
+        {"when": "disagree", "class": "person"},
+    ],
+)
+def test_an_alert_of_before_resolves_if_its_rule_is_about_something_else_by_now(rule: dict[str, Any]) -> None:
+    ruling = Ruling({"name": "too near", **rule})
+    ruling.engine.restore([alert(id_="before")], 8)
+    assert ruling.due(1) == ["before resolved"]
+
+
+def test_a_rule_about_robots_that_becomes_one_about_cameras_is_another() -> None:
+    ruling = Ruling({"when": "silent"})
+    ruling.engine.robot("r1", alive=False, now_ns=S)
+    assert ruling.due(1) == ["1 raised"]
+    ruling.engine.replace(book({"when": "silent", "cameras": ["*"]}), 2 * S)
+    assert ruling.due(2) == ["1 resolved"]
+
+
 def test_subjects_are_bounded() -> None:
     ruling = Ruling({**OVER, "cooldown_s": 60}, most=1)
     assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
