@@ -1,6 +1,6 @@
 """Rules over time: what must hold for how long, and what becomes of the alerts. Pure."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
@@ -13,7 +13,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Finding, Look, findings, found_in
-from services.monitor.rules.model import AnyRule, RuleBook, SilentRule, is_about, same_rule
+from services.monitor.rules.model import AnyRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
 from services.monitor.rules.waiting import Place, Waiting
 
 MAX_SUBJECTS: Final = 100_000
@@ -149,9 +149,15 @@ class RuleEngine:
         self._refused = False
         return True
 
-    def next_ns(self) -> int | None:
-        """Return when something that is waited for is due next, None if nothing is."""
-        return self._waiting.next_ns()
+    def next_ns(self, now_ns: int) -> int | None:
+        """Return when, after now, something that is waited for may be due next; None if nothing is waited for."""
+        ripening_ns = self._waiting.next_ns()
+        moments = [
+            *([] if ripening_ns is None else [ripening_ns]),
+            *(opening_ns(rule, now_ns) for rule in self._book.rules if rule.name in self._waiting.ripe),
+            *(due_ns for _, due_ns in self._escalations()),
+        ]
+        return min((moment for moment in moments if moment > now_ns), default=None)
 
     def due(self, now_ns: int) -> list[Effect]:
         """Let time pass; return what became of alerts since this was asked last."""
@@ -172,11 +178,15 @@ class RuleEngine:
                 self._raise(rule, place, self._subjects[rule.name][place], now_ns)
 
     def _escalate_due(self, now_ns: int) -> None:
+        for alert in [alert for alert, due_ns in self._escalations() if due_ns <= now_ns]:
+            self._change(alert, AlertState.ESCALATED, now_ns)
+
+    def _escalations(self) -> Iterator[tuple[Alert, int]]:
+        """Yield the alerts that nobody acknowledged yet and when each escalates."""
         after_s = {rule.name: rule.escalate_after_s for rule in self._book.rules if rule.escalate_after_s is not None}
-        for alert, _ in list(self._alerts.values()) if after_s else ():
-            waits = alert.state is AlertState.RAISED and alert.rule in after_s
-            if waits and now_ns - alert.raised_ns >= after_s[alert.rule] * NS:
-                self._change(alert, AlertState.ESCALATED, now_ns)
+        for alert, _ in self._alerts.values() if after_s else ():
+            if alert.state is AlertState.RAISED and alert.rule in after_s:
+                yield alert, alert.raised_ns + round(after_s[alert.rule] * NS)
 
     def acknowledge(self, alert_id: str, now_ns: int) -> Alert:
         """Note that somebody looks after an alert.

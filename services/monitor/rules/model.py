@@ -14,6 +14,7 @@ from schemas.keys import NAME
 
 MAX_RULES: Final = 500
 Day = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
+QUARTER_NS: Final = 900 * 1_000_000_000
 DAYS: Final[tuple[Day, ...]] = get_args(Day)
 
 Text = Annotated[str, Field(min_length=1, max_length=MAX_LABEL)]
@@ -198,6 +199,16 @@ def is_about(rule: AnyRule, robot: str, camera: str, name: str) -> bool:
         case _:
             fits = bool(camera) and rule.of == name
     return fits and rule.applies_to(robot, camera)
+
+
+def opening_ns(rule: AnyRule, now_ns: int) -> int:
+    """Return the next moment, epoch nanoseconds, at which a rule that does not apply now may begin to.
+
+    Clocks are turned, and differ from UTC by, whole quarters of an hour.
+    """
+    begin = time() if rule.between is None else rule.between[0]
+    into_ns = (begin.minute * 60 + begin.second) * 1_000_000_000 + begin.microsecond * 1_000
+    return min(now_ns + QUARTER_NS - (now_ns - phase_ns) % QUARTER_NS for phase_ns in (0, into_ns))
 
 
 def same_rule(rule: AnyRule, other: AnyRule | None) -> bool:

@@ -107,8 +107,10 @@ def _run(engine: RuleEngine, run: Run, steps: Sequence[Step], memory: _Memory, u
     settled_ns = run.since_ns + SETTLE_NS if run.told else 0
     if settled_ns < until_ns and run.told:
         steps = sorted([*steps, Step(settled_ns, None)], key=lambda step: step.at_ns)
+    now_ns = run.since_ns
     for at_ns, group in groupby(steps, key=lambda step: step.at_ns):
-        yield from _until(engine, at_ns)
+        yield from _until(engine, now_ns, at_ns)
+        now_ns = at_ns
         some = list(group)
         for step in some:
             memory.take(step)
@@ -116,15 +118,15 @@ def _run(engine: RuleEngine, run: Run, steps: Sequence[Step], memory: _Memory, u
         if at_ns >= settled_ns:
             _look(engine, some, memory, at_ns, told=run.told)
         yield from engine.due(at_ns)
-    yield from _until(engine, until_ns)
+    yield from _until(engine, now_ns, until_ns)
 
 
-def _until(engine: RuleEngine, at_ns: int) -> Iterator[Effect]:
-    """Let time pass up to a moment, stopping wherever something that is waited for may be due."""
-    last_ns = -1
-    while (next_ns := engine.next_ns()) is not None and last_ns < next_ns < at_ns:
-        last_ns = next_ns
+def _until(engine: RuleEngine, now_ns: int, at_ns: int) -> Iterator[Effect]:
+    """Let time pass from now up to a moment, stopping wherever something that is waited for may be due."""
+    next_ns: int | None = now_ns
+    while next_ns is not None and next_ns < at_ns:
         yield from engine.due(next_ns)
+        next_ns = engine.next_ns(next_ns)
 
 
 def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int, *, told: bool) -> None:

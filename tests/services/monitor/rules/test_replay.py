@@ -8,6 +8,7 @@ from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.presence import Presence
+from services.monitor.rules.model import RuleBook
 from services.monitor.rules.past import Past
 from services.monitor.rules.replay import caveats, replay
 from tests.services.monitor.history.lasting import disagreement, there
@@ -200,6 +201,41 @@ def test_alerts_go_on_over_a_restart() -> None:
     assert tried(many, count(2, 99, 2, open=True), spoken, *runs) == [(4, "raised")]
     assert tried(many, count(2, 40, 2), spoken, *runs) == [(4, "raised"), (40, "resolved")]
     assert tried(many, count(2, 55, 2), spoken, *runs) == [(4, "raised"), (63, "resolved")]
+
+
+HOUR = 3_600
+SPRING = 1_774_742_400
+"""29 March 2026, 00:00 UTC: an hour later the clocks of Berlin go from two to three."""
+
+
+@pytest.mark.parametrize(
+    ("zone", "held_s", "filters", "raised_s"),
+    [
+        ("UTC", 10, {"between": ["22:00", "06:00"]}, 10),
+        ("UTC", 7 * HOUR, {"between": ["22:00", "06:00"]}, 22 * HOUR),
+        ("UTC", 7 * HOUR, {"between": ["22:07:30", "06:00"]}, 22 * HOUR + 450),
+        ("UTC", 7 * HOUR, {"days": ["sat"]}, 2 * DAY),
+        ("UTC", 7 * HOUR, {"days": ["sat"], "between": ["00:10", "01:00"]}, 2 * DAY + 600),
+        ("Europe/Berlin", SPRING, {"between": ["05:30", "06:00"]}, SPRING + 3 * HOUR + 1_800),
+        ("Europe/Berlin", SPRING, {"between": ["02:30", "06:00"]}, SPRING + HOUR),
+    ],
+)
+def test_what_still_holds_when_the_hours_begin_is_raised_then(
+    zone: str, held_s: int, filters: dict[str, Any], raised_s: int
+) -> None:
+    rule = {"name": "many", "when": "over", "class": "box", "count": 1, **filters}
+    held = [count(held_s - 5, held_s, 1), count(held_s, held_s + 9 * DAY, 2), there(1, held_s + 9 * DAY, "")]
+    effects = replay(RuleBook.model_validate({"rules": [rule], "timezone": zone}), past_of(*held))
+    assert [effect.alert.raised_ns for effect in effects if effect.raised] == [raised_s * S]
+
+
+def test_what_nobody_acknowledges_escalates_in_time() -> None:
+    many = {"when": "over", "class": "box", "count": 1, "escalate_after_s": 25}
+    spoken = there(2, 300, camera="front", is_open=True)
+    runs = [there(1, 50, ""), there(200, 300, "", is_open=True)]
+    assert tried(many, count(2, 300, 2, open=True), spoken, *runs) == [(4, "raised"), (29, "escalated")]
+    many["escalate_after_s"] = 100
+    assert tried(many, count(2, 300, 2, open=True), spoken, *runs) == [(4, "raised"), (200, "escalated")]
 
 
 def test_history_of_before_anybody_kept_who_was_there_is_tried_as_well() -> None:
