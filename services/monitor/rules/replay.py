@@ -108,6 +108,7 @@ def _run(engine: RuleEngine, run: Run, steps: Sequence[Step], memory: _Memory, u
     if settled_ns < until_ns and run.told:
         steps = sorted([*steps, Step(settled_ns, None)], key=lambda step: step.at_ns)
     now_ns = run.since_ns
+    yield from engine.due(now_ns)
     for at_ns, group in groupby(steps, key=lambda step: step.at_ns):
         yield from _until(engine, now_ns, at_ns)
         now_ns = at_ns
@@ -123,10 +124,9 @@ def _run(engine: RuleEngine, run: Run, steps: Sequence[Step], memory: _Memory, u
 
 def _until(engine: RuleEngine, now_ns: int, at_ns: int) -> Iterator[Effect]:
     """Let time pass from now up to a moment, stopping wherever something that is waited for may be due."""
-    next_ns: int | None = now_ns
-    while next_ns is not None and next_ns < at_ns:
-        yield from engine.due(next_ns)
-        next_ns = engine.next_ns(next_ns)
+    while (next_ns := engine.next_ns(now_ns)) is not None and next_ns < at_ns:
+        now_ns = next_ns
+        yield from engine.due(now_ns)
 
 
 def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int, *, told: bool) -> None:

@@ -194,6 +194,11 @@ def test_silence_changes_nothing_that_is_not_known(rule: dict[str, Any], alerts:
     assert tried({"class": "box", **rule}, *SILENT) == alerts
 
 
+def test_what_went_while_its_camera_was_lost_is_over_once_the_camera_is_back() -> None:
+    without = [each for each in SILENT if not isinstance(each, Interval) or each.since_ns < 98 * S]
+    assert tried({"when": "appears", "class": "box"}, *without) == [(5, "raised"), (99, "resolved")]
+
+
 def test_alerts_go_on_over_a_restart() -> None:
     many = {"when": "over", "class": "box", "count": 1}
     runs = [there(1, 50, ""), there(60, 99, "", is_open=True)]
