@@ -59,10 +59,28 @@ def past_of(*some: Lasting) -> Past:
         ({"when": "under", "count": 1, "for_s": 10}, []),
         ({"when": "nearer", "than_m": 1.5, "for_s": 5}, [(45, "raised"), (50, "resolved")]),
         ({"when": "over", "count": 0, "robots": ["r2"]}, []),
+        ({"when": "over", "count": 2, "between": ["00:00:15", "06:00"]}, [(15, "raised"), (20, "resolved")]),
+        ({"when": "over", "count": 2, "between": ["00:00:20", "06:00"]}, []),
     ],
 )
 def test_history_raises_what_it_would_have_raised(rule: dict[str, Any], alerts: list[tuple[int, str]]) -> None:
     assert tried({**rule, "class": "box"}) == alerts
+
+
+@pytest.mark.parametrize(
+    ("rule", "timezone", "raised_s"),
+    [
+        ({"days": ["fri"]}, "UTC", 24 * 3600),
+        ({"days": ["fri"]}, "Europe/Berlin", 23 * 3600),
+        ({"between": ["22:00", "06:00"], "days": ["sat"]}, "UTC", (48 + 22) * 3600),
+    ],
+)
+def test_what_still_holds_when_the_time_comes_is_raised_then(
+    rule: dict[str, Any], timezone: str, raised_s: int
+) -> None:
+    past = past_of(count(7 * 3600, 100 * 3600, 3))
+    (raised, _) = replay(book({"when": "over", "class": "box", "count": 2, **rule}, timezone=timezone), past)
+    assert raised.alert.raised_ns == raised_s * S, "the epoch began on a Thursday"
 
 
 LED = there(1, 1_000, "", is_open=True)
