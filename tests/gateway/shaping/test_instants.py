@@ -162,6 +162,23 @@ def test_the_faster_stream_sends_instants_at_which_the_slower_one_has_a_frame(
     assert first == "depth" or len(sent["color"]) >= 0.85 * max_hz * 20
 
 
+@pytest.mark.parametrize("offset_ms", [-4, 0, 4])
+@pytest.mark.parametrize(("max_hz", "lost"), [(10, 0), (10, 4), (5, 0)])
+def test_a_slower_stream_keeps_its_rate_though_it_loses_frames_and_is_a_little_off(
+    *, offset_ms: int, max_hz: float, lost: int
+) -> None:
+    """lost: each so manieth of its frames, none if it is 0."""
+    instants, color = Instants(), stamps(30, 20)
+    depth = [stamp + offset_ms * MS for n, stamp in enumerate(color[1::3]) if not lost or n % lost]
+    frames = sorted([(stamp, "color") for stamp in color] + [(stamp, "depth") for stamp in depth])
+    sent: dict[str, list[int]] = {"color": [], "depth": []}
+    for stamp, stream in frames:
+        if instants.pick(stream, stamp, stamp, max_hz):
+            sent[stream].append(stamp)
+    assert len(sent["depth"]) >= 0.95 * min(len(depth), max_hz * 20)
+    assert 0.95 * max_hz * 20 <= len(sent["color"]) <= max_hz * 20 + 1
+
+
 def test_a_stream_that_has_ended_is_waited_for_no_longer() -> None:
     instants = Instants()
     for n, stamp in enumerate(stamps(30)):
