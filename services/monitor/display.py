@@ -38,7 +38,7 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
     """Show the fleet until cancelled."""
 
     def every_trouble() -> list[str]:
-        return [*problems(), *troubles(fleet.online())]
+        return [*problems(), *troubles({status.robot: fleet.problems_of(status.robot) for status in fleet.online()})]
 
     if console.is_terminal:
         await _draw(fleet, console, refresh_s, note, every_trouble)

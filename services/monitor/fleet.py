@@ -17,6 +17,8 @@ from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits, make_room
 from services.monitor.inventory.sighting import Change
 from services.monitor.mapping.places import Places
+from services.monitor.namesakes import Namesakes
+from services.monitor.troubles import NAMESAKES, problems_of
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
@@ -102,6 +104,7 @@ class Fleet:
         self.class_lists = 0
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
+        self._namesakes = Namesakes()
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
@@ -118,6 +121,7 @@ class Fleet:
         """Keep a gateway's newest account of itself, which arrived at `received_ns` (epoch)."""
         make_room(self.gateways, status.robot)
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
+        self._namesakes.take(status.robot, status.boot_id, received_ns)
 
     def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
         """Keep a worker's newest account of itself, which arrived at `received_ns` (epoch)."""
@@ -180,6 +184,13 @@ class Fleet:
         theirs_ns = self._theirs_ns(header.robot, now_ns)
         age_ns = now_ns - arrived_ns if theirs_ns is None else theirs_ns - header.received_ns
         return Age(max(0, age_ns) / 1e9, exact=theirs_ns is not None)
+
+    def problems_of(self, robot: str) -> Iterator[str]:
+        """Yield what is wrong with a robot's gateway, as far as that is known."""
+        if self._namesakes.has(robot, self.heard_ns.get(robot, 0)):
+            yield NAMESAKES
+        if (status := self.gateways.get(robot)) is not None:
+            yield from problems_of(status)
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""

@@ -11,7 +11,6 @@ from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet, Row
 from services.monitor.inventory.debouncing import NS
 from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
-from services.monitor.troubles import problems_of
 
 SILENT_NS: Final = 3 * NS
 """After how long without a word a worker counts as gone: it has one every second."""
@@ -113,7 +112,7 @@ class Glance:
             online=self.fleet.inventory.is_alive(name),
             last_ns=self.last_ns(name, [camera.key for camera in cameras]),
             gateway=gateway,
-            problems=() if gateway is None else tuple(problems_of(gateway)),
+            problems=tuple(self.fleet.problems_of(name)),
             cameras=tuple(camera.key.camera for camera in cameras),
             age_s=min(ages, default=None),
             rate_hz=sum(camera.row.rate_hz for camera in cameras),

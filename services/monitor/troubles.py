@@ -1,6 +1,6 @@
-"""What keeps gateways from going on, in their own words. Pure."""
+"""What keeps gateways from going on. Pure."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from schemas.printing import printable
@@ -9,19 +9,18 @@ from schemas.status import GatewayStatus
 MAX_SHOWN: Final = 5
 
 
-def troubles(gateways: Iterable[GatewayStatus]) -> list[str]:
-    """Return a line for each thing that a gateway waits for or that is wrong with a stream of it, by robot.
+NAMESAKES: Final = "has more than one gateway under its name, whose frames get mixed up: end one, or name it otherwise"
 
-    There are no more than MAX_SHOWN and one that counts the rest.
-    """
-    by_robot = sorted(gateways, key=lambda status: status.robot)
-    every = [printable(f"{status.robot} {problem}") for status in by_robot for problem in problems_of(status)]
+
+def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return a line for each thing that is wrong with a robot; no more than MAX_SHOWN, and one that counts the rest."""
+    every = [printable(f"{robot} {problem}") for robot in sorted(problems) for problem in problems[robot]]
     rest = [f"and {len(every) - MAX_SHOWN} more problems"] if len(every) > MAX_SHOWN else []
     return [*every[:MAX_SHOWN], *rest]
 
 
 def problems_of(gateway: GatewayStatus) -> Iterator[str]:
-    """Yield what is wrong with a robot, in its gateway's words."""
+    """Yield what a gateway waits for, and what is wrong with a stream of it, in its own words."""
     if gateway.waiting_for:
         yield f"waits for {gateway.waiting_for}"
     for stream in gateway.streams:

@@ -56,7 +56,7 @@ class CameraView:
         view = self.views.get(seen.model)
         if view is None:
             view = self._add(seen.model, at_ns)
-        if not view.order.take(seen.header):
+        if not view.order.take(seen.header, at_ns):
             return None
         if self.lost:
             self.lost = False
@@ -79,7 +79,7 @@ class CameraView:
             if len(self.opinions) >= MAX_MODELS:
                 del self.opinions[min(self.opinions.values(), key=lambda view: view.last_ns).model]
             view = self.opinions[seen.model] = View(seen.model, at_ns, worker_keys.OPINION)
-        if not view.order.take(seen.header):
+        if not view.order.take(seen.header, at_ns):
             return False
         if at_ns - view.last_ns > silent_ns:
             view.begin_anew(at_ns)
@@ -93,7 +93,7 @@ class CameraView:
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a double or late."""
-        if not self._distance_order.take(distances.header):
+        if not self._distance_order.take(distances.header, at_ns):
             return False
         if self.speaker is not None:
             nearest = nearest_of(distances.objects)

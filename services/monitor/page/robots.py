@@ -12,7 +12,6 @@ from services.monitor.fleet import Row
 from services.monitor.glance import Glance
 from services.monitor.page.formatting import NS, lasting, natural
 from services.monitor.snapshot import CameraLine, RobotLine
-from services.monitor.troubles import problems_of
 
 QUIET_NS: Final = 5 * NS
 """A gateway says every second how it is; one that said nothing for so long is not relied on, though it is there."""
@@ -62,8 +61,7 @@ def standings_of(glance: Glance) -> Iterator[Standing]:
         keys = of_robot.get(name, ())
         rows = [glance.row(key) for key in keys]
         last_ns = glance.last_ns(name, keys)
-        gateway = glance.fleet.gateways.get(name)
-        wrong = gateway is not None and any(problems_of(gateway))
+        wrong = any(glance.fleet.problems_of(name))
         online = glance.fleet.inventory.is_alive(name)
         state = state_of(rows, glance.now_ns - last_ns, online=online, wrong=wrong)
         age_s = min((row.age.seconds for row in rows if row.age is not None), default=float("inf"))

@@ -14,6 +14,7 @@ from services.monitor.inventory import inventory as module
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import InventoryFullError, Limits
 from services.monitor.inventory.sighting import Sighting
+from services.monitor.troubles import NAMESAKES
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 
@@ -121,6 +122,15 @@ def test_a_list_that_tells_no_believable_time_is_of_now(old_ns: int, *, exact: b
     fleet.see(message, 10.0, message.header.received_ns + old_ns)
     age = only(fleet, 10.0).age
     assert age == Age(MAX_LAG_NS / 1e9 if exact else 0.0, exact=exact)
+
+
+def test_two_gateways_under_one_name_are_a_problem_of_that_robot() -> None:
+    fleet = online_fleet()
+    fleet.gateway_status(status(robot="r2"), 0)
+    for at_ns in (1, 3):
+        fleet.gateway_status(msgspec.structs.replace(status(), boot_id="other"), at_ns)
+        fleet.gateway_status(status(), at_ns + 1)
+    assert (list(fleet.problems_of("r1")), list(fleet.problems_of("r2"))) == ([NAMESAKES], [])
 
 
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:

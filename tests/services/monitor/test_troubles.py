@@ -1,13 +1,17 @@
 import pytest
 
 from schemas.status import GatewayStatus, StreamStatus
-from services.monitor.troubles import MAX_SHOWN, troubles
+from services.monitor.troubles import MAX_SHOWN, problems_of, troubles
 
 
 def gateway(robot: str, *streams: StreamStatus, waiting_for: str = "") -> GatewayStatus:
     return GatewayStatus(
         robot=robot, boot_id="b", clock_id="c", sent_ns=0, waiting_for=waiting_for, streams=list(streams)
     )
+
+
+def told(*gateways: GatewayStatus) -> list[str]:
+    return troubles({each.robot: problems_of(each) for each in gateways})
 
 
 def stream(problem: str, camera: str = "front", name: str = "color") -> StreamStatus:
@@ -19,7 +23,7 @@ def stream(problem: str, camera: str = "front", name: str = "color") -> StreamSt
 def test_what_is_waited_for_and_wrong_by_robot() -> None:
     second = gateway("r2", stream(""), stream("unreachable"), stream("refused", camera="", name="tf"))
     first = gateway("r1", waiting_for="the ROS master at http://robot:11311")
-    assert troubles([second, first, gateway("r3")]) == [
+    assert told(second, first, gateway("r3")) == [
         "r1 waits for the ROS master at http://robot:11311",
         "r2 front/color: unreachable",
         "r2 tf: refused",
@@ -28,10 +32,10 @@ def test_what_is_waited_for_and_wrong_by_robot() -> None:
 
 @pytest.mark.parametrize(("count", "last"), [(MAX_SHOWN, "r5 "), (MAX_SHOWN + 2, "and 2 more problems")])
 def test_the_rest_is_counted(count: int, last: str) -> None:
-    shown = troubles([gateway(f"r{number}", waiting_for="x") for number in range(1, count + 1)])
+    shown = told(*(gateway(f"r{number}", waiting_for="x") for number in range(1, count + 1)))
     assert shown[-1].startswith(last)
     assert len(shown) == min(count, MAX_SHOWN + 1)
 
 
 def test_what_a_gateway_says_is_one_line() -> None:
-    assert troubles([gateway("r1", stream("gone\n\x1b[2J"))]) == [r"r1 front/color: gone\n\x1b[2J"]
+    assert told(gateway("r1", stream("gone\n\x1b[2J"))) == [r"r1 front/color: gone\n\x1b[2J"]

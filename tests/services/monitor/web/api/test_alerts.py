@@ -16,7 +16,7 @@ webhooks: {ops: {url: "https://user:pw@ops.example/x", secret: do-not-tell}}"""
 
 def alert(name: str = "a1", state: AlertState = AlertState.RAISED) -> Alert:
     return Alert(
-        id=name, rule="here", severity=Severity.WARNING, state=state, robot="r1", camera="front", name=name, text=ODD,
+        id=name, rule="here", severity=Severity.WARNING, state=state, robot="r1", camera=name, name="box", text=ODD,
         raised_ns=10**18, changed_ns=time.time_ns(),
     )  # fmt: skip
 
@@ -38,7 +38,7 @@ async def test_operators_act_and_who_did_what_is_told(web: Web) -> None:
             ("acknowledged", "operator"),
             ("escalated", "operator"),
         ]
-        assert (first["text"], first["class"], second["acts"]) == (ODD, "a1", [])
+        assert (first["text"], first["class"], second["acts"]) == (ODD, "box", [])
         assert (await browser.post("/api/v1/alerts/a1/resolve")).json()["state"] == "resolved"
         gone = await browser.post("/api/v1/alerts/a1/resolve")
         assert (gone.status_code, gone.json()) == (404, {"error": "no alert 'a1' that is not resolved"})
