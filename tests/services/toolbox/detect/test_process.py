@@ -17,6 +17,7 @@ from schemas.worker_keys import WorkerAlive
 from services.detector.model import Found, Outcome, Request
 from services.detector.requests import answering
 from services.toolbox.demo.ports import free_ports
+from services.toolbox.detect import process
 from services.toolbox.detect.process import run, table
 from services.toolbox.detect.settings import DetectSettings
 from tests.schemas.frames import header
@@ -124,7 +125,10 @@ async def test_why_there_is_no_answer(image: Path, tmp_path: Path, capsys: pytes
     assert "no detector worker was seen within 0.3 s" in nobody
 
 
-async def test_a_file_that_is_no_image_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+async def test_a_file_that_is_no_image_is_named_before_a_model_is_loaded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "load", None)
     file = tmp_path / "text.jpg"
     file.write_text("no image")
     assert await run(DetectSettings.model_validate({"image": file, "local": True})) == 1
