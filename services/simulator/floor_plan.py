@@ -28,12 +28,14 @@ def write_floor_plan(path: Path, seed: int) -> None:
     """Write the floor plan of the warehouse of `seed`: YAML to `path`, and the image that it names beside it.
 
     Raises:
-        FloorPlanError: they cannot be written.
+        FloorPlanError: they cannot be written, or one is there already: it may be a real warehouse's.
     """
+    image = path.with_suffix(".pgm")
+    if there := next((file for file in (path, image) if file.exists()), None):
+        raise FloorPlanError(f"--floor-plan {path}: {there} is there already")
     clearance = Clearance.of(generate(seed))
     pixels = np.where(clearance.grid[::-1] > 0, FREE, OCCUPIED).astype(np.uint8)  # the first row is the farthest
     rows, columns = pixels.shape
-    image = path.with_suffix(".pgm")
     description = DESCRIPTION.format(
         image=image.name, resolution=1 / CELLS_PER_METRE, x=-clearance.half_x, y=-clearance.half_y
     )

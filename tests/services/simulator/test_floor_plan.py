@@ -33,6 +33,14 @@ def test_robots_drive_where_it_is_free_and_objects_stand_where_it_is_not(tmp_pat
     assert pixels[0].max() == pixels[:, 0].max() == OCCUPIED, "walls"
 
 
+@pytest.mark.parametrize("name", ["map.yaml", "map.pgm"])
+def test_a_map_that_is_there_already_stays(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("a real one")
+    with pytest.raises(FloorPlanError, match=rf"--floor-plan .*map.yaml: .*/{name} is there already"):
+        write_floor_plan(tmp_path / "map.yaml", 1)
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["a real one"]
+
+
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(FloorPlanError, match=r"--floor-plan .*absent/map.yaml: No such file or directory"):
         write_floor_plan(tmp_path / "absent" / "map.yaml", 1)
