@@ -29,14 +29,22 @@ def between(target: Header, source: Header, tree: TransformTree) -> NDArray[np.f
     Raises:
         TransformError: the one frame is not known from the other.
     """
-    at_rest = tree.lookup(target.frame_id, source.frame_id, source.stamp_ns)
-    if target.stamp_ns == source.stamp_ns:
-        return at_rest
+    moving = _through_fixed(target, source, tree) if target.stamp_ns != source.stamp_ns else None
+    try:
+        at_rest = tree.lookup(target.frame_id, source.frame_id, source.stamp_ns)
+    except TransformError:
+        if moving is None:
+            raise
+        return moving
+    return at_rest if moving is None or np.abs(moving - at_rest).max() < LITTLE else moving
+
+
+def _through_fixed(target: Header, source: Header, tree: TransformTree) -> NDArray[np.float64] | None:
+    """Return the transform by way of a frame that is known at both stamps; None if there is none."""
     for fixed in FIXED_FRAMES:
         try:
             there = tree.lookup(fixed, target.frame_id, target.stamp_ns)
-            moving = np.asarray(inverse_of(there) @ tree.lookup(fixed, source.frame_id, source.stamp_ns))
+            return np.asarray(inverse_of(there) @ tree.lookup(fixed, source.frame_id, source.stamp_ns))
         except TransformError:
             continue
-        return at_rest if np.abs(moving - at_rest).max() < LITTLE else moving
-    return at_rest
+    return None

@@ -48,6 +48,18 @@ def test_at_a_stamp_that_nothing_is_known_of_nothing_moved() -> None:
     assert between(at(AFTER + 1), at(BEFORE), driven(odom=0.5)) == pytest.approx(np.identity(4), abs=0)
 
 
+def test_a_joint_that_is_known_at_the_picture_and_not_at_the_points() -> None:
+    """A camera that turns, and says so less often than points come: where it was is known, where it is is not."""
+    tree = driven(odom=0.5)
+    tree.add(
+        Transform(
+            frame_id="lens", child_frame_id="turned", stamp_ns=BEFORE, translation=(0, 1, 0), rotation=(0, 0, 0, 1)
+        ),
+        static=False,
+    )
+    assert between(at(BEFORE, "turned"), at(AFTER), tree)[:3, 3] == pytest.approx([0.5, -1, 0])
+
+
 def test_a_frame_that_is_not_known_at_all() -> None:
     with pytest.raises(UnknownFrameError):
         between(at(AFTER), at(BEFORE, "lidar"), driven(odom=0.5))
