@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from gateway.shaping.rhythm import Rhythm
 from gateway.shaping.uplink import Moment
 
 SECOND_NS: Final = 1_000_000_000
@@ -104,15 +105,12 @@ def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
 
 @dataclass(slots=True)
 class _Stream:
-    """alone, missed: since it last met another, its frames that met none, and those of others that did not meet it.
-
-    gaps_ns: between its last stamps, the newest first.
-    """
+    """alone, missed: since it last met another, its frames that met none, and those of others that did not meet it."""
 
     run: _Run
     rate: float = 0
     last_ns: int = 0
-    gaps_ns: tuple[int, int] = (0, 0)
+    rhythm: Rhythm = field(default_factory=Rhythm)
     alone: int = 0
     missed: int = 0
 
@@ -120,18 +118,6 @@ class _Stream:
     def is_alone(self) -> bool:
         """Whether its frames never are of others' instants. If others have fewer, that are all of its own, they are."""
         return min(self.alone, self.missed) > ALONE
-
-    @property
-    def interval_ns(self) -> int:
-        """How far apart its frames are, one lost among them or not; not positive while nobody knows."""
-        return min(self.gaps_ns)
-
-    def next_ns(self, since_ns: int) -> int | None:
-        """Return when its first frame not before a time is to be expected; None where that is too far away to tell."""
-        if self.interval_ns <= 0:
-            return None
-        frames = -((self.last_ns - since_ns) // self.interval_ns)
-        return self.last_ns + frames * self.interval_ns if abs(frames) <= ALONE else None
 
 
 class Instants:
@@ -190,8 +176,8 @@ class Instants:
             state.run = self._newest
         elif stamp_ns <= self._newest.latest_ns + JUMP_NS:
             state.run = self._newest
-        state.gaps_ns = (stamp_ns - state.last_ns, state.gaps_ns[0])
         state.last_ns = stamp_ns
+        state.rhythm.note(stamp_ns)
 
     def _note_company(self, stream: str, state: _Stream, instant: _Instant) -> None:
         if not instant.streams:
@@ -220,11 +206,11 @@ class Instants:
 
         state: the stream that has the instant's first frame. Of its frames the nearest to another's is that one's.
         """
-        near_ns = state.interval_ns // 2
-        company = [each for each in self._streams.values() if each.run is state.run and not each.is_alone]
-        due = [(each.interval_ns, each.next_ns(stamp_ns - near_ns)) for each in company if each is not state]
+        near_ns = state.rhythm.interval_ns // 2
+        company = [each.rhythm for each in self._streams.values() if each.run is state.run and not each.is_alone]
+        due = [(each.interval_ns, each.next_ns(stamp_ns - near_ns)) for each in company if each is not state.rhythm]
         here = [interval for interval, next_ns in due if next_ns is not None and next_ns <= stamp_ns + near_ns]
-        slowest_ns = max([state.interval_ns, *here])
+        slowest_ns = max([state.rhythm.interval_ns, *here])
         return [
             next_ns
             for interval, next_ns in due

@@ -1,4 +1,5 @@
 import itertools
+from collections import Counter
 from collections.abc import Iterator
 
 import pytest
@@ -177,6 +178,18 @@ def test_a_slower_stream_keeps_its_rate_though_it_loses_frames_and_is_a_little_o
             sent[stream].append(stamp)
     assert len(sent["depth"]) >= 0.95 * min(len(depth), max_hz * 20)
     assert 0.95 * max_hz * 20 <= len(sent["color"]) <= max_hz * 20 + 1
+
+
+@pytest.mark.parametrize("every_ms", [120, 150, 180, 199, 250])
+def test_a_slower_stream_with_uneven_gaps_keeps_its_rate(every_ms: int) -> None:
+    """Depth that has the stamps of the pictures nearest to where its own would be."""
+    instants, color = Instants(), stamps(30, 20)
+    places = [int(n * every_ms * 30 / 1000 + 0.5) for n in range(20_000 // every_ms)]
+    depth = [color[place] for place in places]
+    frames = sorted([(stamp, "color") for stamp in color] + [(stamp, "depth") for stamp in depth])
+    sent = Counter(stream for stamp, stream in frames if instants.pick(stream, stamp, stamp, 10))
+    assert sent["depth"] >= 0.9 * len(depth)
+    assert sent["color"] >= 0.95 * 10 * 20
 
 
 def test_a_stream_that_has_ended_is_waited_for_no_longer() -> None:
