@@ -19,7 +19,7 @@ HEAVY = (
     "services.detector",
 )
 STARTS = {
-    "the gateway": "import gateway.process, services.toolbox.__main__",
+    "the gateway": "import gateway.process, services.toolbox.command_line",
     "the gateway's help": "import gateway.settings, services.toolbox.settings",
     "the detector's help": "import services.detector.settings, services.toolbox.settings",
 }
@@ -37,8 +37,8 @@ NO_TORCH = (
     "gateway",
 )
 WITHOUT_TORCH = {
-    "the distance service": "import services.distance.process, services.toolbox.__main__",
-    "the cloud service": "import services.cloud.process, services.toolbox.__main__",
+    "the distance service": "import services.distance.process, services.toolbox.command_line",
+    "the cloud service": "import services.cloud.process, services.toolbox.command_line",
 }
 
 
@@ -66,6 +66,10 @@ def test_what_measures_needs_no_torch(statement: str) -> None:
 
 def test_a_detector_can_still_say_how_ultralytics_is_to_behave() -> None:
     assert not {"torch", "ultralytics", "onnxruntime", "openvino"} & imported_by("import services.detector.process")
+
+
+def test_the_console_command_can_be_interrupted_before_all_that_takes_a_while() -> None:
+    assert not {"pydantic", "msgspec", "asyncio"} & imported_by("import services.toolbox.__main__")
 
 
 def test_the_check_sees_what_is_imported() -> None:

@@ -115,7 +115,7 @@ async def test_view_shows_clouds_until_the_window_is_closed(buses: tuple[Bus, Bu
 WITHOUT_OPEN3D = """
 import sys
 sys.modules["open3d"] = None
-from services.toolbox.__main__ import main
+from services.toolbox.command_line import main
 raise SystemExit(main(["clouds", "view", "r1", "front"]))
 """
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from services.toolbox import process
-from services.toolbox.__main__ import main
+from services.toolbox.command_line import main
 from services.toolbox.commands import COMMANDS
 
 

@@ -1,0 +1,86 @@
+"""fleetsight: what every robot of a warehouse fleet sees, known centrally."""
+
+import importlib.metadata
+import sys
+from collections.abc import Sequence
+from functools import partial
+
+from pydantic import BaseModel
+
+from schemas.printing import printable
+from services.toolbox import logs, process
+from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.help import EXIT_CODES
+from services.toolbox.settings import UsageError, load
+
+OURS = ("bus", "gateway", "schemas", "services")
+HELP_OPTIONS = ("-h", "--help", "help")
+PROG = "fleetsight"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the subcommand that `argv` names and return the exit code: 0 done, 1 failed, 2 called wrongly."""
+    arguments = list(argv)
+    name = arguments.pop(0) if arguments else ""
+    if name in HELP_OPTIONS:
+        sys.stdout.write(overview())
+        return 0
+    if name == "--version":
+        sys.stdout.write(f"{PROG} {importlib.metadata.version(PROG)}\n")
+        return 0
+    command = next((command for command in COMMANDS if command.name == name), None)
+    if command is None:
+        sys.stderr.write(f"{PROG}: {f'no command {name!r}' if name else 'a command is missing'}\n\n{overview()}")
+        return process.EXIT_USAGE
+    return _start(command, arguments)
+
+
+def overview() -> str:
+    """Return the help text that lists the subcommands."""
+    lines = [f"usage: {PROG} COMMAND [OPTION ...]", "", __doc__ or "", "", "commands:"]
+    lines += [f"  {command.name:<10} {command.summary}" for command in COMMANDS]
+    lines += ["", f"'{PROG} COMMAND --help' lists a command's options; each is also read from the environment", ""]
+    lines[-1:] = [
+        "(FLEETSIGHT_ROBOT for --robot) and from the YAML or TOML file that --config names.",
+        "",
+        EXIT_CODES,
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _start(command: Command, arguments: Sequence[str]) -> int:
+    prog = f"{PROG} {command.name}"
+    try:
+        loaded = load(
+            command.load_settings(),
+            command.options_of(arguments),
+            prog=prog,
+            positional=command.positional,
+            examples=command.examples,
+        )
+        logs.configure(loaded.log_level or command.log_level)
+        return _run(command, loaded.settings)
+    except ModuleNotFoundError as error:
+        if command.extra is None or error.name is None or error.name.split(".")[0] in OURS:
+            raise
+        reason = f"{error.name} is not installed; it comes with pip install -c constraints.txt '.[{command.extra}]'"
+    except UsageError as error:
+        reason = str(error)
+    sys.stderr.write(f"{prog}: {printable(reason)}\n")
+    return process.EXIT_USAGE
+
+
+def _run(command: Command, settings: BaseModel) -> int:
+    """Run the process.
+
+    Raises:
+        UsageError: the process refuses its settings.
+    """
+    main_function = command.load_run()
+    try:
+        return process.run(partial(main_function, settings))
+    except Exception as error:
+        if isinstance(error, command.load_refusals()):
+            raise UsageError(" ".join(str(error).split())) from error
+        raise
