@@ -68,9 +68,10 @@ async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
 def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
     """Return how to join the gateway's bus: where it listens is taken, but can be connected to.
 
+    Who listens everywhere does so at 127.0.0.1 too, which certificates can name: Zenoh (1.10) finds no [::1] in them.
     A client uses the first endpoint that answers: what a router connects to and where it listens are two ways to join.
     """
-    own = [endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]") for endpoint in settings.listen]  # noqa: S104
+    own = [endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "127.0.0.1") for endpoint in settings.listen]  # noqa: S104
     ways = [settings.connect, own] if settings.mode == "router" else [[*settings.connect, *own]]
     return [
         BusSettings(

@@ -1,31 +1,17 @@
 """Links with certificates, made as the documentation says."""
 
 import asyncio
-import re
-import subprocess
 from pathlib import Path
-from typing import Final
 
 from bus import QUEUE, BusSettings, QoS, open_bus
-from tests.bus.sessions import LEASE_S, ROOT
+from tests.bus.certificates import certificate, make_certificates
+from tests.bus.sessions import LEASE_S
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
 
-HOSTS: Final = "localhost r1"
-
-
-def make_certificates(folder: Path) -> None:
-    """Make an authority and its certificates for HOSTS."""
-    block = re.search(r"```sh\n(.*?)```", (ROOT / "docs/security.md").read_text(), re.DOTALL)
-    assert block is not None
-    script = re.sub(r'^hosts=".*"$', f'hosts="{HOSTS}"', block[1], flags=re.MULTILINE)
-    folder.mkdir()
-    subprocess.run(["bash", "-euc", script], cwd=folder, check=True, capture_output=True)
-
 
 def with_certificate(folder: Path, host: str, **settings: object) -> BusSettings:
-    files = {"tls_ca": folder / "ca.pem", "tls_certificate": folder / f"{host}.pem", "tls_key": folder / f"{host}.key"}
-    return BusSettings.model_validate({"lease_s": LEASE_S, **files, **settings})
+    return BusSettings.model_validate({"lease_s": LEASE_S, **certificate(folder, host), **settings})
 
 
 async def test_only_who_has_a_certificate_of_the_fleet_is_heard(tmp_path: Path) -> None:
@@ -35,7 +21,7 @@ async def test_only_who_has_a_certificate_of_the_fleet_is_heard(tmp_path: Path) 
     endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")
     plain = BusSettings(connect=[endpoint.replace("tls/", "tcp/")], lease_s=LEASE_S)
     async with (
-        open_bus(with_certificate(fleet, "localhost", mode="router", listen=[endpoint])) as centre,
+        open_bus(with_certificate(fleet, "central", mode="router", listen=[endpoint])) as centre,
         centre.subscribe("fleet/**", QUEUE(9)) as heard,
         open_bus(with_certificate(others, "r1", connect=[endpoint])) as stranger,
         open_bus(plain) as open_link,
@@ -55,10 +41,10 @@ async def test_only_who_has_a_certificate_of_the_fleet_is_heard(tmp_path: Path) 
 
 async def test_a_centre_of_another_name_is_not_joined(tmp_path: Path) -> None:
     make_certificates(tmp_path / "fleet")
-    endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")
+    endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/127.0.0.2")
     async with (
         open_bus(with_certificate(tmp_path / "fleet", "r1", mode="router", listen=[endpoint])),
-        open_bus(with_certificate(tmp_path / "fleet", "localhost", connect=[endpoint])) as robot,
+        open_bus(with_certificate(tmp_path / "fleet", "central", connect=[endpoint])) as robot,
     ):
         await asyncio.sleep(LEASE_S)  # in which it tries again
         assert robot.link_problem == f"there is no link to {endpoint}"

@@ -12,6 +12,7 @@ from gateway.doctor.fleet import Join, beside_the_gateway, look_at_bus, observe
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
+from tests.bus.certificates import certificate, make_certificates
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of
 from tests.gateway.doctor.seeing import status
@@ -126,7 +127,7 @@ async def test_a_bus_that_is_joined() -> None:
         (
             {"mode": "router", "listen": ["tcp/0.0.0.0:7447", "tcp/[::]:7448"]},
             "client",
-            [["tcp/127.0.0.1:7447", "tcp/[::1]:7448"]],
+            [["tcp/127.0.0.1:7447", "tcp/127.0.0.1:7448"]],
         ),
     ],
 )
@@ -141,6 +142,16 @@ def test_it_has_the_gateways_certificate() -> None:
     files = {"tls_ca": Path(__file__), "tls_certificate": Path(__file__), "tls_key": Path(__file__)}
     (joining,) = beside_the_gateway(settings(connect=["tls/central:7447"], **files))
     assert joining.model_dump(include=set(files)) == files
+
+
+async def test_a_gateway_that_listens_with_a_certificate_is_found_beside_it(tmp_path: Path) -> None:
+    make_certificates(tmp_path / "fleet")
+    own = free_endpoint().replace("tcp/127.0.0.1", "tls/0.0.0.0")
+    gateway = settings(mode="router", listen=[own], **certificate(tmp_path / "fleet", "r1"))
+    async with open_bus(gateway) as bus, bus.announce(keys.robot_alive("r1")):
+        seen = await look_at_bus(gateway, seconds=1, patience_s=5)
+    assert seen.robots == {"r1"}
+    assert [router.trouble for router in seen.routers] == [None]
 
 
 @pytest.mark.parametrize("linked", [True, False])
