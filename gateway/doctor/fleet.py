@@ -9,8 +9,9 @@ from typing import Final
 
 from bus import QUEUE, Bus, BusError, BusSettings, open_bus
 from bus.clock import clock_id
-from gateway.doctor.evidence import Account, BusLook, Failure, Trouble
-from gateway.doctor.reaching import look_at_router
+from bus.settings import port_of
+from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
+from gateway.doctor.reaching import can_be_tried, look_at_router
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.errors import SchemaError
@@ -36,9 +37,10 @@ async def look_at_bus(
             for joining in beside_the_gateway(settings)
         )
     )
-    seen = next((look for look in looks if settings.robot in look.robots or look.accounts), looks[0])
+    first = looks[0] if looks else BusLook()
+    seen = next((look for look in looks if settings.robot in look.robots or look.accounts), first)
     routers = tuple(router for look in looks for router in look.routers)
-    return replace(seen, routers=routers, at_home_only=seen is not looks[0])
+    return replace(seen, routers=routers, at_home_only=seen is not first)
 
 
 async def _look(robot: str, joining: BusSettings, *, seconds: float, patience_s: float, join: Join) -> BusLook:
@@ -48,11 +50,19 @@ async def _look(robot: str, joining: BusSettings, *, seconds: float, patience_s:
     try:
         async with asyncio.timeout(seconds + 2 * patience_s), join(joining) as bus:
             look = await observe(bus, robot, seconds)
-            reason = bus.link_problem
+            if not bus.link_problem:
+                return replace(look, routers=routers)
     except (BusError, TimeoutError) as error:
-        look, reason = BusLook(), str(error) or "it takes too long"
-    foreign = Trouble(Failure.FOREIGN, "", 0, reason) if reason else None
-    return replace(look, routers=tuple(replace(router, trouble=router.trouble or foreign) for router in routers))
+        refused = Trouble(Failure.REFUSED, "", 0, str(error) or "it takes too long")
+        return BusLook(tuple(replace(router, trouble=router.trouble or refused) for router in routers))
+    return replace(
+        look, routers=tuple(replace(router, trouble=router.trouble or _unlinked(router)) for router in routers)
+    )
+
+
+def _unlinked(router: Router) -> Trouble:
+    """Return what is known of an endpoint to which there is no link, although nothing else speaks against one."""
+    return Trouble(Failure.FOREIGN if can_be_tried(router.endpoint) else Failure.SILENT, "", 0)
 
 
 async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
@@ -71,7 +81,11 @@ def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
     Who listens everywhere does so at 127.0.0.1 too, which certificates can name: Zenoh (1.10) finds no [::1] in them.
     A client uses the first endpoint that answers: what a router connects to and where it listens are two ways to join.
     """
-    own = [endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "127.0.0.1") for endpoint in settings.listen]  # noqa: S104
+    own = [
+        endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "127.0.0.1")  # noqa: S104
+        for endpoint in settings.listen
+        if port_of(endpoint) != "0"  # the system took one
+    ]
     ways = [settings.connect, own] if settings.mode == "router" else [[*settings.connect, *own]]
     return [
         BusSettings(

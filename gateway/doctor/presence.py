@@ -69,7 +69,7 @@ def _check_routers(bus: BusLook) -> Iterator[Finding]:
     say = problem if _cut_off(bus) or bus.at_home_only else note
     for router in bus.routers:
         if router.trouble is not None:
-            what, advice = _router_trouble(router.trouble)
+            what, advice = _router_trouble(router.endpoint, router.trouble)
             yield say(Stage.GATEWAY, router.endpoint, what, advice)
 
 
@@ -78,7 +78,7 @@ def _cut_off(bus: BusLook) -> bool:
     return bool(bus.routers) and all(router.trouble for router in bus.routers) and not (bus.robots or bus.accounts)
 
 
-def _router_trouble(trouble: Trouble) -> tuple[str, str]:
+def _router_trouble(endpoint: str, trouble: Trouble) -> tuple[str, str]:
     match trouble.failure:
         case Failure.UNRESOLVED:
             return (
@@ -90,10 +90,17 @@ def _router_trouble(trouble: Trouble) -> tuple[str, str]:
                 "no router listens there",
                 "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
             )
+        case Failure.REFUSED:
+            return f"the bus cannot be joined: {trouble.reason}", "correct --mode, --connect or --listen"
+        case Failure.FOREIGN if endpoint.startswith("tls/"):
+            return (
+                "something listens there, but no link with certificates can be made to it",
+                "are both certificates of the same authority, and is the other's for this host? See docs/security.md",
+            )
         case Failure.FOREIGN:
             return (
-                f"the bus cannot be joined: {trouble.reason}",
-                "correct --mode, --connect or --listen; for tls/, are both certificates of the same authority?",
+                "something listens there, but does not answer as a Zenoh router does",
+                "correct the port in --connect, usually 7447; one that wants certificates is at tls/; or does it hang?",
             )
         case _:
             return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"
@@ -104,7 +111,7 @@ def _absent(robot: str, robots: frozenset[str]) -> Finding:
         return problem(
             Stage.GATEWAY,
             robot,
-            "something answers there, but no gateway of any robot is on this bus",
+            "no gateway of any robot is on this bus",
             f"start `fleetsight gateway --robot {robot}`; if it runs, do its --connect and the doctor's name the same "
             "router?",
         )

@@ -88,11 +88,15 @@ async def look_at_host(host: str, patience_s: float) -> HostLook:
     return HostLook(host, tuple(addresses), any(is_ours(address) for address in addresses))
 
 
+def can_be_tried(endpoint: str) -> bool:
+    """Return whether something at an endpoint of the bus accepts connections or not, as TCP's do."""
+    return endpoint.partition("/")[0] in _TCP
+
+
 async def look_at_router(endpoint: str, patience_s: float) -> Router:
-    """Look whether something accepts connections at an endpoint of the bus; other links than TCP's cannot be tried."""
-    protocol, _, rest = endpoint.partition("/")
-    host, _, port = rest.partition("?")[0].partition("#")[0].rpartition(":")
-    if protocol not in _TCP:
+    """Look whether something accepts connections at an endpoint of the bus, if that can be tried."""
+    host, _, port = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
+    if not can_be_tried(endpoint):
         return Router(endpoint)
     found = await reach(host, int(port), patience_s)
     return Router(endpoint, found if isinstance(found, Trouble) else None)

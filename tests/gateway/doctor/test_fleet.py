@@ -107,7 +107,7 @@ async def hanging(_: BusSettings) -> AsyncIterator[Bus]:
 async def test_a_bus_that_cannot_be_joined(join: Join, reason: str) -> None:
     endpoint = "udp/127.0.0.1:7447"
     seen = await look_at_bus(settings(connect=[endpoint]), seconds=0.05, patience_s=0.05, join=join)
-    assert seen == BusLook((Router(endpoint, Trouble(Failure.FOREIGN, "", 0, reason)),))
+    assert seen == BusLook((Router(endpoint, Trouble(Failure.REFUSED, "", 0, reason)),))
 
 
 async def test_a_bus_that_is_joined() -> None:
@@ -129,6 +129,7 @@ async def test_a_bus_that_is_joined() -> None:
             "client",
             [["tcp/127.0.0.1:7447", "tcp/127.0.0.1:7448"]],
         ),
+        ({"mode": "peer", "connect": ["tcp/a:1"], "listen": ["tcp/b:0"]}, "peer", [["tcp/a:1"]]),
     ],
 )
 def test_how_it_joins_next_to_the_gateway(given: dict[str, object], mode: str, connect: list[list[str]]) -> None:
@@ -171,11 +172,18 @@ async def test_a_gateway_without_a_link_to_the_centre_is_found_at_home(*, linked
     assert seen == BusLook((Router(centre), Router(robot)), frozenset({"r1"}), at_home_only=not linked)
 
 
-async def test_what_speaks_no_zenoh_cannot_be_joined() -> None:
-    async def hang_up(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        writer.close()
+async def hang_up(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    writer.close()
 
+
+@pytest.mark.parametrize(("protocol", "failure"), [("tcp", Failure.FOREIGN), ("udp", Failure.SILENT)])
+async def test_what_speaks_no_zenoh_cannot_be_joined(protocol: str, failure: Failure) -> None:
     async with await asyncio.start_server(hang_up, "127.0.0.1", 0) as server:
-        endpoint = f"tcp/127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        endpoint = f"{protocol}/127.0.0.1:{server.sockets[0].getsockname()[1]}"
         seen = await look_at_bus(settings(connect=[endpoint]), seconds=0.1, patience_s=2)
-    assert seen == BusLook((Router(endpoint, Trouble(Failure.FOREIGN, "", 0, f"there is no link to {endpoint}")),))
+    assert seen == BusLook((Router(endpoint, Trouble(failure, "", 0)),))
+
+
+async def test_a_gateway_whose_port_nobody_knows_is_not_sought_there() -> None:
+    gateway = settings(mode="router", listen=["tcp/127.0.0.1:0"])
+    assert await look_at_bus(gateway, seconds=60, patience_s=5) == BusLook()

@@ -36,7 +36,8 @@ def test_a_gateway_that_is_there() -> None:
     [
         (Failure.UNRESOLVED, "host name does not resolve", "/etc/hosts"),
         (Failure.DEAD, "no router listens there", "fleetsight monitor"),
-        (Failure.FOREIGN, "the bus cannot be joined: ", "--connect"),
+        (Failure.REFUSED, "the bus cannot be joined: ", "--connect"),
+        (Failure.FOREIGN, "does not answer as a Zenoh router does", "correct the port in --connect"),
         (Failure.SILENT, "no answer", "firewall"),
         (Failure.OFF, "no answer", "firewall"),
     ],
@@ -46,6 +47,13 @@ def test_no_router(failure: Failure, what: str, advice: str) -> None:
     assert (finding.severity, finding.subject) == (Severity.PROBLEM, CENTRAL)
     assert what in finding.what
     assert advice in finding.advice
+
+
+def test_a_router_that_is_not_joined_by_tls() -> None:
+    (finding,) = said(routers=(router(Failure.FOREIGN, "tls/central:7447"),), robots=frozenset())
+    assert (finding.severity, finding.subject) == (Severity.PROBLEM, "tls/central:7447")
+    assert "no link with certificates" in finding.what
+    assert "of the same authority" in finding.advice
 
 
 def test_a_gateway_without_a_link_to_the_centre() -> None:
