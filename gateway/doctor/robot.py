@@ -26,6 +26,7 @@ from schemas.keys import SensorKey
 MAX_PUBLISHERS: Final = 16
 """How many publishers of one topic are looked at."""
 MAX_AT_ONCE: Final = 64
+_NO_HEADER: Final = "no connection header"
 
 
 class RobotVisit:
@@ -97,11 +98,14 @@ class RobotVisit:
             return PublisherLook(node, Trouble(Failure.UNRESOLVED, host, port))
         target = address if address in found else found[0]  # a name such as localhost has several
         ear = Ear(uri)
-        await listen(
-            (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
-        )
+        try:
+            await listen(
+                (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
+            )
+        except Ros1Error as error:
+            return PublisherLook(node, _trouble(error, host, port, silence=_NO_HEADER))
         if ear.publisher is None:
-            return PublisherLook(node, Trouble(Failure.SILENT, host, port, "no connection header"))
+            return PublisherLook(node, Trouble(Failure.SILENT, host, port, _NO_HEADER))
         heard = ear.heard(key, time.time_ns())
         return PublisherLook(node, None, ear.publisher.type, ear.publisher.latching, heard)
 
@@ -120,10 +124,12 @@ def _host_and_port(uri: str) -> tuple[str, int]:
     return parts.hostname, parts.port
 
 
-def _trouble(error: Ros1Error, host: str, port: int) -> Trouble:
+def _trouble(
+    error: Ros1Error, host: str, port: int, *, silence: str = "it accepts connections but does not answer"
+) -> Trouble:
     match error.__cause__ if isinstance(error, UnreachableError) else None:
         case TimeoutError():
-            return Trouble(Failure.SILENT, host, port, "it accepts connections but does not answer")
+            return Trouble(Failure.SILENT, host, port, silence)
         case ConnectionRefusedError():
             return Trouble(Failure.DEAD, host, port, "connection refused")
     refused = isinstance(error, LinkRefusedError | InvalidNameError | FaultError | StatusError)

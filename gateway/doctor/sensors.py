@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Iterator
+from typing import Final
 
 from gateway.doctor.evidence import Evidence, Failure, Graph, PublisherLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
@@ -11,6 +12,9 @@ from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import ANY, TopicType
 from gateway.translators import kind_of
 from schemas.keys import StreamKey
+
+_START_RIGHT: Final = "start that node with ROS_IP set to its machine's address, and without ROS_HOSTNAME"
+"""For a node that tells everybody a wrong address, such as the loopback or one of another day."""
 
 
 def check_sensors(evidence: Evidence) -> Iterator[Finding]:
@@ -94,12 +98,12 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
         case Failure.UNRESOLVED:
             return (
                 f"{publisher.node} is to be reached at {trouble.host}, a name that does not resolve on this machine",
-                f"add {trouble.host} to /etc/hosts here, or start that node with ROS_IP set to its machine's address",
+                f"add {trouble.host} to /etc/hosts here; or {_START_RIGHT}",
             )
         case Failure.DEAD:
             return (
-                f"{publisher.node} is registered but dead: nothing listens at {trouble.where} (it was killed)",
-                f"start it again; `rosnode cleanup` makes the master forget it{_elsewhere(trouble.host)}",
+                f"{publisher.node} says it is at {trouble.where}, but nothing listens: it was killed, or that is wrong",
+                f"start it again (`rosnode cleanup` makes the master forget it); if it runs, {_START_RIGHT}",
             )
         case Failure.UNKNOWN:
             return (f"{publisher.node} left the master just now", "start it again, or ask the doctor again")
@@ -111,15 +115,8 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
         case _:
             return (
                 f"{publisher.node} does not answer at {trouble.where} ({trouble.reason or trouble.failure.value})",
-                "does it hang, or is a firewall between it and this machine? ROS nodes listen on any free port",
+                f"does it hang, or is a firewall in between (ROS nodes listen on any free port)? Or {_START_RIGHT}",
             )
-
-
-def _elsewhere(host: str) -> str:
-    """Return what else may be: every machine has a loopback of its own."""
-    if host != "localhost" and not host.startswith("127."):
-        return ""
-    return f". If it runs on another machine: it tells everybody {host}, so start it with ROS_IP set to its address"
 
 
 def _other_version(stream: StreamLook, found: TopicType) -> str:

@@ -103,8 +103,8 @@ async def test_a_robot_with_everything_that_can_go_wrong(ros: RosEnvironment, ri
         await register(ros.master_uri, "/lost", "http://no-such-robot.invalid:40000/")
         report = await doctor(ros.master_uri, cameras, rig.endpoint)
     assert report.code == 1
-    assert "registered but dead" in report.said("dead/color")
-    assert "registered but dead" in report.said("front/color", "note")
+    assert "it was killed, or that is wrong" in report.said("dead/color")
+    assert "it was killed, or that is wrong" in report.said("front/color", "note")
     assert "messages/s, 9267 bytes each" in report.said("front/color", "ok")
     assert "unknown encoding: 'rgb9'" in report.said("odd/color")
     assert "sent nothing in 1.5 s" in report.said("mute/color")

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.doctor.asking import PoliteClient
-from gateway.doctor.evidence import Failure, MasterLook, PublisherLook
+from gateway.doctor.evidence import Failure, MasterLook, PublisherLook, Trouble
 from gateway.doctor.robot import RobotVisit
 from gateway.ros1.messages import message_type, new_message, serialise
 from gateway.ros1.node import Node
@@ -183,6 +183,17 @@ async def test_offers_that_lead_nowhere(client: PoliteClient, master: RosMaster,
         (seen,) = await look(client, master)
     assert seen.trouble
     assert seen.trouble.failure is failure
+
+
+async def test_an_offer_of_a_port_at_which_nothing_listens_is_told_as_offered(
+    client: PoliteClient, master: RosMaster
+) -> None:
+    offered = free_port()
+    slave = FakeSlave(lambda _method, _params: ["TCPROS", "localhost", offered])
+    async with XmlRpcServer(slave, host="127.0.0.1") as server:
+        await register(client, master, server.uri)
+        (seen,) = await look(client, master)
+    assert seen.trouble == Trouble(Failure.DEAD, "localhost", offered, "connection refused")
 
 
 @pytest.mark.parametrize("patience_s", [0.3])
