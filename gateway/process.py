@@ -15,6 +15,7 @@ from gateway.offers import Offers
 from gateway.outgoing.returned import actions_return, alerts_return, camera_returns
 from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
+from gateway.own_host import warn_of_own_host
 from gateway.reporting import Account, report
 from gateway.requests.answering import answering
 from gateway.ros1.node import Node
@@ -65,6 +66,7 @@ async def run(settings: GatewaySettings) -> int:
         await explorer.begin(offers)
         async with answering(bus, node, settings, boot_id, clock), bus.announce(keys.robot_alive(settings.robot)):
             work = (
+                warn_of_own_host(settings),
                 explorer.run(offers),
                 shaping.run(bus),
                 follow_sim_time(node, clock),
@@ -85,7 +87,7 @@ async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
         try:
             node = await stack.enter_async_context(Node(name, master_uri=settings.ros_master, host=settings.ros_host))
         except OSError as error:
-            raise HostError(f"--ros-host {settings.ros_host}: cannot listen there: {error}") from error
+            raise HostError(f"{settings.host_given_by()} {settings.ros_host}: cannot listen there: {error}") from error
         yield node
 
 

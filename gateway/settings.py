@@ -31,9 +31,15 @@ def master_uri() -> str:
     return os.environ.get("ROS_MASTER_URI") or "http://127.0.0.1:11311"
 
 
+def host_variable() -> str | None:
+    """Return which of ROS's variables says what other ROS nodes are told to connect to, if one does."""
+    return next((name for name in ("ROS_HOSTNAME", "ROS_IP") if os.environ.get(name)), None)
+
+
 def host_name() -> str:
     """Return ROS_HOSTNAME or ROS_IP, or this machine's name: what other ROS nodes are told to connect to."""
-    return os.environ.get("ROS_HOSTNAME") or os.environ.get("ROS_IP") or socket.gethostname()
+    variable = host_variable()
+    return os.environ[variable] if variable else socket.gethostname()
 
 
 def ros_namespace() -> str:
@@ -163,6 +169,10 @@ class RosSettings(BaseModel):
         AfterValidator(_remaps),
         Field(description="names of topics to replace as from=to; from:=to, as for any ROS node, does it too"),
     ] = {}
+
+    def host_given_by(self) -> str:
+        """Return what `ros_host` is from, as a person calls it."""
+        return "--ros-host" if "ros_host" in self.model_fields_set else host_variable() or "this machine's name"
 
 
 class StreamSettings(BaseModel):

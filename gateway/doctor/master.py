@@ -63,7 +63,8 @@ def check_host(look: HostLook, *, remote_master: bool) -> Iterator[Finding]:
             Stage.HOST,
             look.host,
             "this machine tells other nodes to connect to a name that does not resolve",
-            "set ROS_IP to this machine's address (or --ros-host), or add the name to /etc/hosts on every machine",
+            "set ROS_IP to this machine's address, without ROS_HOSTNAME (or --ros-host), or add the name to /etc/hosts "
+            "on every machine",
         )
     elif any(ipaddress.ip_address(address).is_unspecified for address in look.addresses):
         yield problem(Stage.HOST, look.host, "is no address that others can connect to", "set ROS_IP to a real one")

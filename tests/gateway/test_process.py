@@ -1,5 +1,7 @@
 import asyncio
 
+import pytest
+
 from bus import QUEUE, BusSettings, open_bus
 from bus.version import VERSION
 from gateway.process import run
@@ -11,6 +13,7 @@ from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
 from services.toolbox.demo.ports import free_ports
+from tests.gateway.ros1.waiting import until
 
 
 async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_comes() -> None:
@@ -49,6 +52,19 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
                 assert (await until_waiting_for("")).boot_id == waiting.boot_id
         running.cancel()
         await asyncio.wait([running])
+
+
+async def test_a_gateway_that_nobody_can_reach_says_so_at_its_start(caplog: pytest.LogCaptureFixture) -> None:
+    settings = GatewaySettings(
+        robot="r1",
+        ros_master=f"http://127.0.0.1:{free_ports(1)}",
+        ros_host="192.0.2.1",
+        connect=[f"tcp/127.0.0.1:{free_ports(1)}"],
+    )
+    running = asyncio.create_task(run(settings))
+    await until(lambda: "--ros-host 192.0.2.1: is not an address of this machine" in caplog.text, "it is warned of")
+    running.cancel()
+    await asyncio.wait([running])
 
 
 async def test_a_gateway_that_its_master_ends_says_so_with_its_exit_code() -> None:
