@@ -44,7 +44,11 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
             "retry": {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2},
         },
         "listen": {"endpoints": settings.listen, "timeout_ms": 0, "exit_on_failure": True},
-        "scouting": {"delay": 500 if settings.scouting else 0, "multicast": {"enabled": settings.scouting}},
+        "scouting": {
+            "timeout": OPEN_TIMEOUT_MS,
+            "delay": 500 if settings.scouting else 0,
+            "multicast": {"enabled": settings.scouting},
+        },
         "timestamping": {"enabled": False},
         "transport": {
             "unicast": {"open_timeout": OPEN_TIMEOUT_MS, "accept_timeout": OPEN_TIMEOUT_MS},

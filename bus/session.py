@@ -131,12 +131,14 @@ class SessionThread:
             self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
         except zenoh.ZError as error:
             if self._settings.mode != "client":
-                endpoints = ", ".join(self._settings.listen)
+                listen = self._settings.listen
+                named = [endpoint for endpoint in listen if endpoint.partition("/")[2] in str(error)]
                 raise BusError(
-                    f"cannot open the bus as a {self._settings.mode} (listen {endpoints}): {_reason(error)}"
+                    f"cannot open the bus as a {self._settings.mode} (listen {', '.join(named or listen)}): "
+                    f"{_reason(error)}"
                 ) from error
-            if first:
-                _log.warning("waiting for a link to %s (%s)", self._where, _reason(error))
+            if first:  # Zenoh does not say why: refused, not answered and another's certificate look the same
+                _log.warning("waiting for a link to %s: no Zenoh router answers there", self._where)
             self._retry_at = time.monotonic() + RETRY_S
             return
         self._retry_at = None
@@ -172,9 +174,12 @@ class SessionThread:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
 
     def _is_sought(self, other: str) -> bool:
-        """Whether a link is one that was asked for, and not others' to us, as far as ports tell: hosts have names."""
+        """Whether a link is one that was asked for, and not others' to us, as far as ports tell: hosts have names.
+
+        Who scouts and names nobody to connect to asks for any.
+        """
         settings = self._settings
-        if settings.mode == "client" or settings.scouting:
+        if settings.mode == "client" or (settings.scouting and not settings.connect):
             return True
         return port_of(other) in {port_of(endpoint) for endpoint in settings.connect}
 
@@ -216,7 +221,7 @@ class SessionThread:
                 with panics_are_errors():
                     self._session.close()
         except (zenoh.ZError, BusError) as error:
-            _log.warning("the session did not close cleanly: %s", error)
+            _log.warning("the session did not close cleanly: %s", _reason(error))
         then()
 
 
@@ -225,6 +230,8 @@ def _log_failure(done: Future[None]) -> None:
         _log.error("the bus met an error: %s", error)
 
 
-def _reason(error: zenoh.ZError) -> str:
-    """Return Zenoh's message without the places in its own sources."""
-    return re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
+def _reason(error: zenoh.ZError | BusError) -> str:
+    """Return what the system said, or Zenoh's message without the places in its own sources."""
+    text = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
+    said = re.search(r"([^:\[]+) \(os error \d+\)", text)
+    return said[1].strip() if said else text

@@ -29,7 +29,7 @@ Endpoint = Annotated[str, AfterValidator(_endpoint)]
 
 
 class BusSettings(BaseModel):
-    """Fields that every process on the bus has. A router connects nowhere unless `connect` is given."""
+    """Fields that every process on the bus has. Routers and scouts connect nowhere unless `connect` is given."""
 
     heading: ClassVar = "Zenoh"
 
@@ -42,7 +42,10 @@ class BusSettings(BaseModel):
     listen: list[Endpoint] = Field(
         default=[], validate_default=True, description="endpoints to accept connections on; a router needs one"
     )
-    scouting: bool = Field(default=False, description="find routers and peers on the local network by multicast")
+    scouting: bool = Field(
+        default=False,
+        description="find routers and peers on the local network by multicast; a client does unless it has --connect",
+    )
     shared_memory: bool = Field(
         default=True,
         description="pass large payloads on one host through shared memory, if the process may lock it (ulimit -l)",
@@ -87,8 +90,8 @@ class BusSettings(BaseModel):
         return self
 
     @model_validator(mode="after")
-    def _router_connects_only_where_told(self) -> Self:
-        if self.mode == "router" and "connect" not in self.model_fields_set:
+    def _routers_and_scouts_connect_only_where_told(self) -> Self:
+        if (self.mode == "router" or self.scouting) and "connect" not in self.model_fields_set:
             self.connect = []
         if self.mode == "client" and not self.connect and not self.scouting:
             raise ValueError("connect: a client needs an endpoint to connect to, or scouting")

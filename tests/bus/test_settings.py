@@ -62,6 +62,11 @@ def test_a_router_connects_only_where_it_is_told() -> None:
     assert BusSettings(mode="router", listen=listen, connect=["tcp/10.0.0.1:7447"]).connect == ["tcp/10.0.0.1:7447"]
 
 
+def test_who_scouts_connects_by_address_only_where_it_is_told() -> None:
+    assert BusSettings(scouting=True).connect == []
+    assert BusSettings(scouting=True, connect=["tcp/10.0.0.1:7447"]).connect == ["tcp/10.0.0.1:7447"]
+
+
 def test_every_field_explains_itself() -> None:
     assert all(field.description for field in BusSettings.model_fields.values())
 

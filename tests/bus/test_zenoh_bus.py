@@ -62,7 +62,7 @@ async def test_a_client_waits_for_its_router(caplog: pytest.LogCaptureFixture) -
         out.put(b"early")
         await until(lambda: bool(warnings_in(caplog)))
         await asyncio.sleep(0.2)
-        assert [endpoint in warning for warning in warnings_in(caplog)] == [True]
+        assert warnings_in(caplog) == [f"waiting for a link to {endpoint}: no Zenoh router answers there"]
         async with open_bus(router(endpoint)) as hub, hub.subscribe(KEY, QUEUE(9)) as at_hub:
             assert (await next_of(at_hub)).payload == b"early"
             assert (await next_of(subscription)).payload == b"early"
@@ -154,9 +154,11 @@ async def test_a_router_that_hangs_holds_nobody_up(caplog: pytest.LogCaptureFixt
 async def test_an_endpoint_that_is_taken_is_an_error_at_once() -> None:
     endpoint = free_endpoint()
     async with open_bus(router(endpoint)):
-        with pytest.raises(BusError, match="router"):
-            async with open_bus(router(endpoint)):
+        settings = BusSettings(mode="router", listen=[free_endpoint(), endpoint])
+        with pytest.raises(BusError) as caught:
+            async with open_bus(settings):
                 pytest.fail("this must not be entered")
+        assert str(caught.value) == f"cannot open the bus as a router (listen {endpoint}): Address already in use"
     await until(lambda: bus_threads() == [])
 
 
@@ -203,6 +205,20 @@ async def test_a_robots_bus_waits_for_the_centre(
     ours = [record.getMessage().partition(" tcp/")[0] for record in caplog.records if record.name == "bus.session"]
     assert ours.count("connecting to") == 1
     assert ours.count("lost the link to") == 2
+
+
+async def test_a_link_to_somebody_else_is_not_the_one_that_was_sought_beside_scouting() -> None:
+    central, own = free_endpoint(), free_endpoint()
+    async with (
+        open_bus(BusSettings(mode="peer", listen=[own], connect=[central], scouting=True)) as robot,
+        open_bus(client(own)) as beside,
+        beside.announce("beside"),
+        robot.watch("beside") as watch,
+    ):
+        assert await next_of(watch) == Presence("beside", alive=True)
+        assert robot.link_problem == f"there is no link to {central}"
+        async with open_bus(router(central)):
+            await until(lambda: not robot.link_problem)
 
 
 async def test_what_few_send_takes_no_thread() -> None:
