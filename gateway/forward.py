@@ -78,19 +78,17 @@ class Forward:
         kind = self.stream.kind
         accepted = [name for name in kind.translators if name != ANY]
         try:
-            async with (
-                latching(self.bus, self.stream.key, self.stream.topic, kind.encoding, self.outlet_of) as latched,
-                topics.subscribe(
+            async with latching(self.bus, self.stream.key, self.stream.topic, kind.encoding, self.outlet_of) as latched:
+                self.latched = latched  # what was latched before comes while it is being subscribed
+                async with topics.subscribe(
                     self.stream.topic,
                     kind.ros_type,
                     self._on_message,
                     accepted=accepted,
                     on_gone=latched.forget,
                     on_unkept=latched.say_full,
-                ) as subscription,
-            ):
-                self.subscription, self.latched = subscription, latched
-                await asyncio.Event().wait()
+                ) as self.subscription:
+                    await asyncio.Event().wait()
         finally:
             self._add_up()
 

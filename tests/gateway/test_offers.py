@@ -208,3 +208,19 @@ async def test_points_and_the_picture_in_them_share_a_subscription(rig: Rig) -> 
         assert [(status.stream, status.dropped) for status in rig.offers.streams()] == [("color", {}), ("points", {})]
         publication.publish(bytes(colored().data))
         await until(lambda: rig.offers.streams()[0].broken_links, "points are no longer what colour may be of")
+
+
+async def test_what_was_latched_before_is_kept_for_late_subscribers_of_the_other_stream_too(rig: Rig) -> None:
+    points = StreamKey(FRONT, Stream.POINTS)
+    await rig.offer({points: TOPIC, COLOR: TOPIC})
+    async with (
+        rig.camera.advertise(TOPIC, "sensor_msgs/PointCloud2", latch=True) as publication,
+        rig.bus.subscribe(str(points), QUEUE(9)) as clouds,
+        asyncio.timeout(60),
+    ):
+        publication.publish(bytes(colored().data))
+        await anext(clouds)
+        async with rig.bus.subscribe(str(COLOR), QUEUE(9)) as pictures:
+            await anext(pictures)
+            async with rig.bus.subscribe(str(COLOR), QUEUE(9)) as late:
+                await anext(late)
