@@ -54,10 +54,14 @@ class Resolver:
     def _begin(self, host: str) -> None:
         loop = asyncio.get_running_loop()
         answer: asyncio.Future[list[str]] = loop.create_future()
-        answer.add_done_callback(lambda _: self._under_way.pop(host))
+        answer.add_done_callback(lambda _: self._end(host))
         self._under_way[host] = answer
         # A daemon: what is still being looked up does not keep a process from ending.
         Thread(target=_look_up, args=(host, loop, answer), name=f"look up {host}", daemon=True).start()
+
+    def _end(self, host: str) -> None:
+        """Forget a lookup. Its failure counts as seen: whoever asked may have given up long before."""
+        self._under_way.pop(host).exception()
 
 
 def _is_address(host: str) -> bool:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import socket
 import threading
 from typing import TYPE_CHECKING, Any
@@ -96,6 +97,20 @@ async def test_who_waits_no_longer_takes_the_answer_from_nobody(names: Names) ->
     names.give_up.set()
     with pytest.raises(socket.gaierror, match="lost is not known"):
         await staying
+
+
+async def test_a_name_for_whose_answer_nobody_waits_any_longer_says_nothing_in_the_log(
+    names: Names, caplog: pytest.LogCaptureFixture
+) -> None:
+    found = Resolver()
+    leaving = asyncio.create_task(found.connect("lost", echo))
+    await until(lambda: names.asked, "it is looked up")
+    leaving.cancel()
+    await asyncio.wait([leaving])
+    names.give_up.set()
+    await until(lambda: not found._under_way, "the answer is there")
+    gc.collect()
+    assert caplog.messages == []
 
 
 async def test_no_more_than_so_many_are_looked_up_at_a_time(names: Names, monkeypatch: pytest.MonkeyPatch) -> None:
