@@ -74,11 +74,11 @@ async def _connect(address: str, port: int, patience_s: float) -> tuple[Failure,
 def is_ours(address: str) -> bool:
     """Return whether something on this machine can listen at the address."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    with closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
-        try:
+    try:
+        with closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
             probe.bind((address, 0))
-        except OSError:
-            return False
+    except OSError:
+        return False
     return True
 
 

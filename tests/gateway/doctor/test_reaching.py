@@ -1,4 +1,5 @@
 import asyncio
+import errno
 import socket
 from contextlib import closing, suppress
 
@@ -63,6 +64,18 @@ async def test_an_address_without_a_route() -> None:
 async def test_whose_address_it_is(address: str, *, ours: bool) -> None:
     assert is_ours(address) is ours
     assert await look_at_host(address, PATIENCE_S) == HostLook(address, (address,), ours)
+
+
+def test_where_there_is_no_ipv6_no_such_address_is_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_ipv6(family: socket.AddressFamily, kind: socket.SocketKind) -> socket.socket:
+        if family == socket.AF_INET6:
+            raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+        return made(family, kind)
+
+    made = socket.socket
+    monkeypatch.setattr(socket, "socket", without_ipv6)
+    assert not is_ours("::1")
+    assert is_ours("127.0.0.1")
 
 
 async def test_a_router() -> None:
