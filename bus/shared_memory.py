@@ -2,6 +2,8 @@
 
 import logging
 import os
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -15,8 +17,9 @@ FRAMES: Final = 3
 """Payloads of one size that may be on their way at once: shared ones fill no socket, which would bound them."""
 
 PATIENCE: Final = 30
-"""Successive payloads without room after which what subscribers hold is left to them: one that was stopped never lets
-go of it, not even when its link counts as lost."""
+PATIENCE_S: Final = 3.0
+"""Successive payloads without room, or seconds of them, after which what subscribers hold is left to them: one that was
+stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
 
 SMALLEST_BYTES: Final = 4096
 """A smaller payload is sent sooner than it is shared."""
@@ -35,35 +38,42 @@ _log: Final = logging.getLogger(__name__)
 
 
 class SharedFrames:
-    """Has room for FRAMES times the largest payload it saw. To be used by one thread at a time."""
+    """Has room for FRAMES times the largest payload it saw. To be used by one thread at a time. clock: in seconds."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self._largest = 0
         self._refused = 0
+        self._refused_since = 0.0
         self._provider: ShmProvider | None = None
 
     def place(self, payload: bytes | bytearray) -> ZShmMut | bytes | bytearray | None:
         """Return the payload's copy in shared memory, or itself where it is small or the system has no room.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
-        stream's others until its link counts as lost, and then for PATIENCE payloads at most.
+        stream's others for PATIENCE payloads or PATIENCE_S at most.
         """
         size = len(payload)
         if size < SMALLEST_BYTES:
             return payload
         if size > self._largest:
             self._renew(size + size // _SPARE)
-        elif self._refused >= PATIENCE:
+        elif self._refused and self._is_impatient():
             self._renew(self._largest)
         if self._provider is None:
             return payload
         room = _allocated(self._provider, size)
         if room is None:
+            if not self._refused:
+                self._refused_since = self._clock()
             self._refused += 1
         else:
             self._refused = 0
             room[0:size] = payload
         return room
+
+    def _is_impatient(self) -> bool:
+        return self._refused >= PATIENCE or self._clock() >= self._refused_since + PATIENCE_S
 
     def _renew(self, largest: int) -> None:
         self._largest = largest

@@ -1,4 +1,4 @@
-from bus.shared_memory import FRAMES, PATIENCE, SMALLEST_BYTES, SharedFrames
+from bus.shared_memory import FRAMES, PATIENCE, PATIENCE_S, SMALLEST_BYTES, SharedFrames
 
 SIZE = 100_000
 
@@ -39,6 +39,18 @@ def test_what_is_never_let_go_of_is_left_to_who_holds_it() -> None:
     again = [frames.place(b"x" * SIZE) for _ in range(FRAMES)]
     assert [bytes(each or b"")[:1] for each in again] == [b"x"] * FRAMES
     assert [bytes(each or b"")[:1] for each in held] == [bytes([number]) for number in range(FRAMES)]
+
+
+def test_a_stream_with_few_payloads_does_not_wait_for_thirty_of_them() -> None:
+    now = [10.0]
+    frames = SharedFrames(lambda: now[0])
+    held = [frames.place(bytes(SIZE)) for _ in range(FRAMES)]
+    assert frames.place(bytes(SIZE)) is None
+    now[0] += 0.99 * PATIENCE_S
+    assert frames.place(bytes(SIZE)) is None
+    now[0] = 10.0 + PATIENCE_S
+    assert frames.place(bytes(SIZE)) is not None
+    assert None not in held
 
 
 def test_payloads_of_any_sizes_find_room_again() -> None:
