@@ -18,9 +18,9 @@ class Waiting:
     arrived_ns: int
     late_ns: int = 0
 
-    def age_ns(self, now_ns: int) -> int:
-        """Return how long the frame was late and has waited."""
-        return self.late_ns + max(0, now_ns - self.arrived_ns)
+    def age_ns(self, now_ns: int, excused_ns: int = 0) -> int:
+        """Return how long the frame was late, beyond what is excused, and has waited."""
+        return max(0, self.late_ns - excused_ns) + max(0, now_ns - self.arrived_ns)
 
 
 class Board:
@@ -44,9 +44,9 @@ class Board:
         self._served.pop(camera, None)
         return int(self._frames.pop(camera, None) is not None)
 
-    def expire(self, now_ns: int, limit_ns: int) -> list[CameraKey]:
-        """Take down what is older than `limit_ns`; return the cameras, who keep their turns."""
-        expired = [camera for camera, waiting in self._frames.items() if waiting.age_ns(now_ns) > limit_ns]
+    def expire(self, now_ns: int, limit_ns: int, excused_ns: int = 0) -> list[CameraKey]:
+        """Take down what is older than `limit_ns`, see `Waiting.age_ns`; return the cameras, who keep their turns."""
+        expired = [camera for camera, waiting in self._frames.items() if waiting.age_ns(now_ns, excused_ns) > limit_ns]
         for camera in expired:
             del self._frames[camera]
         return expired

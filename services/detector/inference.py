@@ -29,6 +29,9 @@ SPARE_S: Final = 0.03
 LEAST_AGE_S: Final = 0.08
 """How old a frame may be at least, however quick the model is: links have their ups and downs."""
 
+EXCUSED_S: Final = 2.0
+"""How late a frame may come while the model keeps up: on a poor link none comes sooner for leaving out what is late."""
+
 WATCH_S: Final = 1.0
 HUNG: Final = 60
 """A model that has not answered when it was looked at so often never will; calls of new shapes may take seconds."""
@@ -52,7 +55,8 @@ class Inference:
     """Takes frames from the board while there is room in the model, and publishes what comes out, in that order.
 
     tracking: follows objects while somebody wants their tracks. cameras: those looked after now. max_age_s: how old a
-        frame may be when its turn comes, None for as long as one call takes and SPARE_S, at least LEAST_AGE_S.
+        frame may be when its turn comes, None for as long as one call takes and SPARE_S, at least LEAST_AGE_S, and as
+        late as EXCUSED_S beside that while `keeps_up`: the model has time for all frames.
     """
 
     def __init__(
@@ -65,6 +69,7 @@ class Inference:
         cameras: dict[CameraKey, Camera],
         accounts: dict[CameraKey, Account],
         max_age_s: float | None,
+        keeps_up: Callable[[], bool],
         on_result: Callable[[CameraKey], None],
     ) -> None:
         self._model = model
@@ -74,6 +79,7 @@ class Inference:
         self._cameras = cameras
         self._accounts = accounts
         self._max_age_s = max_age_s
+        self._keeps_up = keeps_up
         self._on_result = on_result
         self._room = Semaphore(model.in_flight)
         self._under_way: Queue[tuple[Sequence[SentFrame], Task[Sequence[Outcome]]]] = Queue(model.in_flight)
@@ -121,15 +127,17 @@ class Inference:
         wished = sum(camera.demand.wanted for camera in self._cameras.values())
         await self._board.filled(min(self._model.max_batch, wished), PATIENCE_S)
         now_ns = time.time_ns()
-        for key in self._board.expire(now_ns, self._limit_ns):
+        for key in self._board.expire(now_ns, *self._limits_ns()):
             self._accounts[key].dropped[STALE] += 1
         frames = (self._sent_frame(key, waiting, now_ns) for key, waiting in self._board.take(self._model.max_batch))
         return [frame for frame in frames if frame is not None]
 
-    @property
-    def _limit_ns(self) -> int:
-        default_s = max(self._call_s + SPARE_S, LEAST_AGE_S)
-        return round((default_s if self._max_age_s is None else self._max_age_s) * 1e9)
+    def _limits_ns(self) -> tuple[int, int]:
+        """Return how old a frame may be, and how much of how late it came does not count to that."""
+        if self._max_age_s is not None:
+            return round(self._max_age_s * 1e9), 0
+        limit_s = max(self._call_s + SPARE_S, LEAST_AGE_S)
+        return round(limit_s * 1e9), round(EXCUSED_S * 1e9) if self._keeps_up() else 0
 
     def _sent_frame(self, key: CameraKey, waiting: Waiting, now_ns: int) -> SentFrame | None:
         camera = self._cameras.get(key)

@@ -60,7 +60,8 @@ class DetectorSettings(SharingSettings, BusSettings):
             gt=0,
             le=60,
             description="frames older than that are left out when their turn comes; unless given, those"
-            " older than one call of the model takes, and 30 ms, at least 80 ms",
+            " older than one call of the model takes, and 30 ms, at least 80 ms; what was late on its link by up to 2 s"
+            " is no older for that while the model keeps up",
         ),
     ] = None
 

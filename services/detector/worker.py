@@ -73,6 +73,7 @@ class Worker:
             cameras=self._cameras,
             accounts=self._accounts,
             max_age_s=max_age_s,
+            keeps_up=lambda: self._pace.limit_hz is None,
             on_result=self._has_result,
         )
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)

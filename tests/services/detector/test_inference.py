@@ -19,7 +19,7 @@ from services.detector import inference
 from services.detector.account import FAILED, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, serving
-from services.detector.inference import Inference
+from services.detector.inference import EXCUSED_S, Inference
 from services.detector.model import ModelError
 from services.detector.tracking import Tracking
 from tests.contract.waiting import next_of, until
@@ -36,7 +36,14 @@ def frame(camera: CameraKey, seq: int) -> ImageFrame:
 class Rig:
     """Four cameras whose class lists are wanted, a board, and what takes frames from it."""
 
-    def __init__(self, model: ToldModel, max_age_s: float | None = 3600, *, tracking: Tracking | None = None) -> None:
+    def __init__(
+        self,
+        model: ToldModel,
+        max_age_s: float | None = 3600,
+        *,
+        tracking: Tracking | None = None,
+        keeps_up: bool = True,
+    ) -> None:
         self.model = model
         self.board = Board()
         self.cameras: dict[CameraKey, Camera] = {}
@@ -50,6 +57,7 @@ class Rig:
             cameras=self.cameras,
             accounts=self.accounts,
             max_age_s=max_age_s,
+            keeps_up=lambda: keeps_up,
             on_result=self.told.append,
         )
 
@@ -252,6 +260,24 @@ async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.
     assert caught.group_contains(ModelError, match="told has not answered for 0.3 s")
 
 
-def test_frames_of_a_jittery_link_are_not_too_old_for_a_quick_model() -> None:
-    assert Rig(ToldModel(), max_age_s=None).inference._limit_ns == 80_000_000
-    assert Rig(ToldModel(), max_age_s=0.01).inference._limit_ns == 10_000_000
+@pytest.mark.parametrize(
+    ("late_s", "keeps_up", "max_age_s", "used"),
+    [
+        (0.07, False, None, True),
+        (0.1, False, None, False),
+        (0.1, True, None, True),
+        (0.99 * EXCUSED_S, True, None, True),
+        (EXCUSED_S + 0.1, True, None, False),
+        (0.02, True, 0.01, False),
+        (EXCUSED_S + 0.1, True, 3600, True),
+    ],
+)
+async def test_frames_of_a_poor_link_are_used_while_there_is_time_for_them(
+    bus: Bus, *, late_s: float, keeps_up: bool, max_age_s: float | None, used: bool
+) -> None:
+    rig = Rig(ToldModel(), max_age_s, keeps_up=keeps_up)
+    async with rig.running(bus):
+        now_ns = time.time_ns() + 3_600_000_000_000  # it waits for nothing, however slow this machine is
+        rig.board.post(CAMERAS[0], Waiting(frame(CAMERAS[0], 1), now_ns, round(late_s * 1e9)))
+        await until(lambda: bool(rig.model.calls or rig.accounts[CAMERAS[0]].dropped))
+        assert (len(rig.model.calls), rig.accounts[CAMERAS[0]].dropped) == ((1, {}) if used else (0, {STALE: 1}))
