@@ -89,6 +89,10 @@ class Log:
         found = (result.at_s for result in self.of(camera) if result.at_s >= at_s and result.worker != other_than)
         return next(found, None)
 
+    def first_of_frame_after(self, at_s: float) -> float | None:
+        """Return when the first result came of a frame that its gateway had after a time."""
+        return next((result.at_s for result in self._results if result.at_s - result.age_s >= at_s), None)
+
     def longest_interval_s(self) -> float:
         """Return the longest time between two results of one camera."""
         by_camera: defaultdict[str, list[float]] = defaultdict(list)
