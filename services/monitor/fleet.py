@@ -18,13 +18,17 @@ from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits,
 from services.monitor.inventory.sighting import Change
 from services.monitor.mapping.places import Places
 from services.monitor.namesakes import Namesakes
-from services.monitor.troubles import NAMESAKES, problems_of
+from services.monitor.troubles import NAMESAKES, late, problems_of
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
 MINUTE_NS: Final = 60 * NS
 DAY_NS: Final = 86_400 * NS
+LATE_S: Final = 2.0
+LATE_LISTS: Final = 10
+"""After so many lists in a row that came later than LATE_S it is no mere outage that held them up."""
+
 MAX_LAG_NS: Final = 3_600 * NS
 """A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
 
@@ -57,6 +61,7 @@ class _Camera:
     arrived_s: float = 0.0
     lag_s: float | None = None
     lists: int = 0
+    late_lists: int = 0
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=64))
 
     def take(self, seen: Sequence[ClassCount]) -> bool:
@@ -105,6 +110,7 @@ class Fleet:
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
         self._namesakes = Namesakes()
+        self._late: dict[str, set[CameraKey]] = {}
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
@@ -114,7 +120,7 @@ class Fleet:
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went stays on the list."""
         self.inventory.camera_presence(key, alive=alive)
-        self._camera(key)
+        self._note_late(key, self._camera(key), late=False)
         self._changed.add(key)
 
     def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
@@ -166,7 +172,17 @@ class Fleet:
         camera.lag_s = None if lag_ns is None else lag_ns / 1e9
         if camera.lag_s is not None:
             self.ages_s.append(camera.lag_s)
+        is_late = camera.lag_s is not None and camera.lag_s > LATE_S
+        if is_late or camera.late_lists:
+            self._note_late(key, camera, late=is_late)
         return changes
+
+    def _note_late(self, key: CameraKey, camera: _Camera, *, late: bool) -> None:
+        camera.late_lists = camera.late_lists + 1 if late else 0
+        if camera.late_lists == LATE_LISTS:
+            self._late.setdefault(key.robot, set()).add(key)
+        elif not late and key in self._late.get(key.robot, ()):
+            self._late[key.robot].discard(key)
 
     def opine(self, seen: ClassList, received_ns: int) -> bool:
         """Take a second opinion that arrived at `received_ns`; return False if it says nothing, see `Inventory`."""
@@ -191,6 +207,8 @@ class Fleet:
             yield NAMESAKES
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)
+        for key in sorted(self._late.get(robot, ())):
+            yield late(key.camera, self._cameras[key].lag_s or 0.0)
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""

@@ -12,6 +12,11 @@ MAX_SHOWN: Final = 5
 NAMESAKES: Final = "has more than one gateway under its name, whose frames get mixed up: end one, or name it otherwise"
 
 
+def late(camera: str, seconds: float) -> str:
+    """Say that what a camera sees is known only so long after the image."""
+    return f"{camera}: class lists come {seconds:.1f} s after the image; a thin link needs the gateway's --uplink-mbit"
+
+
 def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:
     """Return a line for each thing that is wrong with a robot; no more than MAX_SHOWN, and one that counts the rest."""
     every = [printable(f"{robot} {problem}") for robot in sorted(problems) for problem in problems[robot]]

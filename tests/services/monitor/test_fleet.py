@@ -9,12 +9,12 @@ from schemas.distances import Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
-from services.monitor.fleet import MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.fleet import LATE_LISTS, LATE_S, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import InventoryFullError, Limits
 from services.monitor.inventory.sighting import Sighting
-from services.monitor.troubles import NAMESAKES
+from services.monitor.troubles import NAMESAKES, late
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 
@@ -131,6 +131,23 @@ def test_two_gateways_under_one_name_are_a_problem_of_that_robot() -> None:
         fleet.gateway_status(msgspec.structs.replace(status(), boot_id="other"), at_ns)
         fleet.gateway_status(status(), at_ns + 1)
     assert (list(fleet.problems_of("r1")), list(fleet.problems_of("r2"))) == ([NAMESAKES], [])
+
+
+def test_a_camera_whose_lists_keep_coming_late_is_a_problem_until_one_is_in_time_or_it_goes() -> None:
+    fleet = online_fleet()
+
+    def take(count: int, late_s: float) -> list[str]:
+        for _ in range(count):
+            message = seen(fleet.class_lists)
+            fleet.see(message, 10.0, message.header.received_ns + round(late_s * 1e9))
+        return list(fleet.problems_of("r1"))
+
+    outage, thin = take(LATE_LISTS - 1, LATE_S + 1), take(1, LATE_S + 1.5)
+    assert (outage, thin) == ([], [late("front", LATE_S + 1.5)])
+    assert (take(1, LATE_S), take(LATE_LISTS - 1, LATE_S + 1)) == ([], [])
+    assert len(take(1, LATE_S + 1)) == 1
+    fleet.camera_presence(FRONT, alive=False)
+    assert list(fleet.problems_of("r1")) == []
 
 
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:
