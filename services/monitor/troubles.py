@@ -14,7 +14,7 @@ NAMESAKES: Final = "has more than one gateway under its name, whose frames get m
 
 def late(camera: str, seconds: float) -> str:
     """Say that what a camera sees is known only so long after the image."""
-    return f"{camera}: class lists come {seconds:.1f} s after the image; a thin link needs the gateway's --uplink-mbit"
+    return f"{camera}: class lists come {seconds:.1f} s late; a thin link needs --uplink-mbit"
 
 
 def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:
