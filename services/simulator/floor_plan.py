@@ -3,6 +3,7 @@
 Source: http://wiki.ros.org/map_server#YAML_format
 """
 
+import json
 from pathlib import Path
 from typing import Final
 
@@ -37,7 +38,10 @@ def write_floor_plan(path: Path, seed: int) -> None:
     pixels = np.where(clearance.grid[::-1] > 0, FREE, OCCUPIED).astype(np.uint8)  # the first row is the farthest
     rows, columns = pixels.shape
     description = DESCRIPTION.format(
-        image=image.name, resolution=1 / CELLS_PER_METRE, x=-clearance.half_x, y=-clearance.half_y
+        image=json.dumps(image.name, ensure_ascii=False),
+        resolution=1 / CELLS_PER_METRE,
+        x=-clearance.half_x,
+        y=-clearance.half_y,
     )
     try:
         image.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())

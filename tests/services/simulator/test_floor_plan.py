@@ -33,6 +33,12 @@ def test_robots_drive_where_it_is_free_and_objects_stand_where_it_is_not(tmp_pat
     assert pixels[0].max() == pixels[:, 0].max() == OCCUPIED, "walls"
 
 
+def test_a_name_that_means_something_in_yaml_is_quoted(tmp_path: Path) -> None:
+    write_floor_plan(tmp_path / "hall 1: #2.yaml", 1)
+    said = yaml.safe_load((tmp_path / "hall 1: #2.yaml").read_text())
+    assert (tmp_path / said["image"]).is_file()
+
+
 @pytest.mark.parametrize("name", ["map.yaml", "map.pgm"])
 def test_a_map_that_is_there_already_stays(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("a real one")
