@@ -3,7 +3,7 @@
 from typing import Final
 
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
 
 from services.monitor.mapping.floor_plan import FloorPlan
@@ -18,11 +18,8 @@ def url_of(plan: FloorPlan) -> str:
 
 def floor_plan_route(plan: FloorPlan) -> Route:
     """Return what answers there."""
-    url = url_of(plan)
 
-    async def image(request: Request) -> Response:
-        if request.url.path != url:
-            return PlainTextResponse("there is another floor plan by now: open the map again", 404)
+    async def image(_: Request) -> Response:
         return Response(plan.png, media_type="image/png", headers=FOR_EVER)
 
-    return Route("/floor-plan/{name}", image)
+    return Route(url_of(plan), image)
