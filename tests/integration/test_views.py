@@ -1,15 +1,19 @@
 """What people look at live, in a real browser: it is made while they look, and not longer."""
 
 import asyncio
+import io
 import re
+from base64 import b64encode
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 import pytest_asyncio
+from PIL import Image
 from playwright.async_api import Browser, expect
 
 from bus import Bus, QoS
@@ -17,8 +21,11 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
+from services.monitor.mapping.drawing import Bounds, svg_of
+from services.monitor.mapping.floor_plan import MOST_CELLS, FloorPlan, MapDescription
 from services.monitor.mapping.floor_plan_file import load_floor_plan
 from services.monitor.monitor import Monitor
+from services.monitor.page.stage import VIEW_STYLE
 from services.monitor.process import watch_fleet
 from services.simulator.floor_plan import write_floor_plan
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
@@ -134,6 +141,24 @@ async def test_the_map_is_drawn_on_the_floor_plan(site: Site, tmp_path: Path) ->
         await expect(plan).to_be_visible()
         assert await page.evaluate(SIZE_OF_IMAGE, await plan.get_attribute("href")) == [333, 313]
         await looker.picture("map-desk-light")
+
+
+async def test_thin_walls_of_a_large_floor_plan_are_seen(site: Site) -> None:
+    shades = np.full((200, 4 * MOST_CELLS), 254, np.uint8)
+    shades[:, 150::300] = 0
+    said = MapDescription(image="map.pgm", resolution=0.05, origin=(0, 0, 0), occupied_thresh=0.65, free_thresh=0.196)
+    plan = FloorPlan.of(shades, 255, said)
+    bounds = Bounds.around(plan.corners)
+    assert bounds is not None
+    picture = svg_of(bounds, [], [], 0, (plan, f"data:image/png;base64,{b64encode(plan.png).decode()}"))
+    page = await site.browser.new_page(viewport={"width": 1440, "height": 900})
+    await page.set_content(
+        f'<style>{VIEW_STYLE} .grid, .metres {{ display: none }}</style><div class="fs-map">{picture}</div>'
+    )
+    shown = np.asarray(Image.open(io.BytesIO(await page.locator("svg").screenshot())).convert("L"))
+    dark = shown[len(shown) // 2] < 250
+    await page.close()
+    assert np.count_nonzero(dark[1:] & ~dark[:-1]) == np.count_nonzero(shades[0] == 0)
 
 
 async def test_a_robot_that_is_lost_stays_on_the_map(site: Site, tmp_path: Path) -> None:

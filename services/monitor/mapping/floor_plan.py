@@ -8,7 +8,7 @@ import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,16 @@ GREY: Final = (0x80, 0x86, 0x8E)
 OPACITY: Final = bytes((0, 30, 120))
 """Of what is free, unknown and occupied."""
 
+MOST_CELLS: Final = 2_000
+"""Across, and up: about as many as a screen has pixels. A browser that shrinks more of them loses thin walls."""
+
 
 class MapDescription(BaseModel):
-    """What a map's YAML file says, in metres and radians; map_server's other keys do not matter here."""
+    """What a map's YAML file says, in metres and radians. In the mode `raw` pixels are no shades."""
 
     image: Annotated[str, Field(min_length=1)]
-    resolution: Annotated[FiniteFloat, Field(gt=0)]
+    mode: Literal["trinary", "scale"] = "trinary"
+    resolution: Annotated[float, Field(gt=0, le=1_000)]
     origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
     negate: bool = False
     occupied_thresh: Annotated[float, Field(gt=0, le=1)]
@@ -57,23 +61,36 @@ class FloorPlan:
     corners: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, shades: NDArray[np.uint8], said: MapDescription) -> Self:
-        """Return what a grey image (rows from the top) and its description stand for."""
-        darkness = shades if said.negate else 255 - shades
+    def of(cls, shades: NDArray[np.unsignedinteger], white: int, said: MapDescription) -> Self:
+        """Return what a grey image (rows from the top, from 0 to `white`) and its description stand for."""
+        darkness = shades if said.negate else white - shades
         cells = np.full(shades.shape, UNKNOWN, np.uint8)
-        cells[darkness < said.free_thresh * 255] = FREE
-        cells[darkness > said.occupied_thresh * 255] = OCCUPIED
-        rows, columns = shades.shape
+        cells[darkness < said.free_thresh * white] = FREE
+        cells[darkness > said.occupied_thresh * white] = OCCUPIED
+        drawn, step = _coarser(cells)
+        resolution = said.resolution * step
+        rows, columns = drawn.shape
         x, y, yaw = said.origin
         cos, sin = math.cos(yaw), math.sin(yaw)
-        known = _known(cells, said.resolution)
+        known = _known(drawn, resolution)
         corners = tuple((x + cos * across - sin * up, y + sin * across + cos * up) for across, up in known)
-        return cls(_png(cells), columns * said.resolution, rows * said.resolution, x, y, yaw, corners)
+        return cls(_png(drawn), columns * resolution, rows * resolution, x, y, yaw, corners)
 
     @property
     def digest(self) -> str:
         """A name for what the image shows."""
         return hashlib.sha256(self.png).hexdigest()[:16]
+
+
+def _coarser(cells: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+    """Return MOST_CELLS each way at most, occupied where they partly are, and how many times as wide each is.
+
+    They begin in the lower left corner.
+    """
+    step = -(-max(cells.shape) // MOST_CELLS)
+    rows, columns = (np.arange(0, size, step) for size in cells.shape)
+    upwards = np.maximum.reduceat(np.maximum.reduceat(cells[::-1], rows, axis=0), columns, axis=1)
+    return np.ascontiguousarray(upwards[::-1]), step
 
 
 def _known(cells: NDArray[np.uint8], resolution: float) -> Iterator[tuple[float, float]]:

@@ -14,7 +14,8 @@ from services.monitor.mapping.floor_plan import FloorPlan, MapDescription
 MAX_CHARACTERS: Final = 100_000
 MAX_PIXELS: Final = 64_000_000
 FORMATS: Final = ("PPM", "PNG", "BMP", "GIF", "TIFF")
-MODES: Final = frozenset({"1", "L", "LA", "P", "RGB", "RGBA"})
+READ_AS: Final = {"1": "L", "L": "L", "P": "RGB", "RGB": "RGB", "LA": "RGBA", "RGBA": "RGBA"}
+"""Which channels images of a Pillow mode are read as."""
 
 
 class FloorPlanError(Exception):
@@ -33,7 +34,7 @@ def load_floor_plan(path: Path) -> FloorPlan:
     said = _description(path)
     image = path.parent / said.image
     try:
-        return FloorPlan.of(_shades(image), said)
+        return FloorPlan.of(*_shades(image, with_alpha=said.mode == "trinary"), said)
     except (UnidentifiedImageError, ImportError) as error:  # where Ultralytics is, Pillow looks for a HEIF decoder
         raise FloorPlanError(image, "no image of a map; one is PGM or PNG") from error
     except Exception as error:  # Pillow's readers raise whatever a damaged file leads them to
@@ -46,7 +47,10 @@ def _description(path: Path) -> MapDescription:
             text = file.read(MAX_CHARACTERS + 1)
         if len(text) > MAX_CHARACTERS:
             raise FloorPlanError(path, f"a map's YAML file has at most {MAX_CHARACTERS:,} characters")
-        content: Any = yaml.safe_load(text)
+        content: Any = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - makes nothing but text, lists and dicts
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise FloorPlanError(path, f"line {line}: {error.problem}") from error
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         raise FloorPlanError(path, _reason(error)) from error
     if not isinstance(content, dict):
@@ -65,11 +69,18 @@ def _reason(error: Exception) -> str:
     return said[:200]
 
 
-def _shades(path: Path) -> NDArray[np.uint8]:
-    """Return an image as grey pixels, rows from the top."""
+def _shades(path: Path, *, with_alpha: bool) -> tuple[NDArray[np.unsignedinteger], int]:
+    """Return an image as grey pixels, rows from the top, and how much white is.
+
+    with_alpha: opacity counts as one more colour, as map_server has it.
+    """
     with Image.open(path, formats=FORMATS) as image:
         if image.width * image.height > MAX_PIXELS:
             raise ValueError(f"{image.width} x {image.height} pixels: at most {MAX_PIXELS:,} are drawn")
-        if image.mode not in MODES:
+        if image.mode not in READ_AS:
             raise ValueError(f"its pixels are {image.mode}: use 8 bits")
-        return np.asarray(image.convert("L"))
+        pixels = np.asarray(image.convert(READ_AS[image.mode]))
+    if pixels.ndim == 2:
+        return pixels, 255
+    channels = pixels.shape[2] if with_alpha else 3
+    return pixels[..., :channels].sum(axis=2, dtype=np.uint16), 255 * channels

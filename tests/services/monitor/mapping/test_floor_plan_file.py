@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from services.monitor.mapping import floor_plan_file
+from services.monitor.mapping.floor_plan import MOST_CELLS
 from services.monitor.mapping.floor_plan_file import FloorPlanError, load_floor_plan
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
@@ -57,6 +58,24 @@ def test_a_negated_image_is_dark_where_there_is_room(tmp_path: Path) -> None:
     assert plan.digest == negated.digest
 
 
+@pytest.mark.parametrize(
+    ("pixel", "mode", "is_drawn_as"),
+    [
+        ((0, 255, 0), "trinary", OCCUPIED),
+        ((205, 205, 205), "trinary", UNKNOWN),
+        ((255, 255, 255, 0), "trinary", UNKNOWN),
+        ((205, 205, 205, 255), "trinary", FREE),
+        ((205, 205, 205, 255), "scale", UNKNOWN),
+    ],
+)
+def test_colours_count_alike_and_so_does_opacity(
+    tmp_path: Path, pixel: tuple[int, ...], mode: str, is_drawn_as: int
+) -> None:
+    drawn = load_floor_plan(written(tmp_path, np.full((2, 2, len(pixel)), pixel, np.uint8), image="map.png", mode=mode))
+    grey = load_floor_plan(written(tmp_path, np.full((2, 2), is_drawn_as, np.uint8)))
+    assert (opacity(drawn.png) == opacity(grey.png)).all()
+
+
 def test_the_map_shows_the_part_that_is_known(tmp_path: Path) -> None:
     plan = load_floor_plan(written(tmp_path))
     assert (plan.width, plan.height, plan.x, plan.y, plan.yaw) == (3.0, 2.5, -3.0, 2.0, 0.0)
@@ -66,15 +85,33 @@ def test_the_map_shows_the_part_that_is_known(tmp_path: Path) -> None:
     assert load_floor_plan(written(tmp_path, np.full((4, 4), UNKNOWN, np.uint8))).corners == ()
 
 
+def test_thin_walls_of_a_large_map_stay_where_they_are(tmp_path: Path) -> None:
+    cells = np.full((7, 2 * MOST_CELLS + 2), FREE, np.uint8)
+    cells[0, 5] = OCCUPIED
+    plan = load_floor_plan(written(tmp_path, cells))
+    shown = opacity(plan.png)
+    assert max(shown.shape) <= MOST_CELLS
+    ((row, column),) = np.argwhere(shown)
+    metres = plan.width / shown.shape[1]
+    assert metres * column <= 5 * 0.5 < metres * (column + 1)
+    assert metres * (len(shown) - row - 1) <= 6 * 0.5 < metres * (len(shown) - row)
+    assert plan.height == pytest.approx(metres * len(shown))
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
         ({"resolution": ""}, "map.yaml: resolution: Field required"),
         ({"resolution": "0"}, "map.yaml: resolution: Input should be greater than 0"),
-        ({"resolution": ".nan"}, "map.yaml: resolution: Input should be a finite number"),
+        ({"resolution": "nan"}, "map.yaml: resolution: Input should be"),
+        ({"resolution": "1e308"}, "map.yaml: resolution: Input should be less than or equal to 1000"),
+        ({"resolution": "2026-13-01"}, "map.yaml: resolution: Input should be a valid number"),
+        ({"resolution": "!!bool x"}, "map.yaml: resolution: Input should be a valid number"),
+        ({"mode": "raw"}, "map.yaml: mode: Input should be 'trinary' or 'scale'"),
+        ({"origin": "[0, 0, nan]"}, "map.yaml: origin.2: Input should be a finite number"),
         ({"origin": "[0, 0]"}, "map.yaml: origin.2: Field required"),
         ({"occupied_thresh": "0.1"}, "map.yaml: free_thresh is over occupied_thresh"),
-        ({"negate": "[1"}, "map.yaml: while parsing"),
+        ({"negate": "[1"}, "map.yaml: line 5: expected"),
     ],
 )
 def test_a_mistake_in_the_yaml_file_is_named(tmp_path: Path, changes: dict[str, str], reason: str) -> None:
