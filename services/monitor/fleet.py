@@ -127,7 +127,7 @@ class Fleet:
         """Keep a gateway's newest account of itself, which arrived at `received_ns` (epoch)."""
         make_room(self.gateways, status.robot)
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
-        self._namesakes.take(status.robot, status.boot_id, received_ns)
+        self._namesakes.take(status.robot, status.boot_id)
 
     def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
         """Keep a worker's newest account of itself, which arrived at `received_ns` (epoch)."""
@@ -203,7 +203,7 @@ class Fleet:
 
     def problems_of(self, robot: str) -> Iterator[str]:
         """Yield what is wrong with a robot's gateway, as far as that is known."""
-        if self._namesakes.has(robot, self.heard_ns.get(robot, 0)):
+        if self._namesakes.has(robot):
             yield NAMESAKES
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)

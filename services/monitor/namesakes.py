@@ -2,29 +2,33 @@
 
 from typing import Final
 
-NS: Final = 1_000_000_000
-KNOWN_NS: Final = 5 * NS
-"""For how long two gateways are known to run since they were heard in turns."""
+MOST_PROCESSES: Final = 16
+"""How many gateways' processes are remembered of a robot."""
+
+KNOWN_ACCOUNTS: Final = 5
+"""After how many accounts of which none shows that there are several it is over; each gateway has one every second."""
 
 
 class Namesakes:
     """Hears from which process each account of a robot's gateway comes: one that was restarted never comes back."""
 
     def __init__(self) -> None:
-        self._processes: dict[str, tuple[str, str]] = {}
-        self._heard_ns: dict[str, int] = {}
+        self._processes: dict[str, tuple[str, ...]] = {}
+        self._known: dict[str, int] = {}
 
-    def take(self, robot: str, boot_id: str, at_ns: int) -> None:
-        """Note an account that arrived at `at_ns`."""
-        newest, before = self._processes.get(robot, (boot_id, ""))
-        if boot_id == before:
-            self._heard_ns[robot] = at_ns
-        if boot_id != newest:
-            self._processes[robot] = (boot_id, newest)
+    def take(self, robot: str, boot_id: str) -> None:
+        """Note an account that arrived."""
+        processes = self._processes.get(robot, ())
+        if boot_id in processes[1:]:
+            self._known[robot] = KNOWN_ACCOUNTS
+        elif self._known.get(robot, 0) > 1:
+            self._known[robot] -= 1
         else:
-            self._processes.setdefault(robot, (boot_id, ""))
+            self._known.pop(robot, None)
+        if processes[:1] != (boot_id,):
+            others = (each for each in processes if each != boot_id)
+            self._processes[robot] = (boot_id, *others)[:MOST_PROCESSES]
 
-    def has(self, robot: str, at_ns: int) -> bool:
-        """Return whether more than one gateway ran under a robot's name shortly before."""
-        heard_ns = self._heard_ns.get(robot)
-        return heard_ns is not None and at_ns - heard_ns <= KNOWN_NS
+    def has(self, robot: str) -> bool:
+        """Return whether more than one gateway ran under a robot's name lately."""
+        return robot in self._known

@@ -1,19 +1,30 @@
-from services.monitor.namesakes import KNOWN_NS, Namesakes
+import pytest
+
+from services.monitor.namesakes import KNOWN_ACCOUNTS, MOST_PROCESSES, Namesakes
 
 
-def test_a_gateway_that_is_restarted_is_no_namesake() -> None:
+def heard(processes: str) -> bool:
     namesakes = Namesakes()
-    for at_ns, boot_id in enumerate("aabbcc"):
-        namesakes.take("r1", boot_id, at_ns)
-        assert not namesakes.has("r1", at_ns)
+    for boot_id in processes:
+        namesakes.take("r1", boot_id)
+    assert not namesakes.has("r2")
+    return namesakes.has("r1")
 
 
-def test_two_that_are_heard_in_turns_are_and_are_so_no_more_when_one_has_gone() -> None:
-    namesakes = Namesakes()
-    for at_ns, boot_id in enumerate("abab"):
-        namesakes.take("r1", boot_id, at_ns)
-    assert namesakes.has("r1", 3)
-    assert not namesakes.has("r2", 3)
-    namesakes.take("r1", "b", 3 + KNOWN_NS)
-    assert namesakes.has("r1", 3 + KNOWN_NS)
-    assert not namesakes.has("r1", 4 + KNOWN_NS)
+@pytest.mark.parametrize("processes", ["", "a", "aab", "aabbcc", "abcdefghijklmnopqrstuvwxyz"])
+def test_a_gateway_that_is_restarted_is_no_namesake(processes: str) -> None:
+    assert not heard(processes)
+
+
+@pytest.mark.parametrize("number", [2, 3, MOST_PROCESSES])
+def test_those_that_are_heard_in_turns_are(number: int) -> None:
+    processes = "abcdefghijklmnopqrstuvwxyz"[:number]
+    assert not heard(processes)
+    assert heard(processes + "a")
+    assert heard(2 * processes)
+
+
+def test_they_are_no_more_when_one_alone_goes_on_whether_it_is_restarted_or_not() -> None:
+    assert heard("aba" + (KNOWN_ACCOUNTS - 1) * "a")
+    assert not heard("aba" + KNOWN_ACCOUNTS * "a")
+    assert not heard("abacdefgh")
