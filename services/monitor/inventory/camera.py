@@ -48,16 +48,18 @@ class CameraView:
         """Whether what it says is of now: lists came since then, and not only the one that late subscribers get."""
         return self.speaker is not None and self.speaker.lists > 1 and self.last_ns >= since_ns and not self.lost
 
-    def see(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> list[Change] | None:
+    def see(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int, lost_ns: int) -> list[Change] | None:
         """Take a class list; None if it is a double or late.
 
         silent_ns: how long the model that speaks may say nothing before another one speaks for the camera.
+        lost_ns: after how long without a list what was in view is given up.
         """
         view = self.views.get(seen.model)
         if view is None:
             view = self._add(seen.model, at_ns)
         if not view.order.take(seen.header, at_ns):
             return None
+        lost = self.lose(at_ns) if self.is_forsaken(at_ns - lost_ns) else []
         if self.lost:
             self.lost = False
             for each in self.views.values():
@@ -65,9 +67,9 @@ class CameraView:
         moved = view.advance(seen, at_ns, debounce)
         if view is not self.speaker:
             if self.speaker is not None and at_ns - self.speaker.last_ns <= silent_ns:
-                return []
+                return lost
             moved = self._hand_over(self.speaker, view)
-        return [self._change(name, view, at_ns) for name in moved] if moved else []
+        return [*lost, *(self._change(name, view, at_ns) for name in moved)]
 
     def opine(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> bool:
         """Take the class list of a second opinion; return False if it is a double or late.

@@ -111,11 +111,11 @@ class Inventory:
         Lists of one camera are to come in order, but a clock that was set back is lived with.
         """
         camera = self._camera(camera_key(seen.header.robot, seen.header.camera))
-        lost = camera.lose(at_ns) if camera.is_forsaken(at_ns - self.limits.lost_ns) else []
-        changes = camera.see(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
+        of = self.limits
+        changes = camera.see(seen, max(1, at_ns), of.debounce, of.stale_ns, of.lost_ns)
         if len(camera.views) > 1:
             self._disputed.add(camera.key)
-        return [*lost, *(changes or ())] if lost else changes
+        return changes
 
     def opine(self, seen: ClassList, at_ns: int) -> bool:
         """Take a second opinion on what was in view at `at_ns`; return False if it is a double, late or on no camera.

@@ -10,6 +10,7 @@ from tests.schemas.results import distances, known, unknown
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 SILENT_NS = 3 * S
+LOST_NS = 60 * S
 
 
 class Seeing:
@@ -28,7 +29,7 @@ class Seeing:
 
     def changes(self, at_s: int, model: str, counts: dict[str, int]) -> list[Change]:
         self.seq += 1
-        changes = self.camera.see(seen(self.seq, counts, model=model), at_s * S, self.debounce, SILENT_NS)
+        changes = self.camera.see(seen(self.seq, counts, model=model), at_s * S, self.debounce, SILENT_NS, LOST_NS)
         assert changes is not None
         return changes
 
@@ -70,8 +71,8 @@ def test_what_was_there_from_the_first_list_on_nobody_saw_come() -> None:
 def test_a_double_is_none() -> None:
     camera = CameraView(FRONT)
     once = seen(3, {"box": 1})
-    assert camera.see(once, 1, Debounce(), SILENT_NS) == []
-    assert camera.see(once, 2, Debounce(), SILENT_NS) is None
+    assert camera.see(once, 1, Debounce(), SILENT_NS, LOST_NS) == []
+    assert camera.see(once, 2, Debounce(), SILENT_NS, LOST_NS) is None
     assert camera.last_ns == 1
 
 
@@ -253,6 +254,6 @@ def test_how_near_a_class_came_is_told_when_it_vanishes() -> None:
 def test_a_class_that_a_list_names_twice_is_seen_once() -> None:
     camera = Seeing()
     twice = msgspec.structs.replace(seen(1, {}), classes=[ClassCount("box", 1, 0.5), ClassCount("box", 7, 0.5)])
-    assert camera.camera.see(twice, S, camera.debounce, SILENT_NS) == []
+    assert camera.camera.see(twice, S, camera.debounce, SILENT_NS, LOST_NS) == []
     camera.seq = 1
     assert camera.see(2, box=1) == [("appeared", "box", 1)]

@@ -124,6 +124,13 @@ def test_what_comes_after_long_silence_is_new_even_if_nobody_noticed_the_silence
     assert after.tick(7_200 * S) == []
 
 
+def test_a_list_that_was_taken_before_is_no_news_after_long_silence_either() -> None:
+    inventory = quick()
+    inventory.see(seen(7, {"box": 1}), 10 * S)
+    assert inventory.see(seen(7, {"box": 1}), 7_200 * S) is None
+    assert [(of.kind, of.sighting.last_ns) for of in inventory.tick(7_200 * S)] == [(ChangeKind.LOST, 10 * S)]
+
+
 def test_the_model_that_spoke_last_goes_on_after_a_restart_with_what_others_saw_before() -> None:
     def kept(name: str, count: int, last_s: int, model: str) -> Sighting:
         return Sighting(FRONT, name, count, 0.5, S, last_s * S, last_s * S, model, "w")
