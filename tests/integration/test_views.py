@@ -144,7 +144,7 @@ async def test_the_map_is_drawn_on_the_floor_plan(site: Site, tmp_path: Path) ->
 
 
 async def test_thin_walls_of_a_large_floor_plan_are_seen(site: Site) -> None:
-    shades = np.full((200, 4 * MOST_CELLS), 254, np.uint8)
+    shades = np.full((200, 4 * MOST_CELLS), 254, np.uint16)
     shades[:, 150::300] = 0
     said = MapDescription(image="map.pgm", resolution=0.05, origin=(0, 0, 0), occupied_thresh=0.65, free_thresh=0.196)
     plan = FloorPlan.of(shades, 255, said)

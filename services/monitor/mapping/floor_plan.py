@@ -61,7 +61,7 @@ class FloorPlan:
     corners: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, shades: NDArray[np.unsignedinteger], white: int, said: MapDescription) -> Self:
+    def of(cls, shades: NDArray[np.uint16], white: int, said: MapDescription) -> Self:
         """Return what a grey image (rows from the top, from 0 to `white`) and its description stand for."""
         darkness = shades if said.negate else white - shades
         cells = np.full(shades.shape, UNKNOWN, np.uint8)

@@ -69,7 +69,7 @@ def _reason(error: Exception) -> str:
     return said[:200]
 
 
-def _shades(path: Path, *, with_alpha: bool) -> tuple[NDArray[np.unsignedinteger], int]:
+def _shades(path: Path, *, with_alpha: bool) -> tuple[NDArray[np.uint16], int]:
     """Return an image as grey pixels, rows from the top, and how much white is.
 
     with_alpha: opacity counts as one more colour, as map_server has it.
@@ -79,8 +79,10 @@ def _shades(path: Path, *, with_alpha: bool) -> tuple[NDArray[np.unsignedinteger
             raise ValueError(f"{image.width} x {image.height} pixels: at most {MAX_PIXELS:,} are drawn")
         if image.mode not in READ_AS:
             raise ValueError(f"its pixels are {image.mode}: use 8 bits")
-        pixels = np.asarray(image.convert(READ_AS[image.mode]))
-    if pixels.ndim == 2:
-        return pixels, 255
-    channels = pixels.shape[2] if with_alpha else 3
-    return pixels[..., :channels].sum(axis=2, dtype=np.uint16), 255 * channels
+        mode = READ_AS[image.mode]
+        read = image if image.mode == mode else image.convert(mode)
+        colours = [each for each in read.getbands() if with_alpha or each != "A"]
+        sums = np.zeros((image.height, image.width), np.uint16)
+        for each in colours:  # one by one: all of them are a lot of memory
+            sums += np.asarray(read.getchannel(each))
+    return sums, 255 * len(colours)
