@@ -120,6 +120,8 @@ class CameraView:
         """Have nothing be heard later than now: the clock was set back."""
         for view in chain(self.views.values(), self.opinions.values()):
             view.last_ns = min(view.last_ns, now_ns)
+            view.order.set_back(now_ns)
+        self._distance_order.set_back(now_ns)
 
     def restore(self, sighting: Sighting) -> None:
         """Take a sighting as it was when it was stored; whatever model it was of, the first one's speaks."""

@@ -36,3 +36,7 @@ class FrameOrder:
             self._boot_id = header.boot_id
         self._seq, self._at_ns = header.seq, at_ns
         return True
+
+    def set_back(self, now_ns: int) -> None:
+        """Have nothing be heard later than now: the clock was set back."""
+        self._at_ns = min(self._at_ns, now_ns)

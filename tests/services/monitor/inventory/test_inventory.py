@@ -1,3 +1,4 @@
+import msgspec
 import pytest
 
 from schemas.keys import CameraKey
@@ -165,6 +166,18 @@ def test_of_many_classes_that_were_seen_a_camera_remembers_what_is_in_view_and_t
     inventory.restore(some)
     found = {of.name for of in seen_of(inventory)}
     assert (len(found), {"c1", some[-1].name} <= found) == (MAX_CLASSES, True)
+
+
+def test_when_the_clock_is_set_back_the_gateway_that_runs_on_alone_is_heard_soon() -> None:
+    inventory = quick()
+    for boot_id in ("a", "b"):
+        inventory.see(seen(1, {"box": 1}, boot_id=boot_id), 3_600 * S)
+        inventory.measure(msgspec.structs.replace(distances(), header=seen(1, {}, boot_id=boot_id).header), 3_600 * S)
+    inventory.tick(3_600 * S)
+    inventory.tick(10 * S)
+    again = seen(2, {"box": 1}, boot_id="a")
+    assert inventory.see(again, 14 * S) is not None
+    assert inventory.measure(msgspec.structs.replace(distances(), header=again.header), 14 * S)
 
 
 def test_when_the_clock_is_set_back_who_is_silent_does_not_speak_until_it_has_caught_up() -> None:
