@@ -95,7 +95,7 @@ class Ledger:
         merged: list[Lasting] = []
         for old in stored:
             here = ours[_at(old)]
-            same = min((each for each in here if _goes_on(each, old, heartbeat_ns, gap_ns)), key=_since, default=None)
+            same = _going_on(old, here, heartbeat_ns, gap_ns)
             if same is not None:
                 here.remove(same)
                 self._pending.pop(_key(same), None)
@@ -139,6 +139,15 @@ def _since(of: Lasting) -> int:
 
 def _key(of: Lasting) -> _Key:
     return (_at(of), of.since_ns)
+
+
+def _going_on(old: Lasting, here: Sequence[Lasting], heartbeat_ns: int, gap_ns: int) -> Lasting | None:
+    """Return which of those that are known here one of the database is, unless something else came in between."""
+    found = min((each for each in here if _goes_on(each, old, heartbeat_ns, gap_ns)), key=_since, default=None)
+    if found is None:
+        return None
+    between = (each for each in here if old.since_ns < each.since_ns < found.since_ns)
+    return None if any(each.until_ns > heartbeat_ns for each in between) else found
 
 
 def _goes_on(new: Lasting, old: Lasting, heartbeat_ns: int, gap_ns: int) -> bool:

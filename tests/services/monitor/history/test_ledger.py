@@ -139,6 +139,14 @@ def test_what_ended_while_another_monitor_wrote_is_not_written_again() -> None:
     assert sorted(told(ledger)) == [(4, 9, False), (9, 9, True)]
 
 
+def test_what_was_there_again_while_nobody_wrote_did_not_go_on() -> None:
+    ledger = Ledger()
+    ledger.begin(box(9, count=2))
+    ledger.begin(box(11))
+    ledger.merge([box(6)], 8 * S, gap_ns=60 * S, followed=True)
+    assert sorted(told(ledger)) == [(6, 8, False), (9, 11, False), (11, 11, True)]
+
+
 def test_over_a_long_gap_nothing_goes_on() -> None:
     ledger = Ledger()
     for ours in (box(105), there(105, 105, is_open=True)):
