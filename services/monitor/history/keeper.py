@@ -19,7 +19,7 @@ from services.monitor.history.ledger import Lasting, Ledger
 from services.monitor.history.poses import WRITE_S, KnownPoses
 from services.monitor.history.presence import RESTORED_NS, Attendance, Presence
 from services.monitor.history.settings import NONE, HistorySettings
-from services.monitor.history.store import Kept, Store
+from services.monitor.history.store import UNHEARD_S, Kept, Store
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import Inventory
@@ -44,6 +44,9 @@ PRUNE_S: Final = 3_600.0
 BATCH: Final = 250
 """Rows of one transaction: what makes them of intervals holds up everything else for some microseconds each."""
 
+FOLLOWED_NS: Final = 2 * round(UNHEARD_S) * NS
+"""How long ago something may have ended that whoever leads has not written: it may be gone without a word."""
+
 DAY_NS: Final = 86_400 * NS
 MAX_ALERTS: Final = 10_000
 
@@ -54,7 +57,7 @@ class HistoryStatus:
 
     problem: why it is not being kept, in words, or empty. leads: this monitor is the one that raises alerts; while the
     database cannot be asked, that stays as it was, and whoever never could ask it raises them.
-    pending: what waits to be written. lost: intervals given up because too many waited.
+    pending: what waits to be written, none while another one leads. lost: intervals given up because too many waited.
     """
 
     problem: str
@@ -101,7 +104,9 @@ class HistoryKeeper:
     @property
     def status(self) -> HistoryStatus:
         """How it is doing."""
-        return HistoryStatus(self._problem, self._leads, len(self._ledger) + len(self._alerts), self._ledger.lost)
+        another_leads = self._asked and not self._leads and not self._problem
+        pending = 0 if another_leads else len(self._ledger) + len(self._alerts)
+        return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost)
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
@@ -189,7 +194,7 @@ class HistoryKeeper:
         else:
             self._leads = False
             self._attendance.follow()
-            self._ledger.forget_pending()
+            self._ledger.forget_pending(time.time_ns() - FOLLOWED_NS)
             self._alerts.clear()
         self._problem = ""
 

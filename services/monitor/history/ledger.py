@@ -86,7 +86,7 @@ class Ledger:
 
         stored: what is open there or ended lately. What is there and here at the same time and says the same is one
         interval, also after a gap no longer than `gap_ns`; what is open there alone ended at the heartbeat.
-        followed: another one wrote until then, and so what ended by then.
+        followed: another one wrote until then, and so what ended by then, or came before what is open there.
         """
         ours: dict[_At, list[Lasting]] = {_at(old): [] for old in stored}
         for (at, _), each in ({_key(of): of for of in self._open.values()} | self._pending).items():
@@ -98,6 +98,9 @@ class Ledger:
             same = _going_on(old, here, heartbeat_ns, gap_ns)
             if same is not None:
                 here.remove(same)
+                for each in here if followed else ():
+                    if each.since_ns < same.since_ns:
+                        self._pending.pop(_key(each), None)
                 self._pending.pop(_key(same), None)
                 merged.append(same.going_on_from(old))
                 is_open = self._open.get(_at(old))
@@ -124,9 +127,11 @@ class Ledger:
             if self._pending.get(at) is each:
                 del self._pending[at]
 
-    def forget_pending(self) -> None:
-        """Forget what is to be written: another monitor writes it."""
-        self._pending.clear()
+    def forget_pending(self, before_ns: int) -> None:
+        """Forget what goes on, and what ended before then: another monitor writes it."""
+        self._pending = {
+            key: each for key, each in self._pending.items() if not each.open and each.until_ns >= before_ns
+        }
 
 
 def _at(of: Lasting) -> _At:

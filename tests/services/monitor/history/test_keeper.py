@@ -216,6 +216,34 @@ async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url
     assert {of for of, each in found.items() if each.open} == {("box", 1), ("tree", 2)}
 
 
+async def test_what_came_and_went_while_whoever_led_was_gone_without_a_word_is_kept(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = 0
+
+    async def lead(store: Store) -> bool:
+        nonlocal asked
+        asked += 1
+        return await really_lead(store)
+
+    async with opened(url) as leader:
+        assert await leader.lead()
+        await leader.write([], [], time.time_ns() - S)
+        really_lead = Store.lead
+        monkeypatch.setattr(Store, "lead", lead)
+        async with monitoring(url) as other:
+            await until(lambda: asked > 0)
+            other.see(1, box=1)
+            other.see(2)
+            before = asked
+            await until(lambda: asked > before + 1)
+            assert other.history.status.pending == 0, "as far as anybody knows"
+            await leader.close()
+            await until(lambda: other.history.status.leads and other.written())
+    (box,) = await kept(url)
+    assert (box.name, box.open) == ("box", False)
+
+
 async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(postgresql: PostgreSQL) -> None:
     url = postgresql.create("gone_and_back")
     async with monitoring(url) as monitor:

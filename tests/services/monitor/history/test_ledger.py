@@ -54,7 +54,7 @@ def test_what_changed_while_it_was_written_is_written_again() -> None:
 def test_what_another_monitor_goes_on_with_is_not_written_any_more() -> None:
     ledger = Ledger()
     ledger.begin(there(1, 1, "", is_open=True))
-    ledger.forget_pending()
+    ledger.forget_pending(0)
     ledger.drop(Presence, ("", ""))
     ledger.merge([], 0, gap_ns=5 * S, followed=True)
     assert told(ledger) == []
@@ -90,7 +90,7 @@ def test_another_monitors_intervals_go_on_or_end(
 ) -> None:
     ledger = Ledger()
     ledger.begin(ours)
-    ledger.forget_pending()
+    ledger.forget_pending(0)
     ledger.merge([old], heartbeat_s * S, gap_ns=5 * S, followed=True)
     assert told(ledger) == written
 
@@ -124,7 +124,7 @@ def test_what_another_monitor_saw_as_well_is_one_interval(
     """We saw it begin a second later than it did."""
     ledger = Ledger()
     ledger.begin(box(3))
-    ledger.forget_pending()
+    ledger.forget_pending(0)
     if ends_s is not None:
         ledger.end(Interval, (FRONT, "box"), ends_s * S)
     ledger.merge([stored], 8 * S, gap_ns=5 * S, followed=True)
@@ -139,6 +139,22 @@ def test_what_ended_while_another_monitor_wrote_is_not_written_again() -> None:
     assert sorted(told(ledger)) == [(4, 9, False), (9, 9, True)]
 
 
+def test_a_follower_keeps_what_ended_since_whoever_leads_may_have_gone() -> None:
+    ledger = Ledger()
+    for second in (3, 5, 9):
+        ledger.begin(box(second, count=second))
+    ledger.forget_pending(8 * S)
+    assert told(ledger) == [(5, 9, False)]
+
+
+def test_what_was_before_that_which_both_saw_was_written_by_the_other_whose_clock_is_behind() -> None:
+    ledger = Ledger()
+    for second in (3, 5, 9):
+        ledger.begin(box(second, count=second))
+    ledger.merge([box(7, count=9)], 8 * S, gap_ns=5 * S, followed=True)
+    assert told(ledger) == [(7, 9, True)]
+
+
 def test_what_was_there_again_while_nobody_wrote_did_not_go_on() -> None:
     ledger = Ledger()
     ledger.begin(box(9, count=2))
@@ -151,7 +167,7 @@ def test_over_a_long_gap_nothing_goes_on() -> None:
     ledger = Ledger()
     for ours in (box(105), there(105, 105, is_open=True)):
         ledger.begin(ours)
-    ledger.forget_pending()
+    ledger.forget_pending(0)
     ledger.merge([box(1), there(1, 1, is_open=True)], 8 * S, gap_ns=60 * S, followed=True)
     assert told(ledger) == [(1, 8, False), (1, 8, False), (105, 105, True), (105, 105, True)]
 
