@@ -120,6 +120,8 @@ def test_a_wrong_setting_is_named_on_one_line(argv: tuple[str, ...], message: st
         ("a.yaml", "- robot", "settings are name: value pairs"),
         ("a.yaml", "robot: r\nrate-hz: -1", "a.yaml: rate_hz -1: Input should be greater than 0"),
         ("a.yaml", "robot: \x00", "unacceptable character"),
+        ("a.yaml", "robot: 2026-13-01", "month must be in 1..12"),
+        ("a.yaml", "[" * 2_000, "maximum recursion depth"),
     ],
 )
 def test_a_mistake_in_the_file_is_named(tmp_path: Path, name: str, text: str, message: str) -> None:
