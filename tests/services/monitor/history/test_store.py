@@ -169,6 +169,7 @@ async def test_one_that_leads_and_is_not_heard_of_any_more_is_taken_over_from(
     url = postgresql.create("unheard")
     async with opened(url) as first, opened(url) as second:
         assert await first.lead()
+        monkeypatch.undo()
         async with asyncio.timeout(60):
             while not await second.lead():  # noqa: ASYNC110 - nobody tells
                 await asyncio.sleep(0.02)
