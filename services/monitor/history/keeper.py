@@ -94,7 +94,7 @@ class HistoryKeeper:
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
         self._speaking = self._new_speaking()
         self._store: Store | None = None
-        self._problem = "" if settings.history == NONE else "not connected yet"
+        self._problem = ""
         self._writes = False
         self._leads = settings.history == NONE
         self._asked = False

@@ -201,15 +201,15 @@ async def test_of_two_monitors_one_writes_until_it_goes(url: str) -> None:
 async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url: str) -> None:
     async with opened(url) as leader:
         assert await leader.lead()
-        async with monitoring(url) as other:
-            await until(lambda: not other.history.status.problem and not other.history.status.leads)
-            now_ns = time.time_ns()
-            other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
-            seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
-            await leader.write(seen_by_leader, [], now_ns - S)
-            other.see(2, box=1, tree=2)
-            await leader.close()
-            await until(lambda: other.history.status.leads and other.written())
+        await until(lambda: other.history._asked)
+        assert not other.history.status.leads
+        now_ns = time.time_ns()
+        other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
+        seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
+        await leader.write(seen_by_leader, [], now_ns - S)
+        other.see(2, box=1, tree=2)
+        await leader.close()
+        await until(lambda: other.history.status.leads and other.written())
     found = {(each.name, each.count): each for each in await kept(url)}
     assert len(await kept(url)) == 4
     since_ns = seen_by_leader[0].since_ns
@@ -355,6 +355,13 @@ async def test_a_monitor_that_ends_while_it_writes_finishes_what_it_began(
         await begun.wait()
     assert [len(some) for some in ended] == [4, 4], "the one that was under way, and the last one"
     assert [each.name for each in await kept(url)] == ["box"]
+
+
+async def test_before_the_database_was_first_written_to_nothing_is_wrong(url: str) -> None:
+    async with monitoring(url) as monitor:
+        assert monitor.history.status.problem == ""
+        monitor.see(1, box=1)
+        await until(monitor.written)
 
 
 async def test_no_history_is_no_problem() -> None:
