@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from fastapi import APIRouter, FastAPI, HTTPException
+from fastapi import APIRouter, Depends, FastAPI, HTTPException
 from pydantic import HttpUrl
 
 from bus.version import VERSION
@@ -14,6 +14,7 @@ from services.monitor.web.api.fleet import fleet_routes
 from services.monitor.web.api.history import history_routes
 from services.monitor.web.api.live import live_routes
 from services.monitor.web.api.models import ErrorAnswer
+from services.monitor.web.api.parameters import refuse_unknown
 from services.monitor.web.auth.access import Access
 from services.monitor.web.auth.gate import Place
 from services.monitor.web.auth.middleware import AccessMiddleware
@@ -41,7 +42,7 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
         docs_url=None,
         redoc_url=None,
     )
-    api = APIRouter(prefix="/api/v1", responses=ERRORS)
+    api = APIRouter(prefix="/api/v1", responses=ERRORS, dependencies=[Depends(refuse_unknown)])
     for routes in (
         about_routes(monitor),
         fleet_routes(monitor),

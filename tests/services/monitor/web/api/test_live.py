@@ -85,7 +85,7 @@ async def refused(at: Served) -> None:
         assert refusal.value.response.status_code == 403
     async with live(at, Cookie=cookie, Origin=at.url) as browser:
         await next_of(browser)
-    for query in ("&topic=odd", "&robot=" + "x" * 65):
+    for query in ("&topic=odd", "&robot=" + "x" * 65, "&robt=r1"):
         with pytest.raises(websockets.InvalidStatus):
             async with live(at, query):
                 pass

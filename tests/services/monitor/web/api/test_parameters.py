@@ -1,0 +1,25 @@
+from tests.services.monitor.web.asking import Web
+
+
+async def test_a_parameter_that_a_route_does_not_have_is_refused_and_named(web: Web) -> None:
+    async with await web.program() as program:
+        for query, reason in (
+            ("cameras?robt=r1", "'robt' is not a parameter: there are after, limit, online, robot"),
+            ("robots?limit=2&robot=r1", "'robot' is not a parameter: there are after, limit, online"),
+            ("status?robot=r1", "'robot' is not a parameter: there are none here"),
+        ):
+            answer = await program.get(f"/api/v1/{query}")
+            assert (answer.status_code, answer.json()) == (422, {"error": reason})
+        shared = await program.get("/api/v1/history/alerts?class=box&state=raised&until=2026-11-20T06:00Z")
+        assert shared.status_code == 503, "there is no history here, and nothing wrong with the question"
+        for query in ("history/sightings?name=box", "history/export?since_ns=1"):
+            assert (await program.get(f"/api/v1/{query}")).status_code == 422
+
+
+async def test_a_refused_act_on_an_alert_is_not_done(web: Web) -> None:
+    async with await web.program() as program:
+        answer = await program.post("/api/v1/alerts/a1/resolve?robot=r1")
+        assert (answer.status_code, answer.json()["error"]) == (
+            422,
+            "'robot' is not a parameter: there are none here",
+        )
