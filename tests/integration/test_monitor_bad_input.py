@@ -114,7 +114,7 @@ async def test_a_mistake_in_the_rule_file_is_told_and_leaves_the_rules_as_they_w
         await inventory(rig)
         rules.write_text(f"{right}  - {{name: pallets, when: over, class: pallet, count: many}}\n", encoding="utf-8")
         (problem,) = (await told(rig, lambda answer: answer.problems)).problems
-        assert f"{rules}: line 3: rules.1.count: Input should be a valid integer" in problem
+        assert f"{rules}: line 3: rule 2: count: Input should be a valid integer" in problem
         front.names = ("box", "pallet")
         alert = await receive(alerts, Alert)
         assert (alert.rule, alert.state) == ("boxes", AlertState.RAISED)

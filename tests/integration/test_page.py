@@ -163,7 +163,7 @@ async def test_health_says_who_serves_what_and_what_is_wrong_with_the_monitor(si
         await expect(page.locator("[data-gateway=r1]")).to_contain_text("version 0.9")
         await expect(page.locator("[data-gateway=r1]")).to_contain_text("/front/color/image_raw")
         await expect(page.locator("[data-gateway=r1]")).to_contain_text("detector/gpu-1")
-        await expect(page.locator(".fs-banners")).to_contain_text("rules.yaml: line 2: rules.0: `when` is one of")
+        await expect(page.locator(".fs-banners")).to_contain_text("rules.yaml: line 2: rule 1: `when` is one of")
         await looker.picture("health-wall-dark")
     await asyncio.to_thread(site.rules.write_text, RULES, "utf-8")
 

@@ -13,6 +13,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 from services.monitor.export.settings import ExportSettings, epoch_ns
 from services.monitor.export.writing import write_csv, write_parquet
 from services.monitor.history.engine import engine_of, translating
+from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
 from services.monitor.history.tables import alerts, heartbeat, intervals
 
@@ -38,13 +39,22 @@ async def export(settings: ExportSettings) -> int:
     table = intervals if settings.what == "sightings" else alerts
     try:
         async with translating(LONG_S):
-            with TemporaryDirectory(dir=settings.to.parent, prefix=".fleetsight-") as folder:
-                return await _write(engine, settings, table, Path(folder))
+            return await _write(engine, settings, table)
     finally:
         await engine.dispose()
 
 
-async def _write(engine: AsyncEngine, settings: ExportSettings, table: Table, folder: Path) -> int:
+async def _write(engine: AsyncEngine, settings: ExportSettings, table: Table) -> int:
+    try:
+        with TemporaryDirectory(dir=settings.to.parent, prefix=".fleetsight-") as folder:
+            return await _write_in(Path(folder), engine, settings, table)
+    except OSError as error:
+        if error.filename is None:  # it may be the database that cannot be reached
+            raise
+        raise HistoryError(f"{settings.to}: {error.strerror}") from error
+
+
+async def _write_in(folder: Path, engine: AsyncEngine, settings: ExportSettings, table: Table) -> int:
     made, to_parquet = folder / "rows.csv", settings.to.suffix == ".parquet"
     with made.open("w", encoding="utf-8", newline="") as rows:
         batches = _batches(engine, query_of(settings, table))

@@ -2,13 +2,35 @@
 
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AwareDatetime, BaseModel, Field, NaiveDatetime, field_validator
+from pydantic import (
+    AwareDatetime,
+    BaseModel,
+    Field,
+    NaiveDatetime,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    field_validator,
+)
 
 from services.monitor.history.settings import NONE, HistoryUrl, default_url
 
-Moment = AwareDatetime | NaiveDatetime
+
+def written_like(example: str) -> WrapValidator:
+    """Return what refuses a moment by showing how one is written."""
+
+    def read(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return handler(value)
+        except ValidationError as error:
+            raise ValueError(f"write a time like {example}") from error
+
+    return WrapValidator(read)
+
+
+Moment = Annotated[AwareDatetime | NaiveDatetime, written_like("2026-11-20T06:00")]
 
 
 class ExportSettings(BaseModel):

@@ -96,7 +96,7 @@ def _line_of(node: Node | None, place: list[Any]) -> int:
 
 def _reason(place: list[Any], mistake: Any) -> str:
     reason = mistake["msg"].removeprefix("Value error, ")
-    name = ".".join(str(part) for part in place)
+    name = _name_of(place)
     match mistake["type"]:
         case "missing":
             return f"{name} is missing"
@@ -106,4 +106,14 @@ def _reason(place: list[Any], mistake: Any) -> str:
             return f"{name}: `when` is missing; it is one of {', '.join(sorted(KINDS))}"
         case "union_tag_invalid":
             return f"{name}: `when` is one of {', '.join(sorted(KINDS))}"
+        case "tuple_type":
+            return f"{name}: write it as a list, like [a, b]"
     return f"{name}: {reason}" if name else reason
+
+
+def _name_of(place: list[Any]) -> str:
+    """Return a place in words: "rule 2: action.name"; which of a list's items is wrong its value or line says."""
+    match place:
+        case ["rules", int(number), *rest]:
+            return ": ".join([f"rule {number + 1}", *([_name_of(rest)] if rest else [])])
+    return ".".join(str(part) for part in place if not isinstance(part, int))

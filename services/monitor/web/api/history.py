@@ -15,7 +15,7 @@ from starlette.background import BackgroundTask
 
 from schemas.alerts import AlertState
 from services.monitor.export.process import export
-from services.monitor.export.settings import ExportSettings, epoch_ns
+from services.monitor.export.settings import ExportSettings, epoch_ns, written_like
 from services.monitor.history.acts import Act
 from services.monitor.history.archive import Asked
 from services.monitor.history.settings import NONE
@@ -26,8 +26,9 @@ from services.monitor.web.api.paging import After, ClassName, Limit, Name, mark_
 DEFAULT_LIMIT: Final = 200
 DAY_NS: Final = 86_400 * 1_000_000_000
 
-Since = Annotated[AwareDatetime | None, Query(description="what ended before is left out; a day ago unless given")]
-Until = Annotated[AwareDatetime | None, Query(description="what began later is left out")]
+Moment = Annotated[AwareDatetime, written_like("2026-11-20T06:00Z")]
+Since = Annotated[Moment | None, Query(description="what ended before is left out; a day ago unless given")]
+Until = Annotated[Moment | None, Query(description="what began later is left out")]
 
 
 def asked(

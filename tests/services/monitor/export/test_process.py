@@ -131,13 +131,26 @@ async def test_alerts_are_exported_too(url: str, tmp_path: Path) -> None:
     assert (row["id"], row["severity"], row["raised"]) == ("a1", "warning", "1970-01-01T00:00:00.000000+00:00")
 
 
-async def test_what_cannot_be_exported_is_one_line(url: str, tmp_path: Path) -> None:
+async def test_a_database_that_is_not_there_is_not_made(tmp_path: Path) -> None:
     missing = f"sqlite:///{tmp_path}/other.db"
     with pytest.raises(HistoryError, match=r"other\.db: it does not exist"):
         await run(ExportSettings(task="export", history=missing, to=tmp_path / "seen.csv"))
     assert not (tmp_path / "other.db").exists()
-    with pytest.raises(HistoryError, match="No such file"):
-        await run(ExportSettings(task="export", history=url, to=tmp_path / "nowhere" / "seen.csv"))
+
+
+async def test_a_file_that_cannot_be_written_is_called_as_it_was_asked_for(url: str, tmp_path: Path) -> None:
+    (tmp_path / "folder.csv").mkdir()
+    for name, reason in (("nowhere/seen.csv", "No such file or directory"), ("folder.csv", "Is a directory")):
+        with pytest.raises(HistoryError) as refused:
+            await run(ExportSettings(task="export", history=url, to=tmp_path / name))
+        assert str(refused.value) == f"{tmp_path / name}: {reason}"
+
+
+@pytest.mark.parametrize("moment", ["yesterday", "6am", "2026-13-01", "2026-11-20T25:00"])
+def test_a_time_that_is_none_is_refused_with_how_one_is_written(moment: str) -> None:
+    with pytest.raises(ValidationError, match="write a time like 2026-11-20T06:00") as refused:
+        ExportSettings.model_validate({"task": "export", "to": "seen.csv", "since": moment})
+    assert refused.value.error_count() == 1
 
 
 @pytest.mark.parametrize("wrong", [{"to": "seen.xlsx"}, {"history": "none"}, {"history": "mysql://x/y"}])

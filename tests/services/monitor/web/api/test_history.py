@@ -48,6 +48,13 @@ async def test_sightings_newest_first_page_by_page(kept: Web) -> None:
         assert third["next"] is None
 
 
+async def test_a_time_that_is_none_is_refused_with_how_one_is_written(kept: Web) -> None:
+    async with await kept.program() as program:
+        for wrong in ("yesterday", "2026-11-20T06:00"):
+            answer = await program.get("/api/v1/history/sightings", params={"since": wrong})
+            assert answer.json() == {"error": "since: write a time like 2026-11-20T06:00Z"}
+
+
 async def test_a_time_and_a_robot_are_picked_out(kept: Web) -> None:
     async with await kept.program() as program:
         asked = {"since": "1970-01-01T01:00:02+01:00", "until": "1970-01-01T00:00:03Z", "robot": "r1"}
