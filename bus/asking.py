@@ -24,9 +24,9 @@ class Asking:
         if not isinstance(payload, bytes | bytearray):
             raise TypeError(f"a payload is bytes or bytearray, not {type(payload).__name__}")
         if len(payload) > MAX_REQUEST_BYTES:
-            raise BusError(f"{key}: a request of {len(payload)} bytes, at most {MAX_REQUEST_BYTES} are sent")
+            raise BusError(f"a request of {len(payload)} bytes, at most {MAX_REQUEST_BYTES} are sent")
         if not 0 < timeout_s <= MAX_TIMEOUT_S:
-            raise BusError(f"{key}: a request takes at most {MAX_TIMEOUT_S:g} s, not {timeout_s:g}")
+            raise BusError(f"a request takes at most {MAX_TIMEOUT_S:g} s, not {timeout_s:g}")
         self.key = key
         self.payload = payload
         self.encoding = encoding
@@ -40,15 +40,15 @@ class Asking:
 
     def refuse(self, reason: str) -> None:
         """Bring a server's error. Any thread."""
-        self.settle(RefusedError(f"{self.key}: {reason}"))
+        self.settle(RefusedError(reason))
 
     def give_up(self) -> None:
         """Say that nobody answers. Any thread; after an answer it changes nothing."""
-        self.settle(NotServedError(f"{self.key}: nobody serves it, or whoever did left before answering"))
+        self.settle(NotServedError("nobody serves it, or whoever did left before answering"))
 
     def end(self) -> None:
         """Say that the bus is closed. Event loop only."""
-        self._set(BusClosedError(f"{self.key}: the bus was closed before an answer came"))
+        self._set(BusClosedError("the bus was closed before an answer came"))
 
     async def answered(self) -> Reply:
         """Wait for the outcome, as `bus.api.Bus.request` says."""
@@ -56,7 +56,7 @@ class Asking:
             async with asyncio.timeout(self.timeout_s):
                 outcome = await self._outcome
         except TimeoutError:
-            raise RequestTimeoutError(f"{self.key}: no answer within {self.timeout_s:g} s") from None
+            raise RequestTimeoutError(f"no answer within {self.timeout_s:g} s") from None
         if isinstance(outcome, BusError):
             raise outcome
         return outcome
@@ -81,7 +81,7 @@ class Unanswered:
 
         """
         if len(self._askings) >= MAX_UNANSWERED:
-            raise BusError(f"{asking.key}: {MAX_UNANSWERED} requests are unanswered already")
+            raise BusError(f"{MAX_UNANSWERED} requests are unanswered already")
         self._askings.add(asking)
         try:
             yield

@@ -18,7 +18,7 @@ class BusClosedError(BusError):
 
 
 class RequestError(BusError):
-    """A request was not answered as it was meant to be."""
+    """A request was not answered as it was meant to be. The text is for who asked, and does not repeat the key."""
 
 
 class NotServedError(RequestError):

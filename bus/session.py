@@ -205,12 +205,12 @@ class SessionThread:
 
     def _ask(self, asking: Asking) -> None:
         if self._session is None:
-            asking.settle(NotServedError(f"{asking.key}: there is no router at {self._where} yet"))
+            asking.settle(NotServedError(f"there is no router at {self._where} yet"))
             return
         try:
             send_query(self._session, asking, served_here=serves(asking.key, self._kept))
         except zenoh.ZError as error:
-            asking.settle(BusError(f"{asking.key}: cannot ask: {_reason(error)}"))
+            asking.settle(BusError(f"cannot ask: {_reason(error)}"))
 
     def _stop(self, then: Callable[[], None]) -> None:
         self._stopped = True

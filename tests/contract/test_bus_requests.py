@@ -113,7 +113,7 @@ async def test_the_largest_request_and_reply_arrive(opener: Opener) -> None:
 async def test_nobody_serves_the_key(buses: tuple[Bus, Bus]) -> None:
     here, there = buses
     async with there.serve("fleet/r2/clock", echo):
-        with pytest.raises(NotServedError, match="fleet/r1/clock: nobody serves it"):
+        with pytest.raises(NotServedError, match=r"^nobody serves it"):
             await here.request(KEY, timeout_s=PATIENCE_S)
     await until_not_served(here, "fleet/r2/clock")
 
@@ -147,9 +147,9 @@ async def test_a_servers_refusal_is_the_callers_error_in_one_line(buses: tuple[B
         raise RefusedError("the motor\n is hot " + "!" * 1000)
 
     async with there.serve(KEY, handler):
-        with pytest.raises(RefusedError, match=r"^fleet/r1/clock: the motor is hot !+$") as caught:
+        with pytest.raises(RefusedError, match=r"^the motor is hot !+$") as caught:
             await ask(here)
-    assert len(str(caught.value)) == len(KEY) + 2 + 500
+    assert len(str(caught.value)) == 500
 
 
 async def test_a_servers_failure_says_no_more_than_that(
@@ -165,7 +165,7 @@ async def test_a_servers_failure_says_no_more_than_that(
     async with there.serve(KEY, handler):
         with pytest.raises(RefusedError) as caught:
             await ask(here)
-        assert str(caught.value) == f"{KEY}: {INTERNAL}"
+        assert str(caught.value) == INTERNAL
         assert await ask(here, b"next") == b"next"
     assert [record.getMessage() for record in caplog.records if record.exc_info] == [f"{KEY}: a request failed"]
 
@@ -176,7 +176,7 @@ async def test_a_server_that_hangs_holds_nobody_longer_than_asked(buses: tuple[B
     async with there.serve(KEY, hanging, at_once=1, waiting=1):
         await until_served(here, KEY, hanging)
         while b"hangs" not in hanging.begun:  # on a busy machine its time is up before it is begun
-            with pytest.raises(RequestTimeoutError, match=r"fleet/r1/clock: no answer within 0\.3 s"):
+            with pytest.raises(RequestTimeoutError, match=r"^no answer within 0\.3 s"):
                 await here.request(KEY, b"hangs", timeout_s=0.3)
         await until(lambda: hanging.cancelled == hanging.begun.count(b"hangs"))
         hanging.release.set()

@@ -3,7 +3,7 @@
 import sys
 from typing import Final
 
-from bus import Bus, RequestError, open_bus
+from bus import Bus, RefusedError, RequestError, open_bus
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.printing import printable
@@ -20,8 +20,10 @@ async def run(settings: CallSettings) -> int:
     async with open_bus(settings) as bus:
         try:
             response = await _call(bus, settings)
-        except (RequestError, SchemaError) as error:
+        except RefusedError as error:  # in the gateway's words, which name the service
             return _fail(str(error))
+        except (RequestError, SchemaError) as error:
+            return _fail(f"{settings.service} of {settings.robot}: {error}")
     if response.success is False:
         return _fail(f"{settings.service} did not succeed: {response.message or 'it does not say why'}")
     sys.stdout.write(f"{printable(response.message or 'done')}\n")

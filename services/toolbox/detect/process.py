@@ -73,12 +73,10 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
         for worker in random.sample(workers, len(workers)):
             try:
                 reply = await bus.request(worker_keys.infer(worker), image, timeout_s=settings.timeout_s)
-            except RefusedError as error:
-                if BUSY not in str(error):
-                    raise
-                reason = error
-            except NotServedError as error:
-                reason = error
+            except RequestError as error:
+                reason = type(error)(f"worker {worker}: {error}")
+                if not isinstance(error, NotServedError) and BUSY not in str(error):
+                    raise reason from error
             else:
                 return codec.decode(Detections, reply.payload, reply.encoding)
         raise reason

@@ -58,17 +58,15 @@ async def test_a_service_that_does_not_succeed(message: str, reason: str, capsys
 
 async def test_what_goes_wrong_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     async def refuse(_: Request) -> Reply:
-        raise RefusedError("no")
+        raise RefusedError("/brake is busy")
 
     async def babble(_: Request) -> Reply:
         return Reply(b"")
 
     assert await call(refuse) == 1
-    assert capsys.readouterr().err == "fleetsight call: fleet/r1/service/brake: no\n"
+    assert capsys.readouterr().err == "fleetsight call: /brake is busy\n"
     assert await call(babble) == 1
-    assert capsys.readouterr().err.startswith("fleetsight call: encoded as")
+    assert capsys.readouterr().err.startswith("fleetsight call: /brake of r1: encoded as")
     nowhere = f"tcp/127.0.0.1:{free_ports(1)}"
     assert await run(CallSettings(robot="r1", service="/brake", connect=[nowhere])) == 1
-    assert capsys.readouterr().err == (
-        f"fleetsight call: fleet/r1/service/brake: there is no router at {nowhere} yet\n"
-    )
+    assert capsys.readouterr().err == f"fleetsight call: /brake of r1: there is no router at {nowhere} yet\n"

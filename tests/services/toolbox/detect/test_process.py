@@ -121,7 +121,7 @@ async def test_why_there_is_no_answer(image: Path, tmp_path: Path, capsys: pytes
     async with workers([]) as endpoint:
         assert await run(settings(image, endpoint, timeout_s=0.3)) == 1
     refused, nobody = capsys.readouterr().err.splitlines()
-    assert "not an image" in refused
+    assert refused.startswith(f"fleetsight detect: {tmp_path}/text.jpg: worker w0: not an image")
     assert "no detector worker was seen within 0.3 s" in nobody
 
 
