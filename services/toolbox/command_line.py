@@ -1,8 +1,10 @@
 """fleetsight: what every robot of a warehouse fleet sees, known centrally."""
 
 import importlib.metadata
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 
 from pydantic import BaseModel
@@ -11,7 +13,8 @@ from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
 from services.toolbox.help import EXIT_CODES
-from services.toolbox.settings import UsageError, load
+from services.toolbox.misspelt import meant
+from services.toolbox.settings import ENV_PREFIX, UsageError, load, names_of
 
 OURS = ("bus", "gateway", "schemas", "services")
 HELP_OPTIONS = ("-h", "--help", "help")
@@ -30,7 +33,8 @@ def main(argv: Sequence[str]) -> int:
         return 0
     command = next((command for command in COMMANDS if command.name == name), None)
     if command is None:
-        sys.stderr.write(f"{PROG}: {f'no command {name!r}' if name else 'a command is missing'}\n\n{overview()}")
+        near = meant(name, [command.name for command in COMMANDS])
+        sys.stderr.write(f"{PROG}: {f'no command {name!r}{near}' if name else 'a command is missing'}\n\n{overview()}")
         return process.EXIT_USAGE
     return _start(command, arguments)
 
@@ -52,8 +56,11 @@ def overview() -> str:
 def _start(command: Command, arguments: Sequence[str]) -> int:
     prog = f"{PROG} {command.name}"
     try:
+        model = command.load_settings()
+        for doubt in _doubts(model):
+            sys.stderr.write(f"{prog}: {printable(doubt)}\n")
         loaded = load(
-            command.load_settings(),
+            model,
             command.options_of(arguments),
             prog=prog,
             positional=command.positional,
@@ -69,6 +76,25 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
         reason = str(error)
     sys.stderr.write(f"{prog}: {printable(reason)}\n")
     return process.EXIT_USAGE
+
+
+def _doubts(model: type[BaseModel]) -> Iterator[str]:
+    """Yield a line for each variable that is nearly one of these settings and is none of any command."""
+    known = {name.upper() for name in names_of(model)}
+    given = {each.removeprefix(ENV_PREFIX) for each in os.environ if each.startswith(ENV_PREFIX)}
+    near = {name: hint for name in sorted(given - known) if (hint := meant(name, known, ENV_PREFIX))}
+    every = _every_name() if near else set()
+    for name, hint in near.items():
+        if name.lower() not in every:
+            yield f"{ENV_PREFIX}{name} in the environment is not a setting{hint}"
+
+
+def _every_name() -> set[str]:
+    found: set[str] = set()
+    for command in COMMANDS:
+        with suppress(ModuleNotFoundError):  # an extra that is not installed
+            found.update(names_of(command.load_settings()))
+    return found
 
 
 def _run(command: Command, settings: BaseModel) -> int:

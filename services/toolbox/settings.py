@@ -25,6 +25,7 @@ from pydantic_settings import (
 )
 
 from services.toolbox.help import Usage, help_text, usage_line
+from services.toolbox.misspelt import meant
 
 ENV_PREFIX = "FLEETSIGHT_"
 MAX_HELP_WIDTH = 100
@@ -96,8 +97,13 @@ def load(
     except ValidationError as error:
         raise UsageError(_first_mistake(error, _Given(argv, file, model))) from error
     except SettingsError as error:
-        raise UsageError(_unparsed(str(error), usage_line(model, usage))) from error
+        raise UsageError(_unparsed(str(error), model, usage_line(model, usage))) from error
     return Loaded(settings, found.log_level)
+
+
+def names_of(model: type[BaseModel]) -> list[str]:
+    """Return what a process's settings are called, and those that every process has."""
+    return [field.alias or name for each in (model, _Common) for name, field in each.model_fields.items()]
 
 
 def _check_pairs(model: type[BaseModel], argv: Sequence[str]) -> None:
@@ -228,13 +234,16 @@ def _wrong_file(path: Path, reason: str, cause: Exception | None = None) -> NoRe
     raise UsageError(f"--config {path}: {' '.join(reason.split())}") from cause
 
 
-def _unparsed(message: str, usage: str) -> str:
+def _unparsed(message: str, model: type[BaseModel], usage: str) -> str:
     """Say what could not be read from the command line; pydantic's own words on name=value pairs are Python's."""
     unreadable = re.match(r"Parsing error encountered for (\w+):", message)
     if unreadable is None:
         reason = message.removeprefix("error parsing CLI: ")
-        misplaced = re.match(r"unrecognized arguments: [^-]", reason)
-        return f"{reason} ({usage})" if misplaced else reason
+        if re.match(r"unrecognized arguments: [^-]", reason):
+            return f"{reason} ({usage})"
+        unknown = re.match(r"unrecognized arguments: (--[\w-]+)", reason)
+        names = [name.replace("_", "-") for name in names_of(model)]
+        return reason + (meant(unknown[1], names, "--") if unknown else "")
     return f"--{unreadable[1].replace('_', '-')}: write it like name=value"
 
 
@@ -249,5 +258,5 @@ def _first_mistake(error: ValidationError, given: _Given) -> str:
         case "missing":
             return f"{_option(name)} is required (or {ENV_PREFIX}{name.upper()}, or in the file that --config names)"
         case "extra_forbidden":
-            return f"{given.file.path}: {name!r} is not a setting"
+            return f"{given.file.path}: {name!r} is not a setting{meant(name, names_of(given.model))}"
     return f"{given.place_of(name)}{'' if value in reason else f' {value}'}: {reason}"

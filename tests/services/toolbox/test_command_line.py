@@ -23,7 +23,14 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"fleetsight {version('fleetsight')}\n"
 
 
-@pytest.mark.parametrize(("argv", "message"), [([], "a command is missing"), (["nix"], "no command 'nix'")])
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        ([], "a command is missing"),
+        (["nix"], "no command 'nix'"),
+        (["montor"], "no command 'montor'; did you mean monitor?"),
+    ],
+)
 def test_without_a_command(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(argv) == process.EXIT_USAGE
     assert capsys.readouterr().err.startswith(f"fleetsight: {message}\n")
@@ -36,6 +43,19 @@ def test_every_command_has_help_and_something_to_run(command: object, capsys: py
         main([name, "--help"])
     assert caught.value.code == 0
     assert f"usage: fleetsight {name}" in capsys.readouterr().out
+
+
+def test_a_misspelt_setting_in_the_environment_is_told_and_another_commands_is_not(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("CONECT", "SCREENSHOTS", "ROBOTS"):
+        monkeypatch.setenv(f"FLEETSIGHT_{name}", "r1")
+    assert main(["gateway"]) == process.EXIT_USAGE
+    doubt, refusal = capsys.readouterr().err.splitlines()
+    assert doubt == (
+        "fleetsight gateway: FLEETSIGHT_CONECT in the environment is not a setting; did you mean FLEETSIGHT_CONNECT?"
+    )
+    assert refusal.startswith("fleetsight gateway: --robot is required")
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)

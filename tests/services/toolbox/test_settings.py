@@ -93,7 +93,8 @@ def test_toml_file(tmp_path: Path) -> None:
         (("--robot", "R"), "--robot 'R': String should match pattern '^[a-z0-9]+$'"),
         (("--robot", "r", "--rate-hz", "0"), "--rate-hz '0': Input should be greater than 0"),
         (("--robot", "r", "--rate-hz", "fast"), "--rate-hz 'fast': Input should be a valid number"),
-        (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r"),
+        (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r; did you mean --robot?"),
+        (("--robot", "r", "--rat-hz=1"), "unrecognized arguments: --rat-hz=1; did you mean --rate-hz?"),
         (("--robot", "r", "front"), "unrecognized arguments: front (usage: test [OPTION ...])"),
         (("--robot",), "argument --robot: expected one argument"),
         (("--robot", "r", "--cameras", "front"), "--cameras: write it like name=value"),
@@ -114,7 +115,7 @@ def test_a_wrong_setting_is_named_on_one_line(argv: tuple[str, ...], message: st
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("a.toml", "robt = 'r'", "a.toml: 'robt' is not a setting"),
+        ("a.toml", "robt = 'r'", "a.toml: 'robt' is not a setting; did you mean robot?"),
         ("a.toml", "robot =", "Invalid value"),
         ("a.yaml", "robot: [", "while parsing"),
         ("a.yaml", "- robot", "settings are name: value pairs"),
