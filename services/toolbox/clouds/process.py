@@ -2,15 +2,16 @@
 
 import asyncio
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from bus import LATEST, Bus, Subscription, open_bus
-from schemas import codec
+from schemas import codec, keys
 from schemas.errors import SchemaError
-from schemas.keys import Stream
+from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.printing import printable
 from services.toolbox.clouds.drawing import Drawing, drawing_of
@@ -21,6 +22,10 @@ from services.toolbox.clouds.viewing import Window
 
 FAILED: Final = 1
 FRAME_S: Final = 1 / 30
+GATHER_S: Final = 0.5
+"""How long after nothing came it is looked which cameras there are."""
+
+NEEDED: Final = "a cloud worker and a detector must be there"
 WRITERS: Final = {"ply": ply, "pcd": pcd}
 
 
@@ -57,11 +62,13 @@ async def save(bus: Bus, settings: CloudsSettings) -> int:
                     seen = await _next(samples, settings)
             except TimeoutError:
                 where = f"clouds of {settings.key} in {settings.timeout_s:g} s"
-                reason = bus.link_problem or "a cloud worker and a detector must be there"
+                reason = bus.link_problem or _absence(settings.key, await _cameras(bus)) or NEEDED
                 sys.stderr.write(f"fleetsight clouds: no {where}; {reason}\n")
                 return FAILED
             for path in await asyncio.to_thread(_write, seen, settings):
                 sys.stdout.write(f"{path}: {sum(each.count for each in seen.objects)} points\n")
+            for remark in _remarks(seen):
+                sys.stderr.write(f"fleetsight clouds: {printable(remark)}\n")
     return 0
 
 
@@ -91,6 +98,34 @@ async def _next(samples: Subscription, settings: CloudsSettings) -> ObjectClouds
             sys.stderr.write(f"fleetsight clouds: left out: {printable(str(error))}\n")
             continue
         return seen
+
+
+async def _cameras(bus: Bus) -> list[CameraKey]:
+    """Return the cameras that are published now, by robot and name."""
+    present: set[CameraKey] = set()
+    async with bus.watch(keys.every_stream_alive(Stream.COLOR)) as watch:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(GATHER_S):
+                async for presence in watch:
+                    with suppress(SchemaError):
+                        present.add(keys.parse_stream(presence.key).camera)
+    return sorted(present)
+
+
+def _absence(wanted: CameraKey, present: Sequence[CameraKey]) -> str:
+    """Say that there is no such camera; nothing if there is."""
+    if wanted in present:
+        return ""
+    robot, own = wanted.robot, ", ".join(key.camera for key in present if key.robot == wanted.robot)
+    return f"{robot} has no camera {wanted.camera}, but {own}" if own else f"no camera of {robot} is there"
+
+
+def _remarks(seen: ObjectClouds) -> Iterator[str]:
+    """Yield why there are fewer points than somebody may think."""
+    if not seen.objects and not seen.unmeasured:
+        yield "nothing that the detector knows was in view"
+    for reason, count in Counter(seen.unmeasured.values()).items():
+        yield f"{count} {'object has' if count == 1 else 'objects have'} no points: {reason}"
 
 
 def _write(seen: ObjectClouds, settings: CloudsSettings) -> list[Path]:

@@ -2,9 +2,11 @@ import asyncio
 import subprocess
 import sys
 from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from bus import Bus, Publisher, QoS
 from bus.fake import FakeNetwork
@@ -72,11 +74,47 @@ async def test_save_writes_each_message_once_in_both_formats(
     assert complained.startswith("fleetsight clouds: left out: ")
 
 
-async def test_nothing_to_save_is_one_line(buses: tuple[Bus, Bus], capsys: pytest.CaptureFixture[str]) -> None:
-    assert await save(buses[1], asked("save", timeout_s=0.05)) == 1
-    assert capsys.readouterr().err == (
-        "fleetsight clouds: no clouds of r1/front in 0.05 s; a cloud worker and a detector must be there\n"
-    )
+@pytest.mark.parametrize(
+    ("cameras", "reason"),
+    [
+        (["r1/front"], "a cloud worker and a detector must be there"),
+        (["r1/left", "r1/right", "r2/front"], "r1 has no camera front, but left, right"),
+        (["r2/front"], "no camera of r1 is there"),
+    ],
+)
+async def test_nothing_to_save_is_one_line(
+    cameras: list[str], reason: str, buses: tuple[Bus, Bus], capsys: pytest.CaptureFixture[str]
+) -> None:
+    theirs, ours = buses
+    async with AsyncExitStack() as stack:
+        for each in cameras:
+            await stack.enter_async_context(theirs.announce(CameraKey(*each.split("/")).alive(Stream.COLOR)))
+        assert await save(ours, asked("save", timeout_s=0.05)) == 1
+    assert capsys.readouterr().err == f"fleetsight clouds: no clouds of r1/front in 0.05 s; {reason}\n"
+
+
+@pytest.mark.parametrize(
+    ("unmeasured", "remarks"),
+    [
+        ({}, ["nothing that the detector knows was in view"]),
+        (
+            {0: "no points arrived", 1: "no mask", 2: "no points arrived"},
+            ["2 objects have no points: no points arrived", "1 object has no points: no mask"],
+        ),
+    ],
+)
+async def test_why_a_file_is_empty_is_said(
+    unmeasured: dict[int, str],
+    remarks: list[str],
+    buses: tuple[Bus, Bus],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    theirs, ours = buses
+    async with asyncio.TaskGroup() as group:
+        group.create_task(publishing(theirs, codec.encode(replace(clouds(), unmeasured=unmeasured))))
+        assert await save(ours, asked("save", folder=tmp_path)) == 0
+    assert capsys.readouterr().err.splitlines() == [f"fleetsight clouds: {remark}" for remark in remarks]
 
 
 async def test_a_folder_that_cannot_be_written_is_one_line(buses: tuple[Bus, Bus], tmp_path: Path) -> None:
