@@ -174,3 +174,5 @@ def configure(level: str) -> None:
     handler = Beside(writer)
     handler.addFilter(RateLimitFilter(RateLimit()))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+    # else it writes a line for each post, with an address that may be secret
+    logging.getLogger("httpx").setLevel(logging.WARNING)

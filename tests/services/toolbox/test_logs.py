@@ -154,3 +154,21 @@ def test_a_process_that_was_forked_writes_too() -> None:
     said = subprocess.run(command, check=True, stderr=subprocess.PIPE, text=True, timeout=60).stderr
     assert "of the child: here" in said
     assert "of the parent: here" in said
+
+
+POSTING = """
+import logging
+from services.toolbox import logs
+
+logs.configure("info")
+logging.getLogger("httpx").info('HTTP Request: POST https://ops.example/secret "HTTP/1.1 200 OK"')
+logging.getLogger("ours").info("here")
+logging.shutdown()
+"""
+
+
+def test_posts_are_not_logged_one_by_one() -> None:
+    command = [sys.executable, "-c", POSTING]
+    said = subprocess.run(command, check=True, stderr=subprocess.PIPE, text=True, timeout=60).stderr
+    assert said.count("\n") == 1
+    assert "ours: here" in said
