@@ -184,6 +184,9 @@ class HistoryKeeper:
         except HistoryError as error:
             await self._fail(error)
             return RETRY_S
+        if self._problem:
+            log.info("history is kept again")
+            self._problem = ""
         return FLUSH_S
 
     async def _take_the_lead(self, store: Store) -> None:
@@ -196,7 +199,6 @@ class HistoryKeeper:
             self._attendance.follow()
             self._ledger.forget_pending(time.time_ns() - FOLLOWED_NS)
             self._alerts.clear()
-        self._problem = ""
 
     async def _go_on(self, store: Store) -> None:
         """Go on where whoever wrote before stopped."""
@@ -270,7 +272,8 @@ class HistoryKeeper:
                 self._sightings.pause(in_view)
 
     async def _fail(self, error: HistoryError) -> None:
-        log.warning("history is not kept: %s", error)
+        if str(error) != self._problem:
+            log.warning("history is not kept: %s", error)
         if not self._asked:
             self._asked = True
             self._lead(())

@@ -1,4 +1,5 @@
 import asyncio
+import logging
 import resource
 import time
 from collections.abc import AsyncIterator
@@ -281,6 +282,27 @@ async def away(monitor: Monitor) -> AsyncIterator[None]:
         await until(lambda: monitor.history.status.problem == "gone")
         yield
     await until(monitor.written)
+
+
+async def test_a_database_that_is_gone_and_back_is_a_line_each_in_the_log(
+    url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(module, "RETRY_S", 0.01)
+    tries = 0
+
+    async def refuse(*_: Any) -> None:
+        nonlocal tries
+        tries += 1
+        raise HistoryError("gone")
+
+    caplog.set_level(logging.INFO, module.__name__)
+    async with monitoring(url) as monitor:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Store, "write", refuse)
+            await until(lambda: tries > 2)
+        monitor.see(1, box=1)
+        await until(monitor.written)
+    assert caplog.messages == ["history is not kept: gone", "history is kept again"]
 
 
 async def test_who_came_back_soon_after_the_database_had_been_gone(url: str) -> None:
