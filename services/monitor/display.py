@@ -5,18 +5,22 @@ Whoever reads it may stop reading: it is written aside, and what changed meanwhi
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from typing import IO, Final
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from schemas.keys import CameraKey
 from services.monitor.aside import aside
-from services.monitor.fleet import Fleet
+from services.monitor.fleet import Fleet, Row
+from services.monitor.inventory.inventory import Inventory
+from services.monitor.inventory.speaking import Speaking
 from services.monitor.table import classes, line, notes_of, render
 from services.monitor.troubles import troubles
 from services.monitor.turns import in_turns
@@ -68,22 +72,26 @@ async def _draw(
 
 async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], to: IO[str]) -> None:
     """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
-    shown: dict[object, tuple[bool, str]] = {}
+    shown: dict[CameraKey, tuple[str, str]] = {}
     wrong: set[str] = set()
+    silence = Silence(fleet.inventory)
     fleet.take_changed(time.monotonic())
     rows = fleet.rows(time.monotonic())
     while True:
         lines: list[str] = []
-        changed = 0
-        async for row in in_turns(rows):
-            state = (row.online, classes(row))
-            if shown.get(row.key) != state:
-                shown[row.key] = state
-                changed += 1
-                if changed <= MAX_LINES:
-                    lines.append(line(row))
-        if changed > MAX_LINES:
-            lines.append(f"and {changed - MAX_LINES} more cameras changed")
+        rest: Counter[str] = Counter()
+        turned = silence.advance(time.time_ns())
+        async for row in in_turns(chain(rows, (fleet.row(key, time.monotonic()) for key in turned))):
+            state = silence.state_of(row)
+            if shown.get(row.key) != (state, classes(row)):
+                shown[row.key] = (state, classes(row))
+                if len(lines) < MAX_LINES:
+                    lines.append(line(row, state))
+                else:
+                    rest[state] += 1
+        if rest:
+            states = ", ".join(f"{count} {state}" for state, count in rest.items())
+            lines.append(f"and {rest.total()} more cameras changed: {states}")
         now_wrong = every_trouble()
         lines += [each for each in now_wrong if each not in wrong]
         wrong = set(now_wrong)
@@ -91,6 +99,29 @@ async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable
             await aside(partial(_write, to, "".join(f"{each}\n" for each in lines)))
         await asyncio.sleep(refresh_s)
         rows = fleet.take_changed(time.monotonic())
+
+
+class Silence:
+    """Which cameras have fallen silent: they are there, and nobody has said for a while what is in view of them."""
+
+    def __init__(self, inventory: Inventory) -> None:
+        self._inventory = inventory
+        self._speaking = Speaking(inventory, inventory.speaks, speaks=False)
+        self._silent: set[CameraKey] = set()
+
+    def advance(self, now_ns: int) -> list[CameraKey]:
+        """Return the cameras that fell silent, or speak again, by `now_ns`."""
+        turned = self._speaking.advance(now_ns)
+        for camera in turned:
+            speaks = self._inventory.speaks(camera, now_ns)
+            (self._silent.discard if speaks else self._silent.add)(camera.key)
+        return [camera.key for camera in turned]
+
+    def state_of(self, row: Row) -> str:
+        """Return a camera's state in a word; one that was never heard waits, and is not silent."""
+        if not row.online:
+            return "offline"
+        return "silent" if row.key in self._silent else "online"
 
 
 def _write(to: IO[str], text: str) -> None:

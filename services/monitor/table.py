@@ -44,9 +44,8 @@ def notes_of(left_out: Mapping[str, int]) -> list[str]:
     return [f"left out: {listed}"] if listed else []
 
 
-def line(row: Row) -> str:
+def line(row: Row, state: str) -> str:
     """Return the row as one plain line."""
-    state = "online" if row.online else "offline"
     return f"{row.key}: {state}, {classes(row)}, age {age(row.age)}, {row.rate_hz:.1f}/s"
 
 

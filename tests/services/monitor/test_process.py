@@ -1,5 +1,7 @@
 import asyncio
 import io
+import itertools
+import time
 from collections.abc import AsyncIterator, Callable
 
 import msgspec
@@ -163,6 +165,36 @@ async def test_without_a_terminal_changes_are_printed_once(fleet: Fleet) -> None
     assert third == "r2 waits for a master"
 
 
+async def test_without_a_terminal_it_is_said_that_a_camera_fell_silent_and_that_it_speaks_again(fleet: Fleet) -> None:
+    numbers = itertools.count(1)
+    console = Console(file=io.StringIO(), force_terminal=False)
+    assert isinstance(console.file, io.StringIO)
+    written = console.file
+    fleet.robot_presence("r1", alive=True)
+    fleet.camera_presence(FRONT, alive=True)
+
+    def see() -> None:
+        seen = msgspec.structs.replace(SEEN, header=header(seq=next(numbers)))
+        fleet.see(seen, time.monotonic(), time.time_ns())
+
+    def spoken() -> str:
+        see()
+        return states()[-1]
+
+    def states() -> list[str]:
+        return [line.partition(",")[0] for line in written.getvalue().splitlines()[1:]]
+
+    showing = asyncio.create_task(show(fleet, console, 0.01, note="listening"))
+    see()
+    await until(states)
+    see()
+    await until(lambda: states()[-1] == "r1/front: silent")
+    await until(lambda: spoken() == "r1/front: online")
+    showing.cancel()
+    await asyncio.wait([showing])
+    assert states() == ["r1/front: online", "r1/front: silent", "r1/front: online"]
+
+
 async def test_of_many_changes_at_once_some_are_printed_and_the_rest_counted(fleet: Fleet) -> None:
     console = Console(file=io.StringIO(), force_terminal=False)
     for number in range(MAX_LINES + 2):
@@ -174,7 +206,7 @@ async def test_of_many_changes_at_once_some_are_printed_and_the_rest_counted(fle
     showing.cancel()
     await asyncio.wait([showing])
     _, *cameras, rest = written.getvalue().splitlines()
-    assert (len(cameras), rest) == (MAX_LINES, "and 2 more cameras changed")
+    assert (len(cameras), rest) == (MAX_LINES, "and 2 more cameras changed: 2 offline")
 
 
 async def test_on_a_terminal_the_table_is_drawn(fleet: Fleet) -> None:

@@ -48,7 +48,7 @@ def test_names_are_never_markup() -> None:
 
 
 def test_plain_line() -> None:
-    assert line(BUSY) == "r1/front: online, 3 box, 1 pallet, age 0.2 s, 2.0/s"
+    assert line(BUSY, "online") == "r1/front: online, 3 box, 1 pallet, age 0.2 s, 2.0/s"
 
 
 def test_what_does_not_fit_is_counted() -> None:
@@ -69,7 +69,7 @@ def test_a_models_names_write_nothing_but_themselves() -> None:
         age=None,
         rate_hz=0,
     )
-    assert r": online, 1 \x1b[2Jbox\nr2/front: online, age" in line(hostile)
+    assert r": online, 1 \x1b[2Jbox\nr2/front: online, age" in line(hostile, "online")
     shown = drawn(hostile)
     assert r"\x1b[2Jbox\nr2/front" in shown
     assert "\x1b" not in shown
