@@ -60,6 +60,10 @@ def test_it_stops_by_itself_and_adds_up() -> None:
     assert re.search(r"^class lists received: .*r1 [1-9].*r2 [1-9].*r3 [1-9]", said, re.MULTILINE)
     assert re.search(r"^age p50 / p99: +[\d.]+ s / [\d.]+ s$", said, re.MULTILINE)
     assert said.endswith("every robot was seen\n")
+    beginning, page, seeing = said.partition("\npage: ")
+    assert "is ready" not in beginning
+    assert page
+    assert re.search(r"is ready(?s:.*)^page: http\S+ \(log in as ", seeing, re.MULTILINE), "where people look then"
     assert "closed by the publisher" not in said  # that processes miss each other at the end is no news
 
 

@@ -114,12 +114,21 @@ async def _show_until_over(
         tasks = [group.create_task(_keep(name, command, children, say)) for name, command in commands.items()]
         tasks.append(group.create_task(page.web.run(monitor)))
         tasks.append(group.create_task(show(monitor.fleet, console, REFRESH_S, note="\n".join(notes))))
+        if not console.is_terminal:  # where it stays below the table
+            tasks.append(group.create_task(_say_again(page.note, monitor.fleet, console)))
         try:
             await (asyncio.sleep(seconds) if seconds is not None else asyncio.Event().wait())
         finally:
             ending.set()
         for task in tasks:
             task.cancel()
+
+
+async def _say_again(note: str, fleet: Fleet, console: Console) -> None:
+    """Say where the page is once there is something to see: what the processes said has pushed it out of sight."""
+    while fleet.first_list_s is None:  # noqa: ASYNC110 - nobody tells
+        await asyncio.sleep(REFRESH_S)
+    console.print(note, markup=False, highlight=False, soft_wrap=True)
 
 
 async def _keep(name: str, command: Sequence[str], children: dict[str, Child], say: Callable[[str], None]) -> None:
