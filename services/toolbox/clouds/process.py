@@ -54,16 +54,21 @@ async def run(settings: CloudsSettings) -> int:
 
 
 async def save(bus: Bus, settings: CloudsSettings) -> int:
-    """Write the next messages to files, and say which; return the exit code."""
+    """Write the next messages that have points to files, and say which; return the exit code.
+
+    What is in view when nobody has asked for clouds yet has none: points are sent once somebody does.
+    """
     async with bus.subscribe(settings.key.stream(Stream.OBJECTS), LATEST, history=False) as samples:
         for _ in range(settings.count):
+            empty = ""
             try:
                 async with asyncio.timeout(settings.timeout_s):
-                    seen = await _next(samples, settings)
+                    while not (seen := await _next(samples, settings)).objects:
+                        empty = ", ".join(_remarks(seen))
             except TimeoutError:
                 where = f"clouds of {settings.key} in {settings.timeout_s:g} s"
-                reason = bus.link_problem or _absence(settings.key, await _cameras(bus)) or NEEDED
-                sys.stderr.write(f"fleetsight clouds: no {where}; {reason}\n")
+                reason = empty or bus.link_problem or _absence(settings.key, await _cameras(bus)) or NEEDED
+                sys.stderr.write(f"fleetsight clouds: no {where}; {printable(reason)}\n")
                 return FAILED
             for path in await asyncio.to_thread(_write, seen, settings):
                 sys.stdout.write(f"{path}: {sum(each.count for each in seen.objects)} points\n")

@@ -14,7 +14,7 @@ class CloudsSettings(BusSettings):
     """Look at the clouds of a camera's objects, or save them.
 
     Asking for them makes a cloud worker and a detector work. View shows them in a window, as they come, until it is
-    closed. Save writes each message to files that Open3D, CloudCompare, MeshLab and PCL read, and ends.
+    closed. Save writes each message that has points to files that Open3D, CloudCompare, MeshLab and PCL read, and ends.
     """
 
     do: Annotated[Literal["view", "save"], Field(description="what to do; the first argument if no option is")]

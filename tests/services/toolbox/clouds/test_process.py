@@ -71,7 +71,9 @@ async def test_save_writes_each_message_once_in_both_formats(
     assert len(read_pcd((folder / f"{stem}.pcd").read_bytes())[1]) == 1
     said, complained = capsys.readouterr()
     assert said == "".join(f"{folder / stem}.{kind}: 1 points\n" for kind in ("ply", "pcd"))
-    assert complained.startswith("fleetsight clouds: left out: ")
+    damaged, unmeasured = complained.splitlines()
+    assert damaged.startswith("fleetsight clouds: left out: ")
+    assert unmeasured == "fleetsight clouds: 1 object has no points: no points within its mask"
 
 
 @pytest.mark.parametrize(
@@ -94,18 +96,18 @@ async def test_nothing_to_save_is_one_line(
 
 
 @pytest.mark.parametrize(
-    ("unmeasured", "remarks"),
+    ("unmeasured", "reason"),
     [
-        ({}, ["nothing that the detector knows was in view"]),
+        ({}, "nothing that the detector knows was in view"),
         (
             {0: "no points arrived", 1: "no mask", 2: "no points arrived"},
-            ["2 objects have no points: no points arrived", "1 object has no points: no mask"],
+            "2 objects have no points: no points arrived, 1 object has no points: no mask",
         ),
     ],
 )
-async def test_why_a_file_is_empty_is_said(
+async def test_of_messages_without_points_it_is_said_why_and_none_is_saved(
     unmeasured: dict[int, str],
-    remarks: list[str],
+    reason: str,
     buses: tuple[Bus, Bus],
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -113,8 +115,19 @@ async def test_why_a_file_is_empty_is_said(
     theirs, ours = buses
     async with asyncio.TaskGroup() as group:
         group.create_task(publishing(theirs, codec.encode(replace(clouds(), unmeasured=unmeasured))))
-        assert await save(ours, asked("save", folder=tmp_path)) == 0
-    assert capsys.readouterr().err.splitlines() == [f"fleetsight clouds: {remark}" for remark in remarks]
+        assert await save(ours, asked("save", folder=tmp_path / "new", timeout_s=1)) == 1
+    assert capsys.readouterr() == ("", f"fleetsight clouds: no clouds of r1/front in 1 s; {reason}\n")
+    assert not (tmp_path / "new").exists()
+
+
+async def test_what_was_in_view_before_points_came_is_waited_past(
+    buses: tuple[Bus, Bus], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    theirs, ours = buses
+    async with asyncio.TaskGroup() as group:
+        group.create_task(publishing(theirs, codec.encode(clouds()), codec.encode(SEEN)))
+        assert await save(ours, asked("save", folder=tmp_path, formats=["ply"])) == 0
+    assert capsys.readouterr().out == f"{tmp_path}/r1_front_{SEEN.header.stamp_ns}_4.ply: 1 points\n"
 
 
 async def test_a_folder_that_cannot_be_written_is_one_line(buses: tuple[Bus, Bus], tmp_path: Path) -> None:
