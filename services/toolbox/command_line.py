@@ -1,7 +1,6 @@
 """fleetsight: what every robot of a warehouse fleet sees, known centrally."""
 
 import importlib.metadata
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -14,7 +13,7 @@ from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
 from services.toolbox.help import EXIT_CODES
 from services.toolbox.misspelt import meant
-from services.toolbox.settings import ENV_PREFIX, UsageError, load, names_of
+from services.toolbox.settings import ENV_PREFIX, UsageError, load, names_of, variables
 
 OURS = ("bus", "gateway", "schemas", "services")
 HELP_OPTIONS = ("-h", "--help", "help")
@@ -81,8 +80,7 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
 def _doubts(model: type[BaseModel]) -> Iterator[str]:
     """Yield a line for each variable that is nearly one of these settings and is none of any command."""
     known = {name.upper() for name in names_of(model)}
-    given = {each.removeprefix(ENV_PREFIX) for each in os.environ if each.startswith(ENV_PREFIX)}
-    near = {name: hint for name in sorted(given - known) if (hint := meant(name, known, ENV_PREFIX))}
+    near = {name: hint for name in sorted(variables() - known) if (hint := meant(name, known, ENV_PREFIX))}
     every = _every_name() if near else set()
     for name, hint in near.items():
         if name.lower() not in every:

@@ -106,6 +106,11 @@ def names_of(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for each in (model, _Common) for name, field in each.model_fields.items()]
 
 
+def variables() -> set[str]:
+    """Return the variables of the environment that are for us, without what they all begin with."""
+    return {each.removeprefix(ENV_PREFIX) for each in os.environ if each.startswith(ENV_PREFIX)}
+
+
 def _check_pairs(model: type[BaseModel], argv: Sequence[str]) -> None:
     """Raise UsageError where an option gives a name twice: pydantic would take the last one without a word."""
     for setting, field in model.model_fields.items():
