@@ -98,13 +98,14 @@ class HistoryKeeper:
         self._writes = False
         self._leads = settings.history == NONE
         self._asked = False
+        self._follows = False
         self._loaded = False
         self._due_s = 0.0
 
     @property
     def status(self) -> HistoryStatus:
         """How it is doing."""
-        another_leads = self._asked and not self._leads and not self._problem
+        another_leads = self._follows and not self._problem
         pending = 0 if another_leads else len(self._ledger) + len(self._alerts)
         return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost)
 
@@ -191,7 +192,7 @@ class HistoryKeeper:
 
     async def _take_the_lead(self, store: Store) -> None:
         leads = await store.lead()
-        self._asked = True
+        self._asked, self._follows = True, not leads
         if leads:
             await self._go_on(store)
         else:

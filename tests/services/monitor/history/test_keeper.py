@@ -202,15 +202,15 @@ async def test_of_two_monitors_one_writes_until_it_goes(url: str) -> None:
 async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url: str) -> None:
     async with opened(url) as leader:
         assert await leader.lead()
-        await until(lambda: other.history._asked)
-        assert not other.history.status.leads
-        now_ns = time.time_ns()
-        other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
-        seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
-        await leader.write(seen_by_leader, [], now_ns - S)
-        other.see(2, box=1, tree=2)
-        await leader.close()
-        await until(lambda: other.history.status.leads and other.written())
+        async with monitoring(url) as other:
+            await until(lambda: other.history._follows)
+            now_ns = time.time_ns()
+            other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
+            seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
+            await leader.write(seen_by_leader, [], now_ns - S)
+            other.see(2, box=1, tree=2)
+            await leader.close()
+            await until(lambda: other.history.status.leads and other.written())
     found = {(each.name, each.count): each for each in await kept(url)}
     assert len(await kept(url)) == 4
     since_ns = seen_by_leader[0].since_ns
