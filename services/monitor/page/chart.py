@@ -84,12 +84,10 @@ def chart() -> ui.echart:
     return ui.echart({"series": []}).classes("fs-chart")
 
 
-def options(drawn: Drawn, *, dark: bool | None) -> dict[str, Any]:
-    """Return what ECharts draws. dark: None where the browser chooses."""
-    muted, line = ("#94a1af", "#2a343f") if dark else ("#66727f", "#dde3e9")
-    if dark is None:
-        muted, line = "#7d8a97", "#8894a040"
-    label = {"color": muted, "fontSize": 12}
+def options(drawn: Drawn) -> dict[str, Any]:
+    """Return what ECharts draws, in colours for a light and a dark page."""
+    line = "#8894a040"
+    label = {"color": "#7d8a97", "fontSize": 12}
     return {
         "animation": False,
         "color": list(COLORS),

@@ -118,7 +118,7 @@ class _Inventory:
         self._why_not.set_visibility(bool(why_not))
         self._chart.set_visibility(not why_not)
         self._chart.options.clear()
-        self._chart.options.update(options(drawn, dark=None))
+        self._chart.options.update(options(drawn))
 
     async def _load(self, window: Window) -> tuple[Rows, int]:
         stock = await self._shared.stock()

@@ -47,7 +47,7 @@ async def test_a_chart_shows_what_the_history_has_of_its_subject(tmp_path: Path)
     assert (await charts.of(Subject())).lines["box"][-1][1] == 4
     drawn = await charts.of(Subject(robot="r2", name="box"))
     assert drawn.lines["box"][-1][1] == 2
-    (series,) = options(drawn, dark=None)["series"]
+    (series,) = options(drawn)["series"]
     assert (series["name"], series["data"][-1]) == ("box", [drawn.until_ns // 1_000_000, 2])
 
 
