@@ -43,7 +43,6 @@ class Node:
         poll_interval: seconds between looks at the master.
         timeout: seconds for each call, connection and handshake.
         exit_timeout: seconds for unregistering everything when the node is left.
-        rng: jitters reconnects.
 
     Raises:
         InvalidNameError: the name is not global and legal.
@@ -59,13 +58,12 @@ class Node:
         poll_interval: float = 3.0,
         timeout: float = 5.0,
         exit_timeout: float = 1.0,
-        rng: Random | None = None,
     ) -> None:
         self.name = validate_global(name)
         self.shutdown_requested = asyncio.Event()
         self._timeout = timeout
         self._exit_timeout = exit_timeout
-        self._rng = rng or Random()  # noqa: S311 - jitter, no secret
+        self._rng = Random()  # noqa: S311 - jitter, no secret
         self._client = XmlRpcClient(timeout=timeout)
         self.master = MasterClient(self._client, uri=master_uri, caller_id=name)
         self._scope = TaskScope()

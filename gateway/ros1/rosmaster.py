@@ -23,11 +23,11 @@ class RosMaster:
 
     """
 
-    def __init__(self, *, host: str = "127.0.0.1", port: int = 0, timeout: float = 5.0) -> None:
+    def __init__(self, *, host: str = "127.0.0.1", port: int = 0) -> None:
         self._scope = TaskScope()
-        self._client = XmlRpcClient(timeout=timeout)
+        self._client = XmlRpcClient()
         self._api = MasterApi(NodeNotifier(self._client, self._scope))
-        self._server = XmlRpcServer(self._api, host=host, port=port, timeout=timeout)
+        self._server = XmlRpcServer(self._api, host=host, port=port)
         self._stack = AsyncExitStack()
 
     @property

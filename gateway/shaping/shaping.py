@@ -4,6 +4,7 @@ import asyncio
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from bus import Bus, Publisher, QoS
 from gateway.shaping.compression import NONE
@@ -56,12 +57,12 @@ class Shaping:
 
     def _plan(self, key: SensorKey) -> Plan:
         if not isinstance(key, StreamKey):
-            return Plan(all_here=_never, droppable=kind_of(key).qos is QoS.IMAGE)
+            return Plan(all_here=lambda: False, droppable=kind_of(key).qos is QoS.IMAGE)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
         return Plan(
             factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),
             method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
-            all_here=self._all_here(key),
+            all_here=partial(self._consumers.all_here, key),
             droppable=kind_of(key).qos is QoS.IMAGE,
             moment_of=self._moment_of(key),
         )
@@ -70,9 +71,6 @@ class Shaping:
         instants = self._paced[key.camera]
         return lambda header: instants.moment(key.stream, header.stamp_ns, header.received_ns)
 
-    def _all_here(self, key: StreamKey) -> Callable[[], bool]:
-        return lambda: self._consumers.all_here(key)
-
     async def run(self, bus: Bus) -> None:
         """Do what outlets leave to be done, for ever."""
         async with asyncio.TaskGroup() as group:
@@ -80,7 +78,3 @@ class Shaping:
             group.create_task(self._workshop.run())
             if self._pacer is not None:
                 group.create_task(self._pacer.run())
-
-
-def _never() -> bool:
-    return False
