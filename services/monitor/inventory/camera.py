@@ -59,7 +59,7 @@ class CameraView:
             view = self._add(seen.model, at_ns)
         if not view.order.take(seen.header, at_ns):
             return None
-        lost = self.lose(at_ns) if self.is_forsaken(at_ns - lost_ns) else []
+        lost = self.lose() if self.is_forsaken(at_ns - lost_ns) else []
         if self.lost:
             self.lost = False
             for each in self.views.values():
@@ -69,7 +69,7 @@ class CameraView:
             if self.speaker is not None and at_ns - self.speaker.last_ns <= silent_ns:
                 return lost
             moved = self._hand_over(self.speaker, view)
-        return [*lost, *(self._change(name, view, at_ns) for name in moved)]
+        return [*lost, *(self._change(name, view) for name in moved)]
 
     def opine(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> bool:
         """Take the class list of a second opinion; return False if it is a double or late.
@@ -107,11 +107,11 @@ class CameraView:
         """Whether what is in view is to be given up: nobody has said so since then."""
         return self.last_ns < since_ns and self.speaker is not None and not self.lost
 
-    def lose(self, at_ns: int) -> list[Change]:
+    def lose(self) -> list[Change]:
         """Give up knowing what is in view: nobody has said so for too long."""
         self.lost = True
         return [
-            Change(ChangeKind.LOST, sighting, at_ns, closest_m=sighting.closest_m)
+            Change(ChangeKind.LOST, sighting, closest_m=sighting.closest_m)
             for sighting in self.sightings()
             if sighting.count
         ]
@@ -195,15 +195,15 @@ class CameraView:
             self.views.pop(old.model, None)
         return moved
 
-    def _change(self, name: str, view: View, at_ns: int) -> Change:
+    def _change(self, name: str, view: View) -> Change:
         tracked = view.classes[name]
         sighting = tracked.sighting(self.key, name, view.model)
         if sighting.count == 0:
-            return Change(ChangeKind.VANISHED, sighting, at_ns, closest_m=tracked.before_m)
+            return Change(ChangeKind.VANISHED, sighting, closest_m=tracked.before_m)
         appeared = tracked.first_ns == tracked.count.since_ns
         kind = ChangeKind.APPEARED if appeared else ChangeKind.COUNTED
         first_look = appeared and tracked.first_ns <= view.began_ns
-        return Change(kind, sighting, at_ns, first_look=first_look, closest_m=tracked.before_m)
+        return Change(kind, sighting, first_look=first_look, closest_m=tracked.before_m)
 
 
 def nearest_of(objects: Iterable[ObjectDistance]) -> dict[str, float]:

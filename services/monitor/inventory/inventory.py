@@ -141,7 +141,7 @@ class Inventory:
         fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
         self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
         silent = [each for each in self._cameras.values() if each.is_forsaken(since_ns)]
-        return [change for camera in silent for change in camera.lose(now_ns)]
+        return [change for camera in silent for change in camera.lose()]
 
     def restore(self, sightings: Iterable[Sighting]) -> None:
         """Take the sightings that a store kept, before anything else is taken; those over the limits are left out.

@@ -39,7 +39,7 @@ class ChangeKind(StrEnum):
 
 
 class Change(msgspec.Struct, frozen=True, gc=False):
-    """What became of a sighting when.
+    """What became of a sighting.
 
     first_look: it was there when somebody began to look, nobody saw it come. closest_m: the nearest that any came while
     the count was the one before.
@@ -47,6 +47,5 @@ class Change(msgspec.Struct, frozen=True, gc=False):
 
     kind: ChangeKind
     sighting: Sighting
-    at_ns: int
     first_look: bool = False
     closest_m: float | None = None

@@ -185,7 +185,7 @@ def _changes(steps: Iterable[Step], memory: _Memory) -> Iterator[Change]:
             continue
         sighting = _sighting(of, memory.cameras[of.key].counts[of.name])
         kind = ChangeKind.APPEARED if step.begins else ChangeKind.VANISHED
-        yield Change(kind, sighting, step.at_ns, first_look=step.unseen)
+        yield Change(kind, sighting, first_look=step.unseen)
 
 
 def _sighting(interval: Interval, seen: int) -> Sighting:

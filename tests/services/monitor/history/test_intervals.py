@@ -19,7 +19,7 @@ class Seen:
         self, kind: ChangeKind, *, since_s: int = 1, last_s: int = 2, count: int = 1, closest_m: float | None = None
     ) -> None:
         of = replace(BOX, count=count, since_ns=since_s * S, last_ns=last_s * S)
-        self.sightings.take([Change(kind, of, last_s * S, closest_m=closest_m)])
+        self.sightings.take([Change(kind, of, closest_m=closest_m)])
 
     def told(self) -> list[tuple[int, int, int, bool]]:
         """Return what is to be written as (count, since, until, open), and take it as written."""

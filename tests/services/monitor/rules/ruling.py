@@ -27,7 +27,7 @@ class Ruling:
     def changed(self, at_s: float, kind: ChangeKind, name: str = "box", *, first_look: bool = False) -> list[str]:
         at_ns = round(at_s * S)
         of = Sighting(FRONT, name, 1, 0.5, at_ns, at_ns, at_ns, "m", "w")
-        self.engine.changed([Change(kind, of, at_ns, first_look)], at_ns)
+        self.engine.changed([Change(kind, of, first_look)], at_ns)
         return self.due(at_s)
 
     def look(self, at_s: float, *, key: CameraKey = FRONT, speaks: bool = True, **known: Any) -> list[str]:
