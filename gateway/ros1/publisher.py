@@ -25,9 +25,8 @@ _LOOK_S = 5.0  # between looks at whether a subscriber is still there
 
 @dataclass(slots=True)
 class PublicationCounters:
-    """`published` calls; `sent` and `replaced` are summed over subscribers, `bytes` counts what was sent."""
+    """`sent` and `replaced` messages, summed over subscribers; `bytes` counts what was sent."""
 
-    published: int = 0
     sent: int = 0
     replaced: int = 0
     bytes: int = 0
@@ -61,7 +60,6 @@ class Publication:
     def publish(self, message: bytes) -> None:
         """Queue a message for every subscriber; where the queue is full, its oldest message is replaced."""
         message_prefix(len(message))
-        self.counters.published += 1
         if self.offer.latching:
             self._last = message
         for outgoing in self._outgoing:

@@ -55,7 +55,7 @@ class Joiner(Generic[T]):
 
     what: names an item in reasons, like "depth image". tolerance_ns: how far apart the stamps of one instant may be;
     None is half of the kept stream's own period, which is measured. budget: what it may share with others. dropped:
-    items that left without having been found, by reason. jumps: how often the stamps went back.
+    items that left without having been found, by reason.
     """
 
     def __init__(
@@ -69,7 +69,6 @@ class Joiner(Generic[T]):
         self._bytes = 0
         self._periods: deque[int] = deque(maxlen=_PERIODS)
         self.dropped: Counter[str] = Counter()
-        self.jumps = 0
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -86,7 +85,6 @@ class Joiner(Generic[T]):
         """Keep an item with `size` bytes of data; where there is no room the oldest leave, here or elsewhere."""
         newest = self._kept[-1].stamp_ns if self._kept else stamp_ns
         if stamp_ns < newest - JUMP_NS:
-            self.jumps += 1
             self._leave(len(self._kept), FLUSHED)
             self._periods.clear()
         elif stamp_ns > newest:

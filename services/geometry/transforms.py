@@ -64,8 +64,7 @@ class TransformTree:
     """One robot's frames of reference. A frame has one parent, the one that was said last, as in ROS.
 
     keep_ns: how far back transforms are kept. budget: what it may share with others. rejected: transforms that were not
-    taken, or gave way to something else, by reason. jumps: how often a frame's stamps went back by more than JUMP_NS,
-    so that what was kept of it was forgotten.
+    taken, or gave way to something else, by reason.
     """
 
     def __init__(self, keep_ns: int = KEEP_NS, budget: MemoryBudget | None = None) -> None:
@@ -74,7 +73,6 @@ class TransformTree:
         self._samples = 0
         self._edges: dict[str, _Edge] = {}
         self.rejected: Counter[str] = Counter()
-        self.jumps = 0
 
     def take(self, transforms: Transforms, *, static: bool) -> None:
         """Take what came on `tf`, or `static`, on `tf_static`."""
@@ -167,7 +165,6 @@ class TransformTree:
             return
         newest = edge.stamps[-1] if edge.stamps else stamp_ns
         if stamp_ns < newest - JUMP_NS:
-            self.jumps += 1
             self._forget(edge, len(edge.stamps))
         place = bisect_left(edge.stamps, stamp_ns)
         known = place < len(edge.stamps) and edge.stamps[place] == stamp_ns

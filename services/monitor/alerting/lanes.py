@@ -16,13 +16,9 @@ AT_ONCE: Final = 256
 
 
 class Lanes(Generic[K, M]):
-    """Delivers messages by receiver. given_up: messages dropped because too many waited for the same one.
-
-    deliver: gives one message to a receiver; it raises nothing.
-    """
+    """Delivers messages by receiver. deliver: gives one message to a receiver; it raises nothing."""
 
     def __init__(self, deliver: Callable[[K, M], Awaitable[None]]) -> None:
-        self.given_up = 0
         self._deliver = deliver
         self._lanes: dict[K, deque[M]] = {}
         self._busy: set[K] = set()
@@ -30,11 +26,7 @@ class Lanes(Generic[K, M]):
 
     def put(self, receiver: K, message: M) -> None:
         """Have a message delivered."""
-        lane = self._lanes.setdefault(receiver, deque())
-        if len(lane) >= MAX_WAITING:
-            lane.popleft()
-            self.given_up += 1
-        lane.append(message)
+        self._lanes.setdefault(receiver, deque(maxlen=MAX_WAITING)).append(message)
         self._news.set()
 
     async def run(self) -> None:

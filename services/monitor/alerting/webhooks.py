@@ -50,10 +50,9 @@ def signed(alert: Alert, secret: str) -> Post:
 
 
 class Webhooks:
-    """Posts to any number of webhooks, to each in order. refused: alerts that none of the tries delivered."""
+    """Posts to any number of webhooks, to each in order."""
 
     def __init__(self, first_wait_s: float = FIRST_WAIT_S) -> None:
-        self.refused = 0
         self._first_wait_s = first_wait_s
         self._client: httpx.AsyncClient | None = None
         self._begun = asyncio.Event()
@@ -80,10 +79,9 @@ class Webhooks:
                 return
             log.warning("webhook %s: alert %s not taken: %s", webhook.url.host, alert.id, reason)
             if not again:
-                break
+                return
             if number + 1 < TRIES:
                 await asyncio.sleep(self._first_wait_s * 2**number * random.uniform(0.75, 1.25))  # noqa: S311 - jitter
-        self.refused += 1
 
 
 async def _try(client: httpx.AsyncClient, url: str, post: Post) -> tuple[str, bool]:

@@ -104,7 +104,7 @@ class View:
     since then. worker: who sent the newest one.
     """
 
-    __slots__ = ("began_ns", "classes", "last_ns", "left_out", "lists", "model", "order", "service", "worker")
+    __slots__ = ("began_ns", "classes", "last_ns", "lists", "model", "order", "service", "worker")
 
     def __init__(self, model: str, began_ns: int, service: str = worker_keys.DETECTOR) -> None:
         self.model = model
@@ -114,7 +114,6 @@ class View:
         self.last_ns = began_ns
         self.classes: dict[str, Tracked] = {}
         self.order = FrameOrder()
-        self.left_out = 0
         self.lists = 0
 
     def begin_anew(self, at_ns: int) -> None:
@@ -173,7 +172,6 @@ class View:
         if len(self.classes) >= MAX_CLASSES:
             gone = [(tracked.last_ns, old) for old, tracked in self.classes.items() if tracked.count.count == 0]
             if not gone:
-                self.left_out += 1
                 return None
             del self.classes[min(gone)[1]]
         tracked = self.classes[name] = Tracked()

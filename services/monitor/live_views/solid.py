@@ -42,9 +42,7 @@ class Solid:
     """
 
     name: str
-    label: int
     index: int
-    track: int | None
     xyz: Numbers
     rgb: Numbers
     count: int
@@ -76,9 +74,7 @@ def _solid(each: ObjectCloud, seen: ObjectClouds, share: float) -> Solid:
     to_shown = np.identity(4) if seen.target and each.in_target else turn
     return Solid(
         name=each.name,
-        label=each.label,
         index=each.index,
-        track=each.track,
         xyz=moved(turn, points[usable]),
         rgb=_colours(each, at[usable]),
         count=each.count,

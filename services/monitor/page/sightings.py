@@ -39,7 +39,7 @@ SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
 class Stock:
     """Every sighting at one moment. What was asked for once is kept, as many ask the same.
 
-    totals: how many objects of each class are in view where that is known now, the most first. names: every class.
+    totals: how many objects of each class are in view where that is known now, the most first.
     unknown: sightings that went on when their cameras fell silent, or their robots went.
     """
 
@@ -52,7 +52,6 @@ class Stock:
             if is_in_view(entry):
                 totals[entry.sighting.name] += entry.sighting.count
         self.totals: Mapping[str, int] = dict(totals.most_common())
-        self.names = sorted({entry.sighting.name for entry in entries})
 
     def wanted(self, filters: Filters) -> Sequence[Entry]:
         """Return the sightings that are wanted in the order that is."""

@@ -49,7 +49,7 @@ class _Subject:
 class RuleEngine:
     """Applies a rule book to what changes. Times are epoch nanoseconds of the monitor's clock.
 
-    new_id: names alerts. most: subjects that are followed. left_out: how often one was not, as there were too many.
+    new_id: names alerts. most: subjects that are followed; of more, those that come later are left out.
     What comes out is to be fetched with `due` after everything that went in.
     """
 
@@ -65,7 +65,6 @@ class RuleEngine:
         self._robots: dict[str, list[SilentRule]] = {}
         self._full = False
         self._refused = False
-        self.left_out = 0
 
     @property
     def book(self) -> RuleBook:
@@ -252,7 +251,6 @@ class RuleEngine:
         subjects = self._subjects[rule]
         if place not in subjects:
             if not self._has_room():
-                self.left_out += 1
                 self._refused = True
                 return None
             subjects[place] = _Subject()

@@ -142,13 +142,12 @@ def test_late_ones_take_their_place() -> None:
     )
     made.add(said("odom", "base", 11.0, at=11 * S), static=False)
     assert made.lookup("odom", "base", 11 * S)[0, 3] == 11
-    assert made.jumps == 0
+    assert made.lookup("odom", "base", 10 * S)[0, 3] == 10
 
 
 def test_a_clock_that_jumps_back_makes_a_frame_begin_anew() -> None:
     made = tree(said("odom", "base", 1.0, at=10 * S), said("odom", "base", 2.0, at=11 * S))
     made.add(said("odom", "base", 3.0, at=11 * S - JUMP_NS - 1), static=False)
-    assert made.jumps == 1
     with pytest.raises(TooNewError):
         made.lookup("odom", "base", 10 * S)
     assert made.lookup("odom", "base", 10 * S - 1)[0, 3] == 3
