@@ -15,7 +15,7 @@ from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
-from services.monitor.history.rows import act_of_row, alert_of_row, interval_of_row
+from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
 from services.monitor.history.settings import NONE
 from services.monitor.history.tables import acts, alerts, heartbeat, intervals, lasted
 from services.monitor.inventory.debouncing import NS
@@ -70,7 +70,7 @@ class Archive:
                     break
             else:
                 rows = (await connection.execute(query.where(lasted(intervals, asked.since_ns)))).all()
-        return [interval_of_row(row, at_ns) for row in rows]
+        return [lasting_of_row(Interval, row, at_ns) for row in rows]
 
     async def alerts(
         self, asked: Asked, limit: int, after: AlertPlace | None = None, *, states: Sequence[AlertState] = ()

@@ -20,16 +20,16 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.newest import newest_of_each
 from services.monitor.history.opening import connect
-from services.monitor.history.presence import Place
+from services.monitor.history.presence import Place, Presence
 from services.monitor.history.rows import (
-    KINDS,
+    TABLES,
     act_of_row,
     alert_of_row,
-    interval_of_row,
+    lasting_of_row,
     pose_of_row,
-    presence_of_row,
     row_of_act,
     row_of_alert,
+    row_of_lasting,
     row_of_pose,
 )
 from services.monitor.history.tables import (
@@ -109,12 +109,12 @@ class Store:
         at_ns = await self.heartbeat_ns()
         going_on: list[Lasting] = []
         async with translating():
-            for table, of_row in ((of.table, of.of_row) for of in KINDS.values()):
+            for kind, table in TABLES.items():
                 are_open = table.select().where(table.c.open).order_by(table.c.since_ns).limit(MAX_LOADED)
-                going_on += [of_row(row, at_ns) for row in await self._connection.execute(are_open)]
+                going_on += [lasting_of_row(kind, row, at_ns) for row in await self._connection.execute(are_open)]
             last = newest_of_each(intervals).where(intervals.c.open.is_(False), intervals.c.until_ns >= since_ns)
             last = last.order_by(intervals.c.until_ns.desc()).limit(MAX_LOADED)
-            ended = [interval_of_row(row) for row in await self._connection.execute(last)]
+            ended = [lasting_of_row(Interval, row) for row in await self._connection.execute(last)]
             unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
             found = [alert_of_row(row) for row in rows]
@@ -131,7 +131,8 @@ class Store:
         async with translating():
             rows = (await self._connection.execute(newest_of_each(presence).limit(MAX_LOADED))).all()
             await self._connection.commit()
-            return {there.place: there.until_ns for there in (presence_of_row(row, at_ns) for row in rows)}
+            every = [lasting_of_row(Presence, row, at_ns) for row in rows]
+            return {there.place: there.until_ns for there in every}
 
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
@@ -143,7 +144,7 @@ class Store:
     async def select(self, kind: type[L], *where: ColumnElement[bool], since_ns: int = 0) -> list[L]:
         """Return the newest MAX_LOADED intervals that lasted until then, or go on until the heartbeat; oldest first."""
         at_ns = await self.heartbeat_ns()
-        table, of_row = KINDS[kind].table, KINDS[kind].of_row
+        table = TABLES[kind]
         ended = table.c.open.is_(False) & (table.c.until_ns >= since_ns)
         rows: list[Row[Any]] = []
         async with translating():  # the newest of either are found in an index of their own
@@ -151,7 +152,7 @@ class Store:
                 query = table.select().where(*where, of).order_by(ends.desc()).limit(MAX_LOADED - len(rows))
                 rows += (await self._connection.execute(query)).all()
             await self._connection.commit()
-            return sorted((of_row(row, at_ns) for row in rows), key=lambda each: each.since_ns)
+            return sorted((lasting_of_row(kind, row, at_ns) for row in rows), key=lambda each: each.since_ns)
 
     async def poses(self, since_ns: int) -> dict[str, Pose]:
         """Return where the robots were whose poses are of then, or newer."""
@@ -179,7 +180,7 @@ class Store:
             of_kind[type(each)].append(each)
         async with translating(), self._connection.begin():
             for kind, those in of_kind.items():
-                await self._put(KINDS[kind].table, map(KINDS[kind].row_of, those))
+                await self._put(TABLES[kind], map(row_of_lasting, those))
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
             await self._put(acts, [row_of_act(act) for act in done])
             await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
@@ -187,7 +188,7 @@ class Store:
     async def prune(self, before_ns: int) -> bool:
         """Forget what ended before then, about SLICE rows of a kind at a time; return whether that was all."""
         async with translating(), self._connection.begin():
-            of_each = [await self._prune(kind.table, before_ns) for kind in KINDS.values()]
+            of_each = [await self._prune(table, before_ns) for table in TABLES.values()]
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
