@@ -1,8 +1,8 @@
 """Settings of the export."""
 
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
     AwareDatetime,
@@ -16,6 +16,8 @@ from pydantic import (
 )
 
 from services.monitor.history.settings import NONE, HistoryUrl, default_url
+
+EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def written_like(example: str) -> WrapValidator:
@@ -66,6 +68,14 @@ class ExportSettings(BaseModel):
         return history
 
 
-def epoch_ns(moment: datetime) -> int:
+def moment(ns: int) -> datetime:
+    """Return a time in UTC, to the microsecond; the last that there is for one that no calendar has."""
+    try:
+        return EPOCH + timedelta(microseconds=ns // 1_000)
+    except OverflowError:
+        return datetime.max.replace(tzinfo=UTC)
+
+
+def epoch_ns(at: datetime) -> int:
     """Return nanoseconds since the epoch; a time without a zone is local."""
-    return round(moment.timestamp() * 1e6) * 1_000
+    return round(at.timestamp() * 1e6) * 1_000

@@ -2,19 +2,18 @@
 
 import csv
 from collections.abc import AsyncIterator, Mapping, Sequence
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final, TextIO
 
 from sqlalchemy import Table
+
+from services.monitor.export.settings import moment
 
 TIME: Final = "_ns"
 """How the names of columns end that are times in nanoseconds; exported ones are without, in UTC to the microsecond."""
 
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 """What text begins with that spreadsheets run instead of showing it: classes and workers may be called anything."""
-
-EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 async def write_csv(
@@ -33,7 +32,10 @@ async def write_csv(
 
 def exported(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row as it is exported."""
-    return {str(name).removesuffix(TIME): _time(value) if name.endswith(TIME) else value for name, value in row.items()}
+    return {
+        str(name).removesuffix(TIME): moment(value).isoformat(timespec="microseconds") if name.endswith(TIME) else value
+        for name, value in row.items()
+    }
 
 
 def as_text(value: Any) -> Any:
@@ -58,10 +60,3 @@ def write_parquet(source: Path, target: Path, table: Table) -> None:
     flags = [pl.col(column.name) == "True" for column in table.columns if column.type.python_type is bool]
     rows = pl.scan_csv(source, schema=schema).with_columns(pl.col(pl.String).fill_null(""))
     rows.with_columns(*times, *flags).sink_parquet(target)
-
-
-def _time(ns: int) -> str:
-    try:
-        return (EPOCH + timedelta(microseconds=ns // 1_000)).isoformat(timespec="microseconds")
-    except OverflowError:
-        return datetime.max.replace(tzinfo=UTC).isoformat(timespec="microseconds")

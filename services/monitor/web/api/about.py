@@ -5,8 +5,9 @@ import time
 from fastapi import APIRouter, HTTPException, Request
 
 from bus.version import VERSION
+from services.monitor.export.settings import moment
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.models import HistoryAnswer, MeAnswer, RulesAnswer, StatusAnswer, moment
+from services.monitor.web.api.models import HistoryAnswer, MeAnswer, RulesAnswer, StatusAnswer
 from services.monitor.web.auth.visitor import visitor_of
 
 

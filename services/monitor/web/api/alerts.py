@@ -7,8 +7,9 @@ from typing import Annotated, Final
 from fastapi import APIRouter, HTTPException, Path, Request
 
 from schemas.alerts import Alert
+from services.monitor.export.settings import moment
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.models import AlertAnswer, Page, alert_answer, moment
+from services.monitor.web.api.models import AlertAnswer, Page, alert_answer
 from services.monitor.web.api.paging import After, Limit, Name, page_of
 from services.monitor.web.auth.visitor import visitor_of
 

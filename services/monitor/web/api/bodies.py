@@ -6,9 +6,10 @@ from typing import Any
 import msgspec
 from fastapi import Response
 
+from services.monitor.export.settings import moment
 from services.monitor.inventory.inventory import Entry
 from services.monitor.snapshot import CameraLine, RobotLine
-from services.monitor.web.api.models import known_moment, moment
+from services.monitor.web.api.models import known_moment
 
 Body = dict[str, Any]
 """What an item of a list is in JSON, by the names that its model in `models` has there."""

@@ -6,6 +6,7 @@ from typing import Final
 from fastapi import APIRouter, Response
 
 from schemas.keys import CameraKey
+from services.monitor.export.settings import moment
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import WorkerLine
@@ -19,7 +20,6 @@ from services.monitor.web.api.models import (
     SightingAnswer,
     WorkerAnswer,
     gateway_answer,
-    moment,
     worker_answer,
 )
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, page_of, place_of

@@ -15,12 +15,12 @@ from starlette.background import BackgroundTask
 
 from schemas.alerts import AlertState
 from services.monitor.export.process import export
-from services.monitor.export.settings import ExportSettings, epoch_ns, written_like
+from services.monitor.export.settings import ExportSettings, epoch_ns, moment, written_like
 from services.monitor.history.acts import Act
 from services.monitor.history.archive import Asked
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer, moment
+from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, mark_of, place_of
 
 DEFAULT_LIMIT: Final = 200
@@ -113,5 +113,5 @@ def _export_settings(history: str, wanted: Asked, what: str, file: Path) -> Expo
     return ExportSettings(**given)
 
 
-def _bounded_ns(moment: datetime) -> int:
-    return min(max(0, epoch_ns(moment)), 2**63 - 1)
+def _bounded_ns(at: datetime) -> int:
+    return min(max(0, epoch_ns(at)), 2**63 - 1)

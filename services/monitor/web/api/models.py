@@ -1,19 +1,18 @@
 """What the API answers with. Times are UTC; None where there is none yet."""
 
 from collections.abc import Mapping
-from datetime import UTC, datetime, timedelta
-from typing import Any, Final, Generic, TypeVar
+from datetime import datetime
+from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import GatewayStatus
+from services.monitor.export.settings import moment
 from services.monitor.history.acts import Act
 from services.monitor.history.intervals import Interval
 from services.monitor.snapshot import WorkerLine
 from services.monitor.web.auth.visitor import Role
-
-EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 T = TypeVar("T")
 
@@ -245,14 +244,6 @@ class MeAnswer(Part):
 
     name: str
     role: Role
-
-
-def moment(ns: int) -> datetime:
-    """Return a time, to the microsecond."""
-    try:
-        return EPOCH + timedelta(microseconds=ns // 1_000)
-    except OverflowError:
-        return datetime.max.replace(tzinfo=UTC)
 
 
 def known_moment(ns: int) -> datetime | None:
