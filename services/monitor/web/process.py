@@ -4,12 +4,12 @@ import asyncio
 import ipaddress
 import logging
 import socket
-import threading
-from collections.abc import Awaitable, Callable
-from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
 from typing import Self
 
+from services.monitor.aside import aside
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.access import Access
@@ -40,7 +40,9 @@ class Web:
 
     async def run(self, monitor: Monitor) -> None:
         """Serve for ever."""
-        serve = await asyncio.wrap_future(_importing_server())
+        await aside(partial(import_module, "services.monitor.web.server"))  # a second's work
+        from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
+
         async with asyncio.TaskGroup() as group:
             group.create_task(self.access.run())
             await serve(monitor, self.listener, self.access)
@@ -49,23 +51,3 @@ class Web:
         """Say what whoever looks at the terminal should know."""
         invitation, problem = self.access.invitation, self.access.problem
         return [f"first user: {invitation}"] * bool(invitation) + [problem] * bool(problem)
-
-
-Serve = Callable[[Monitor, socket.socket, Access], Awaitable[None]]
-
-
-def _importing_server() -> Future[Serve]:
-    """Import the server, a second's work, on a thread that neither the monitor nor its end waits for."""
-    imported: Future[Serve] = Future()
-
-    def work() -> None:
-        imported.set_running_or_notify_cancel()
-        try:
-            from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
-
-            imported.set_result(serve)
-        except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the future
-            imported.set_exception(error)
-
-    threading.Thread(target=work, name="web-import", daemon=True).start()
-    return imported
