@@ -1,9 +1,9 @@
 """Users, sessions and tokens in the database of the history, or in one of their own where no history is kept."""
 
-import dataclasses
 import logging
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
+from dataclasses import asdict
 from enum import StrEnum
 from typing import Any, Final, TypeVar
 
@@ -68,14 +68,14 @@ class UserStore:
             count = await connection.scalar(there if first else there.where(users.c.name == user.name))
             if count:
                 return False
-            await connection.execute(users.insert().values(_row_of(user)))
+            await connection.execute(users.insert().values(asdict(user)))
             await connection.commit()
         return True
 
     async def change(self, user: User) -> bool:
         """Give somebody another password or role, and end their sessions and tokens; return False if nobody is it."""
         async with self._connected() as connection:
-            found = await connection.execute(users.update().where(users.c.name == user.name).values(_row_of(user)))
+            found = await connection.execute(users.update().where(users.c.name == user.name).values(asdict(user)))
             await connection.execute(delete(logins).where(logins.c.user == user.name))
             await connection.commit()
             return bool(found.rowcount)
@@ -92,7 +92,7 @@ class UserStore:
         """Write new sessions and tokens and later ends of those that are there; forget those that ended."""
         async with self._connected() as connection:
             await connection.execute(delete(logins).where(logins.c.until_ns <= now_ns))
-            rows = [_row_of(login) for login in made]
+            rows = [asdict(login) for login in made]
             for digest in [*ended, *(row["digest"] for row in rows)]:  # the last write may have been done after all
                 await connection.execute(delete(logins).where(logins.c.digest == digest))
             for login in prolonged:
@@ -144,7 +144,3 @@ def _unknown_role(row: Row[Any]) -> str:
 
 def _unknown_kind(row: Row[Any]) -> str:
     return f"log-ins of the kind {row.kind!r}, which this version does not know"
-
-
-def _row_of(of: User | Login) -> dict[str, Any]:
-    return dataclasses.asdict(of)
