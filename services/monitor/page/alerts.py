@@ -25,7 +25,7 @@ from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
 from services.monitor.page.links import ALERTS
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
 from services.monitor.page.tiles import Tile
 from services.monitor.rules.engine import UnknownAlertError
 from services.monitor.web.auth.visitor import Visitor
@@ -87,8 +87,7 @@ class _Alerts:
             with ui.element("div").classes("fs-panel-head"):
                 with ui.element("h2"):
                     ui.label("Open")
-                search = ui.input(placeholder="Robot, rule or text", on_change=self._look_for)
-                search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+                search_field("Robot, rule or text", self._look_for)
                 self._found = ui.label().classes("fs-muted")
             self._open = LiveTable(
                 OPEN_COLUMNS, self._load_open, row_key="id", sort="severity", body=OPEN_BODY, card=CARD
@@ -170,8 +169,8 @@ class _Alerts:
         self._severity = None if self._severity is severity else severity
         await self._open.begin()
 
-    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
-        self._text = (event.value or "")[:100]
+    async def _look_for(self, text: str) -> None:
+        self._text = text
         await self._open.begin()
 
     async def _do(self, event: events.GenericEventArguments) -> None:

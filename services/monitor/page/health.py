@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from nicegui import events, ui
+from nicegui import ui
 
 from schemas.keys import CameraKey
 from services.monitor.monitor import Monitor
@@ -13,7 +13,7 @@ from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at,
 from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
 from services.monitor.page.links import HEALTH
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
 from services.monitor.page.monitor_health import MonitorHealth
 from services.monitor.page.robots import robot_of
 from services.monitor.page.shared import Shared
@@ -74,8 +74,7 @@ class _Health:
             )
         with _panel("Gateways"):
             with ui.element("div").classes("fs-panel-head"):
-                search = ui.input(placeholder="Robot, camera or class", on_change=self._look_for)
-                search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+                search_field("Robot, camera or class", self._look_for)
             self._gateways = LiveTable(
                 GATEWAY_COLUMNS,
                 self._load_gateways,
@@ -134,8 +133,8 @@ class _Health:
         shown = robots[window.begin : window.end]
         return [gateway_row(robot_of(glance, name), glance.now_ns) for name in shown], len(robots)
 
-    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
-        self._wanted = replace(self._wanted, text=(event.value or "")[:100])
+    async def _look_for(self, text: str) -> None:
+        self._wanted = replace(self._wanted, text=text)
         await self._gateways.begin()
 
 

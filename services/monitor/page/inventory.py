@@ -17,7 +17,7 @@ from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, pag
 from services.monitor.page.inventory_rows import as_csv, sighting_row
 from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
 from services.monitor.page.links import INVENTORY
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
 from services.monitor.page.shared import Shared
 from services.monitor.page.sightings import Filters, Stock
 from services.monitor.page.tiles import Tile
@@ -95,8 +95,7 @@ class _Inventory:
 
     def _head(self) -> None:
         with ui.element("div").classes("fs-panel-head"):
-            search = ui.input(placeholder="Robot, camera, class, model or worker", on_change=self._look_for)
-            search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+            search_field("Robot, camera, class, model or worker", self._look_for)
             ui.switch("In view now", value=True, on_change=self._in_view)
             self._found = ui.label().classes("fs-muted")
             ui.element("div").classes("fs-spring")
@@ -148,8 +147,8 @@ class _Inventory:
         await self._table.begin()
         await self.draw()
 
-    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
-        self._filters = replace(self._filters, text=(event.value or "")[:100])
+    async def _look_for(self, text: str) -> None:
+        self._filters = replace(self._filters, text=text)
         await self._table.begin()
 
     async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:

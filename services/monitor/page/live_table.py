@@ -1,7 +1,7 @@
 """A table of which only the rows that are looked at are sent, so that thousands cost no more than a screenful."""
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from nicegui import events, ui
@@ -10,6 +10,7 @@ from services.monitor.turns import pause
 
 ROWS: Final = 25
 CHOICES: Final = (10, 25, 50, 100)
+MAX_TEXT: Final = 100
 
 Rows = list[dict[str, Any]]
 
@@ -55,7 +56,7 @@ class LiveTable:
             "descending": False,
         }
         self.table = ui.table(
-            columns=[_column(column, row_key) for column in columns],
+            columns=[{**asdict(column), "field": row_key} for column in columns],  # templates look up what they show
             rows=[],
             row_key=row_key,
             pagination=dict(self._pagination),
@@ -102,12 +103,11 @@ class LiveTable:
         await self.refresh()
 
 
-def _column(column: Column, field: str) -> dict[str, Any]:
-    """Return it as Quasar takes it; the templates look up what they show, so any field will do."""
-    return {
-        "name": column.name,
-        "field": field,
-        "label": column.label,
-        "sortable": column.sortable,
-        "align": column.align,
-    }
+def search_field(placeholder: str, look_for: Callable[[str], Awaitable[None]]) -> None:
+    """Make the field that a table is searched with; look_for: is given what somebody types."""
+
+    async def changed(event: events.ValueChangeEventArguments[str | None]) -> None:
+        await look_for((event.value or "")[:MAX_TEXT])
+
+    field = ui.input(placeholder=placeholder, on_change=changed)
+    field.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")

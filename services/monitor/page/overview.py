@@ -5,12 +5,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Final
 
-from nicegui import events, ui
+from nicegui import ui
 
 from services.monitor.monitor import Monitor
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
 from services.monitor.page.links import FLEET
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window
+from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
 from services.monitor.page.overview_rows import robot_row
 from services.monitor.page.robots import RobotState, robot_of
 from services.monitor.page.shared import Shared
@@ -81,8 +81,7 @@ class _Overview:
         figures.chosen = self._only
         with ui.element("div").classes("fs-panel"):
             with ui.element("div").classes("fs-panel-head"):
-                self._search = ui.input(placeholder="Robot, camera or class", on_change=self._look_for)
-                self._search.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+                search_field("Robot, camera or class", self._look_for)
                 self._found = ui.label().classes("fs-muted")
             self._table = LiveTable(
                 COLUMNS, self._load, row_key="robot", sort="state", body=ROBOT_BODY, card=ROBOT_CARD
@@ -122,8 +121,8 @@ class _Overview:
         self._wanted = replace(self._wanted, state=None if self._wanted.state is state else state)
         await self._table.begin()
 
-    async def _look_for(self, event: events.ValueChangeEventArguments[str | None]) -> None:
-        self._wanted = replace(self._wanted, text=(event.value or "")[:100])
+    async def _look_for(self, text: str) -> None:
+        self._wanted = replace(self._wanted, text=text)
         await self._table.begin()
 
 
