@@ -1,21 +1,18 @@
 """The fleet now, of which is made what somebody looks at and nothing else. Pure."""
 
-from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from operator import attrgetter
 from typing import Final
 
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet, Row
 from services.monitor.inventory.debouncing import NS
+from services.monitor.inventory.inventory import of_robot
 from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 
 SILENT_NS: Final = 3 * NS
 """After how long without a word a worker counts as gone: it has one every second."""
-
-ROBOT_OF: Final = attrgetter("robot")
 
 
 class Workers:
@@ -59,10 +56,7 @@ class Glance:
 
     def cameras_of(self, robot: str) -> Sequence[CameraKey]:
         """Return a robot's cameras, by name."""
-        begin = end = bisect_left(self.cameras, robot, key=ROBOT_OF)
-        while end < len(self.cameras) and self.cameras[end].robot == robot:
-            end += 1
-        return self.cameras[begin:end]
+        return of_robot(self.cameras, robot)
 
     def row(self, key: CameraKey) -> Row:
         """Return a camera as an operator reads it."""

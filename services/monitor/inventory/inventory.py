@@ -1,10 +1,10 @@
 """The inventory: what every camera of the fleet has in view, and since when. Pure."""
 
-from bisect import bisect_left, insort
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from bisect import bisect_left, bisect_right, insort
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
-from itertools import islice, takewhile
+from operator import attrgetter
 from typing import Final
 
 import msgspec
@@ -184,10 +184,7 @@ class Inventory:
 
     def in_order(self, robot: str = "") -> tuple[CameraKey, ...]:
         """Return every camera ever heard of, or those of one robot, by robot and name."""
-        if not robot:
-            return tuple(self._in_order)
-        first = bisect_left(self._in_order, robot, key=_robot_of)
-        return tuple(takewhile(lambda key: key.robot == robot, islice(self._in_order, first, None)))
+        return tuple(of_robot(self._in_order, robot) if robot else self._in_order)
 
     def camera(self, key: CameraKey) -> CameraView | None:
         """Return one camera, to be looked at only."""
@@ -232,12 +229,14 @@ class Inventory:
         return found
 
 
+def of_robot(in_order: Sequence[CameraKey], robot: str) -> Sequence[CameraKey]:
+    """Return a robot's cameras among some that are in order."""
+    name_of = attrgetter("robot")
+    return in_order[bisect_left(in_order, robot, key=name_of) : bisect_right(in_order, robot, key=name_of)]
+
+
 def _newness(sighting: Sighting) -> tuple[bool, int, int]:
     return (sighting.count > 0, sighting.last_ns, sighting.since_ns)
-
-
-def _robot_of(key: CameraKey) -> str:
-    return key.robot
 
 
 def make_room(members: Collection[object], name: object) -> None:
