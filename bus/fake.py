@@ -54,12 +54,8 @@ class _FakePublisher(MessageWriter):
             subscription.arrive(self.key, sent, self.encoding)
 
 
-class _FakeServer(Server):
-    pass
-
-
-_Handle = _FakeToken | _FakeSubscription | _FakeWatch | _FakePublisher | _FakeServer
-H = TypeVar("H", _FakeToken, _FakeSubscription, _FakeWatch, _FakePublisher, _FakeServer)
+_Handle = _FakeToken | _FakeSubscription | _FakeWatch | _FakePublisher | Server
+H = TypeVar("H", _FakeToken, _FakeSubscription, _FakeWatch, _FakePublisher, Server)
 
 
 class FakeNetwork:
@@ -94,7 +90,7 @@ class FakeNetwork:
                     handle.arrive(token.key, alive=True)
             case _FakeToken():
                 self._tell_watches(handle.key, alive=True)
-            case _FakePublisher() | _FakeServer():
+            case _FakePublisher() | Server():
                 pass
         self._tell_publishers()
 
@@ -117,7 +113,7 @@ class FakeNetwork:
                 case None:
                     asking.give_up()
 
-        servers = self.matching(asking.key, _FakeServer)
+        servers = self.matching(asking.key, Server)
         if not servers:
             answer(None)
             return
@@ -184,8 +180,8 @@ class _FakeBus:
     async def serve(
         self, key_expr: str, handler: Handler, /, *, at_once: int = 1, waiting: int = 16
     ) -> AsyncIterator[None]:
-        def make() -> _FakeServer:
-            server = _FakeServer(key_expression(key_expr), handler, self._loop, at_once, waiting)
+        def make() -> Server:
+            server = Server(key_expression(key_expr), handler, self._loop, at_once, waiting)
             check_free(server.key, self._handles)
             return server
 

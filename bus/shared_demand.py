@@ -1,7 +1,7 @@
 """Work that is done only while somebody wants what comes of it."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 
 
 class SharedDemand:
@@ -33,7 +33,9 @@ class SharedDemand:
         await (self._on if wanted else self._off).wait()
 
 
-async def while_wanted(demand: SharedDemand, work: Callable[[], Awaitable[None]], *, linger_s: float = 0.0) -> None:
+async def while_wanted(
+    demand: SharedDemand, work: Callable[[], Coroutine[None, None, None]], *, linger_s: float = 0.0
+) -> None:
     """Run `work` whenever there is demand, for ever; cancel it when there was none for `linger_s` seconds on end.
 
     For work that takes long to begin: it lives on through a demand that blinks.
@@ -41,7 +43,7 @@ async def while_wanted(demand: SharedDemand, work: Callable[[], Awaitable[None]]
     while True:
         await demand.until(wanted=True)
         async with asyncio.TaskGroup() as group:
-            working = group.create_task(_run(work))
+            working = group.create_task(work())
             await _none_for(demand, linger_s)
             working.cancel()
 
@@ -54,7 +56,3 @@ async def _none_for(demand: SharedDemand, linger_s: float) -> None:
                 await demand.until(wanted=True)
         except TimeoutError:
             return
-
-
-async def _run(work: Callable[[], Awaitable[None]]) -> None:
-    await work()

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections import defaultdict
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 from concurrent.futures import Executor
 from contextlib import suppress
 from typing import Final
@@ -98,12 +98,12 @@ class Worker:
             budget=self._budget,
         )
 
-    async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Awaitable[None]]) -> None:
+    async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Coroutine[None, None, None]]) -> None:
         """Work with the camera's points, whosever they are now, for ever."""
         while True:
             points = self._sensors.points_of(key)
             async with asyncio.TaskGroup() as group:
-                working = None if points is None else group.create_task(_run(work, points))
+                working = None if points is None else group.create_task(work(points))
                 while self._sensors.points_of(key) == points:
                     await self._changed[key.robot].wait()
                 if working is not None:
@@ -118,7 +118,3 @@ class Worker:
             cameras=self._accounts.loads(),
             version=VERSION,
         )
-
-
-async def _run(work: Callable[[CameraKey], Awaitable[None]], points: CameraKey) -> None:
-    await work(points)
