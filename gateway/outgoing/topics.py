@@ -1,9 +1,9 @@
 """Where on the robot's ROS graph the results of its cameras are found. Pure."""
 
-import re
 from collections.abc import Mapping
 from typing import Final
 
+from gateway.nodes import ros_chunk
 from schemas.keys import Stream
 
 ROOT: Final = "ultralytics"
@@ -20,7 +20,7 @@ RESULTS: Final[Mapping[Stream, str]] = {
 
 def result_root(camera: str, *, first: bool) -> str:
     """Return the ROS namespace of a camera's results, relative to the gateway's; the first has no chunk of its own."""
-    return ROOT if first else f"{ROOT}/{re.sub('[^A-Za-z0-9_]', '_', camera)}"
+    return ROOT if first else f"{ROOT}/{ros_chunk(camera)}"
 
 
 def is_result(topic: str) -> bool:
