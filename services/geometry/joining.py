@@ -27,11 +27,10 @@ DOUBLE: Final = "a stamp that is there already"
 
 @dataclass(frozen=True, slots=True)
 class Partner(Generic[T]):
-    """What was found. apart_ns: its stamp less the one asked for."""
+    """What was found, and its stamp."""
 
     item: T
     stamp_ns: int
-    apart_ns: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +105,7 @@ class Joiner(Generic[T]):
         best = min(around, key=lambda kept: abs(kept.stamp_ns - stamp_ns), default=None)
         if best is not None and abs(best.stamp_ns - stamp_ns) <= self.tolerance_ns:
             best.used = True
-            return Partner(best.item, best.stamp_ns, best.stamp_ns - stamp_ns)
+            return Partner(best.item, best.stamp_ns)
         return self._missing(best, stamp_ns, may_come=place == len(self._kept))
 
     def shed(self) -> None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from schemas.detections import Box, Detection, Detections
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
-from services.geometry.masks import Window
 from tests.schemas.frames import header
 from tests.schemas.masks import coco_mask
 
@@ -72,11 +71,6 @@ def lidar_view(boxes: tuple[Cuboid, ...], origin: NDArray[Any]) -> tuple[NDArray
     ways, owners = cast(origin, rays, boxes)
     points = rays * np.where(np.isinf(ways), np.nan, ways)[:, None]
     return points.astype(np.float32), owners
-
-
-def window_of(pixels: NDArray[np.bool_]) -> Window:
-    """Return a mask of the whole picture."""
-    return Window(0, 0, pixels)
 
 
 def detection(pixels: NDArray[np.bool_] | None, name: str = "box", label: int = 2) -> Detection:
