@@ -13,8 +13,9 @@ from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud, PointField
 from schemas.transforms import Transform, Transforms
+from services.geometry.rotation import quaternion_of
 from services.simulator.messages import DATATYPES
-from services.simulator.placement import Placement, quaternion
+from services.simulator.placement import Placement
 from services.simulator.world import CLASSES, Camera, SeenObject
 
 STAMP_NS: Final = 1_700_000_000_000_000_000
@@ -74,7 +75,7 @@ def transforms_of(joints: Iterable[tuple[str, str, Placement]], stamp_ns: int = 
             child_frame_id=child,
             stamp_ns=stamp_ns,
             translation=tuple(placement[:3, 3].tolist()),
-            rotation=quaternion(placement[:3, :3]),
+            rotation=tuple(quaternion_of(placement).tolist()),
         )
         for parent, child, placement in joints
     ]

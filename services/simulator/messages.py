@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gateway.ros1.image import Image, encode_image
 from gateway.ros1.messages import Time, new_message, serialise
 from gateway.ros1.point_cloud import PointCloud, PointField, encode_point_cloud
-from services.simulator.placement import Placement, quaternion
+from services.geometry.rotation import quaternion_of
+from services.simulator.placement import Placement
 from services.simulator.topics import CAMERA_INFO, TF_MESSAGE
 from services.simulator.world import Camera
 
@@ -102,8 +103,8 @@ def transforms_message(stamp: int, joints: Iterable[tuple[str, str, Placement]])
 
 
 def _transform(stamp: int, parent: str, child: str, placement: Placement) -> Any:
-    x, y, z = (float(metres) for metres in placement[:3, 3])
-    qx, qy, qz, qw = quaternion(placement[:3, :3])
+    x, y, z = placement[:3, 3].tolist()
+    qx, qy, qz, qw = quaternion_of(placement).tolist()
     moved = new_message(
         "geometry_msgs/Transform",
         translation=new_message("geometry_msgs/Vector3", x=x, y=y, z=z),

@@ -92,17 +92,3 @@ def odometry_error(fraction: float) -> Placement:
     turn = 2 * np.pi * fraction
     drift = ODOMETRY_ERROR_M * np.sin(turn)
     return at(drift, ODOMETRY_ERROR_M * (1 - np.cos(turn)), yaw=ODOMETRY_ERROR_RAD * np.sin(turn))
-
-
-def quaternion(rotation: NDArray[np.floating]) -> tuple[float, float, float, float]:
-    """(x, y, z, w) of the rotation nearest to a 3 x 3 matrix, w not negative: Bar-Itzhack's eigenvector."""
-    (a, b, c), (d, e, f), (g, h, i) = np.asarray(rotation, np.float64)
-    symmetric = [
-        [a - e - i, b + d, c + g, h - f],
-        [b + d, e - a - i, f + h, c - g],
-        [c + g, f + h, i - a - e, d - b],
-        [h - f, c - g, d - b, a + e + i],
-    ]
-    x, y, z, w = np.linalg.eigh(np.array(symmetric))[1][:, 3]
-    sign = -1.0 if w < 0 else 1.0
-    return sign * float(x), sign * float(y), sign * float(z), sign * float(w)

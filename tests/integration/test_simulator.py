@@ -13,8 +13,9 @@ from schemas.image import ImageFrame
 from schemas.keys import TF_STATIC, CameraKey, RobotStreamKey, Stream
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
+from services.geometry.rotation import quaternion_of
 from services.simulator.fleet import robots
-from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, quaternion
+from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR
 from services.simulator.settings import SimulatorSettings
 from services.toolbox.demo.children import child
 from tests.integration.fleet import fleet_rig, receive
@@ -69,7 +70,7 @@ async def test_rospy_gets_every_topic_with_one_stamp_and_tf2_says_where_it_was_m
         for frame, (x, y, z, *rotation) in found.items():
             expected = robot.film.robot(number) @ robot.film.rig.on_robot(frame)
             assert (x, y, z) == pytest.approx(tuple(expected[:3, 3]), abs=1e-6)
-            assert abs(np.dot(rotation, quaternion(expected[:3, :3]))) == pytest.approx(1, abs=1e-9)
+            assert abs(np.dot(rotation, quaternion_of(expected))) == pytest.approx(1, abs=1e-9)
 
 
 async def test_real_rosbag_reads_and_plays_a_bag_and_a_gateway_takes_it(ros: RosEnvironment, tmp_path: Path) -> None:
