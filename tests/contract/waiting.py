@@ -4,6 +4,10 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from typing import Final, TypeVar
 
+from bus import Subscription
+from schemas import codec
+from schemas.codec import M
+
 PATIENCE_S: Final = 60
 
 T = TypeVar("T")
@@ -14,7 +18,12 @@ async def next_of(source: AsyncIterator[T]) -> T:
         return await anext(source)
 
 
-async def until(condition: Callable[[], bool]) -> None:
+async def receive(subscription: Subscription, schema: type[M]) -> M:
+    sample = await next_of(subscription)
+    return codec.decode(schema, sample.payload, sample.encoding)
+
+
+async def until(condition: Callable[[], object]) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while not condition():  # noqa: ASYNC110 - what is waited for tells nobody
             await asyncio.sleep(0.005)

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 
 import numpy as np
@@ -22,6 +22,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.status import UNWANTED
 from schemas.transforms import Transforms
+from tests.contract.waiting import PATIENCE_S, until
 from tests.gateway.sensing import compressed, tf, transform
 from tests.schemas.pictures import file_of
 
@@ -30,7 +31,6 @@ COLOR = StreamKey(FRONT, Stream.COLOR)
 TOPIC = "/front/color/image_raw"
 STATIC = RobotStreamKey("r1", "tf_static")
 LINGER_S = 0.05
-PATIENCE_S = 60
 TOPICS: dict[SensorKey, str] = {COLOR: TOPIC, STATIC: "/tf_static"}
 
 
@@ -58,12 +58,6 @@ class Rig:
         self.lidar = lidar
         self.forward = forward
         self.static = static
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():  # noqa: ASYNC110 - nobody tells
-            await asyncio.sleep(0.01)
 
 
 async def receive(subscription: Subscription) -> ImageFrame:

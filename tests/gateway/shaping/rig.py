@@ -12,8 +12,6 @@ from gateway.shaping.outlet import Outlet, unshaped
 from gateway.shaping.settings import ShapingSettings
 from gateway.shaping.shaping import Shaping
 from gateway.translators import kind_of
-from schemas import codec
-from schemas.codec import M
 from schemas.image import ImageFrame
 from schemas.keys import SensorKey, StreamKey, Wanted
 from tests.gateway.shaping.frames import frame, picture
@@ -49,12 +47,6 @@ class Rig:
     def listens(self, key: SensorKey, clock: str, *, alive: bool = True) -> None:
         assert isinstance(key, StreamKey)
         self.consumers.note(Presence(str(Wanted(key, clock, "w1")), alive))
-
-
-async def receive(arrived: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(60):
-        sample = await anext(arrived)
-    return codec.decode(schema, sample.payload, sample.encoding)
 
 
 def numbered(seq: int, size: int = 4) -> ImageFrame:

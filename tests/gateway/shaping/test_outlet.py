@@ -16,9 +16,10 @@ from schemas.keys import sensor_key
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
 from tests.gateway.shaping.frames import cloud, frame, picture
-from tests.gateway.shaping.rig import Rig, numbered, receive
+from tests.gateway.shaping.rig import Rig, numbered
 from tests.gateway.shaping.test_scaling import info
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of

@@ -10,8 +10,9 @@ from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.points import PointCloud
+from tests.contract.waiting import receive
 from tests.gateway.shaping.frames import cloud, frame, picture
-from tests.gateway.shaping.rig import Rig, numbered, receive
+from tests.gateway.shaping.rig import Rig, numbered
 from tests.gateway.shaping.test_scaling import info
 
 COLOR, DEPTH, INFO, DEPTH_INFO, POINTS, BATTERY = (

@@ -19,7 +19,8 @@ from services.cloud.settings import CloudSettings
 from services.cloud.worker import Worker
 from services.geometry.joining import FLUSHED
 from services.geometry.memory_budget import CROWDED
-from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, found, load_when, placed, receive, registered, until
+from tests.contract.waiting import receive, until
+from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, found, load_when, placed, registered
 
 HOUR_NS = 3_600 * 10**9
 STREAMS = (Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)

@@ -10,13 +10,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from bus import QUEUE, Bus, Publisher, QoS, Subscription
+from bus import QUEUE, Bus, Publisher, QoS
 from bus.clock import clock_id
 from bus.fake import FakeNetwork
 from bus.version import VERSION
 from schemas import codec, keys, worker_keys
 from schemas.camera_info import CameraInfo
-from schemas.codec import M
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
@@ -27,6 +26,7 @@ from schemas.transforms import Transform, Transforms
 from services.cloud.account import MALFORMED, MALFORMED_POINTS, UNJOINED, UNPLACED
 from services.cloud.settings import CloudSettings
 from services.cloud.worker import SERVICE, Worker
+from tests.contract.waiting import receive, until
 from tests.schemas.frames import header
 from tests.services.cloud.clouds import xyz_cloud
 from tests.services.cloud.scenes import Cuboid, camera_view, detection, detections, lidar_view
@@ -91,18 +91,6 @@ class Rig:
     async def transforms(self, sent: Transforms) -> None:
         key = str(RobotStreamKey("r1", keys.TF_STATIC))
         (await self.publisher(key, keys.TF_STATIC)).put(codec.encode(sent))
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(60):
-        while not condition():  # noqa: ASYNC110 - nobody tells
-            await asyncio.sleep(0.005)
-
-
-async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(60):
-        sample = await anext(subscription)
-    return codec.decode(schema, sample.payload, sample.encoding)
 
 
 async def load_when(rig: Rig, such: Callable[[CameraLoad], bool]) -> CameraLoad:

@@ -16,9 +16,9 @@ from schemas.image import ImageFrame
 from schemas.keys import Stream
 from services.detector.account import Account
 from services.detector.camera import Camera, serving
+from tests.contract.waiting import receive, until
 from tests.services.detector.requests import FRONT, frame_of
 from tests.services.detector.test_overlay import HEIGHT, INSIDE, WIDTH, found, grey
-from tests.services.detector.test_worker import receive, until
 
 DETECTION, SEGMENTATION = Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION
 NEEDS_MASKS = {Stream.CLASSES: False, DETECTION: False, Stream.DETECTIONS: True, SEGMENTATION: True}

@@ -16,8 +16,9 @@ from services.detector.model import ModelError
 from services.detector.process import FAILED, run, work
 from services.detector.settings import DetectorSettings
 from services.toolbox.demo.ports import free_ports
+from tests.contract.waiting import until
 from tests.services.detector.fakes import FakeModel
-from tests.services.detector.test_worker import FRONT, frame, until
+from tests.services.detector.test_worker import FRONT, frame
 
 
 @asynccontextmanager

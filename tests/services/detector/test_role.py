@@ -19,9 +19,9 @@ from services.detector.account import SPARED
 from services.detector.requests import answering
 from services.detector.role import DETECTOR, OPINION
 from services.detector.worker import Worker
-from tests.contract.waiting import next_of
+from tests.contract.waiting import next_of, receive, until
 from tests.services.detector.fakes import FakeModel
-from tests.services.detector.test_worker import FRONT, Rig, frame, loads_after, receive, until
+from tests.services.detector.test_worker import FRONT, Rig, frame, loads_after
 
 COUNTED = (Stream.CLASSES, Stream.DETECTIONS, Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 

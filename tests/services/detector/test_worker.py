@@ -1,5 +1,5 @@
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import msgspec
@@ -12,7 +12,6 @@ from bus.clock import clock_id
 from bus.fake import FakeNetwork
 from bus.version import VERSION
 from schemas import codec, keys, worker_keys
-from schemas.codec import M
 from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted
@@ -20,12 +19,12 @@ from schemas.status import UNWANTED, CameraLoad, WorkerStatus
 from schemas.worker_keys import WorkerAlive
 from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED
 from services.detector.worker import Worker
+from tests.contract.waiting import PATIENCE_S, receive, until
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
 from tests.services.detector.fakes import FakeModel
 
 ME = WorkerAlive("detector", "w1")
-PATIENCE_S = 60
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")
 
 
@@ -53,18 +52,6 @@ class Rig:
     async def model_called(self) -> None:
         """Wait until a frame is with the model, which has been waited for as often as this was called before."""
         assert await asyncio.to_thread(self.model.called.acquire, timeout=PATIENCE_S)
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():  # noqa: ASYNC110 - nobody tells
-            await asyncio.sleep(0.005)
-
-
-async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(PATIENCE_S):
-        sample = await anext(subscription)
-    return codec.decode(schema, sample.payload, sample.encoding)
 
 
 async def loads_after(statuses: Subscription, *, inferred: int) -> dict[str, CameraLoad]:

@@ -8,10 +8,9 @@ from typing import Final
 
 import msgspec
 
-from bus import QUEUE, Bus, Publisher, QoS, Subscription
+from bus import QUEUE, Bus, Publisher, QoS
 from schemas import codec, keys, worker_keys
 from schemas.camera_info import CameraInfo
-from schemas.codec import M
 from schemas.detections import Detections
 from schemas.distances import Distances
 from schemas.image import ImageFrame
@@ -20,6 +19,7 @@ from schemas.status import CameraLoad, WorkerStatus
 from schemas.transforms import Transforms
 from services.distance.settings import DistanceSettings
 from services.distance.worker import Worker
+from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
 
 FRONT: Final = CameraKey("r1", "front")
@@ -73,12 +73,6 @@ async def working(bus: Bus, executor: Executor, **settings: object) -> AsyncIter
         task = group.create_task(Worker(bus, made, executor, join_s=0).run())
         yield
         task.cancel()
-
-
-async def receive(subscription: Subscription, schema: type[M]) -> M:
-    async with asyncio.timeout(60):
-        sample = await anext(subscription)
-    return codec.decode(schema, sample.payload, sample.encoding)
 
 
 async def load(bus: Bus, so: Callable[[CameraLoad], bool]) -> CameraLoad:

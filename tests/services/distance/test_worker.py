@@ -18,8 +18,9 @@ from schemas.keys import TF, TF_STATIC, CameraKey, Stream, StreamKey, Wanted
 from schemas.status import WorkerStatus
 from services.distance.camera import WAITED
 from services.geometry.joining import FLUSHED
+from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
-from tests.services.distance.rig import FRONT, Robot, load, only, receive, robot, working
+from tests.services.distance.rig import FRONT, Robot, load, only, robot, working
 from tests.services.distance.scenes import (
     FRAME,
     calibration,

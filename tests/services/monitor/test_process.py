@@ -2,7 +2,7 @@ import asyncio
 import io
 import itertools
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 
 import msgspec
 import pytest
@@ -19,6 +19,7 @@ from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
+from tests.contract.waiting import until
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 
@@ -54,12 +55,6 @@ async def publish(bus: Bus, key: str, message: Message) -> None:
 async def send(bus: Bus, key: str, payload: bytes, encoding: str) -> None:
     async with bus.publisher(key, QoS.RESULT, encoding=encoding) as publisher:
         publisher.put(payload)
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(60):
-        while not condition():  # noqa: ASYNC110 - nobody tells
-            await asyncio.sleep(0.005)
 
 
 async def test_presence_and_class_lists_fill_the_fleet(bus: Bus, fleet: Fleet) -> None:

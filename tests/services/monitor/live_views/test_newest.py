@@ -1,5 +1,5 @@
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import msgspec
@@ -11,6 +11,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from services.monitor.live_views.newest import Newest, clouds, pictures
+from tests.contract.waiting import until
 from tests.schemas.frames import header, image
 from tests.schemas.results import clouds as object_clouds
 
@@ -26,12 +27,6 @@ async def monitor_and_detector() -> AsyncIterator[tuple[Bus, Publisher]]:
         theirs.publisher(str(KEY), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as publisher,
     ):
         yield ours, publisher
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(5):
-        while not condition():  # noqa: ASYNC110 - nobody tells
-            await asyncio.sleep(0.001)
 
 
 async def test_an_overlay_is_wanted_while_somebody_looks() -> None:
