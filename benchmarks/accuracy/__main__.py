@@ -26,10 +26,8 @@ that has nothing else to do, and lose much on one that has.
 Scenes and drives are rendered once and kept in the work directory, until what renders them changes.
 """
 
-import argparse
 import contextlib
 import hashlib
-import json
 import os
 import sys
 import tempfile
@@ -43,7 +41,7 @@ from typing import Any, Final
 from benchmarks.accuracy.drives import drive_seeds, held_out_drives
 from benchmarks.accuracy.following import followed
 from benchmarks.accuracy.report import report
-from benchmarks.arguments import at_least_one
+from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note, note_step
 from services.detector.model import ModelError
@@ -62,10 +60,7 @@ PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "lapx", "pycocotools"
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure and print. Bad weights end it with one line and the exit code 2."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.accuracy", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.accuracy", __doc__)
     parser.add_argument("--weights", type=Path, default=SHIPPED_MODEL, help="the model (default: the shipped one)")
     parser.add_argument("--scenes", type=at_least_one, default=300, help="how many (default: 300)")
     parser.add_argument("--drives", type=at_least_one, default=8, help="how many (default: 8)")
@@ -84,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             found = measure(plan)
     except (ModelError, TrainingError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {' '.join(str(error).split())}\n")
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -82,7 +82,7 @@ def sighting(seen: Sequence[Seen], detections: Sequence[Detection], overlaps: Ov
     overlap = overlaps(asked, detections)
     tracked = np.array([each.track is not None for each in detections], np.bool_)
     matched = {column for _, column in assigned(np.where(tracked, _close(overlap), 0.0))}
-    others = _share_on([each for each in seen if not each.asked_for], detections)
+    others = mask_overlap([each for each in seen if not each.asked_for], detections, regions=True)
     ignored = np.any(_close(others), axis=0).tolist()
     counted = [n for n in np.flatnonzero(tracked).tolist() if n in matched or not ignored[n]]
     tracks = [track for n in counted if (track := detections[n].track) is not None]
@@ -94,9 +94,10 @@ def _close(overlap: Floats) -> Floats:
     return np.where(overlap >= LEAST_IOU, overlap, 0.0)
 
 
-def mask_overlap(seen: Sequence[Seen], detections: Sequence[Detection]) -> Floats:
-    """Return the IoU of masks of the same class."""
-    return _overlap(seen, detections, [_rle(each) for each in detections], [_rle(each) for each in seen], regions=False)
+def mask_overlap(seen: Sequence[Seen], detections: Sequence[Detection], *, regions: bool = False) -> Floats:
+    """Return the IoU of masks of the same class; of regions the share of each detection's mask on each of them."""
+    found, true = ([_rle(each) for each in some] for some in (detections, seen))
+    return _overlap(seen, detections, found, true, regions=regions)
 
 
 def box_overlap(seen: Sequence[Seen], detections: Sequence[Detection]) -> Floats:
@@ -104,11 +105,6 @@ def box_overlap(seen: Sequence[Seen], detections: Sequence[Detection]) -> Floats
     true = [coco.toBbox(_rle(each)) for each in seen]
     found = [[each.box.x1, each.box.y1, each.box.x2 - each.box.x1, each.box.y2 - each.box.y1] for each in detections]
     return _overlap(seen, detections, np.array(found, np.float64), np.array(true, np.float64), regions=False)
-
-
-def _share_on(seen: Sequence[Seen], detections: Sequence[Detection]) -> Floats:
-    """Return the share of each detection's mask on each object of its class."""
-    return _overlap(seen, detections, [_rle(each) for each in detections], [_rle(each) for each in seen], regions=True)
 
 
 def _overlap(seen: Sequence[Seen], detections: Sequence[Detection], found: Any, true: Any, *, regions: bool) -> Floats:

@@ -18,9 +18,7 @@ overhead, whose stages (medians) are under `overhead_stages_ms`: `queue` before 
 many frames, less before them.
 """
 
-import argparse
 import asyncio
-import json
 import sys
 import tempfile
 from contextlib import AsyncExitStack, ExitStack
@@ -28,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks.arguments import parser_of, show
 from benchmarks.detector.feeding import Pictures, frames, overheads
 from benchmarks.detector.report import medians, overhead, targets
 from benchmarks.gateway.processes import PeerError, Process, module, running
@@ -46,10 +45,7 @@ PACKAGES: Final = ("torch", "ultralytics-opencv-headless", "onnxruntime", "openv
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.detector", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.detector", __doc__)
     parser.add_argument("--seconds", type=float, default=4.0, help="length of one measurement (default: 4)")
     parser.add_argument("--frames", type=int, default=2000, help="frames for the worker's memory (default: 2000)")
     parser.add_argument("--calls", type=int, default=200, help="frames for the overhead (default: 200)")
@@ -57,7 +53,7 @@ def main() -> None:
     arguments = parser.parse_args()
     plan = Plan(arguments.seconds, arguments.repeats, arguments.frames, arguments.calls)
     found = asyncio.run(measure(plan))
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,11 +26,10 @@ While a subscriber stands still for ten seconds at a link that nobody gives up, 
 meanwhile and arrive afterwards, wherever they waited. Needs Debian's ROS 1.
 """
 
-import argparse
-import json
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks.arguments import parser_of, show
 from benchmarks.gateway import flow, idle, stall
 from benchmarks.gateway.processes import ROSMASTER, ros_master
 from benchmarks.gateway.report import Run, medians, targets
@@ -58,10 +57,7 @@ RUNS: Final = [
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.gateway", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.gateway", __doc__)
     parser.add_argument("--seconds", type=float, default=3.0, help="length of one measurement (default: 3)")
     arguments = parser.parse_args()
     if not Path(ROSMASTER).exists():
@@ -71,7 +67,7 @@ def main() -> None:
             f"half of it is with shared memory: that takes leave to lock {SHAREABLE_BYTES >> 20} MiB (ulimit -l)"
         )
     found = measure(arguments.seconds)
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 def measure(seconds: float) -> dict[str, Any]:

@@ -23,7 +23,6 @@ one image's way through fleetsight, at 1 Hz, each hop's median beside what it ca
 Needs Debian's ROS 1.
 """
 
-import argparse
 import asyncio
 import json
 import tempfile
@@ -36,7 +35,7 @@ from typing import Any, Final
 
 import psutil
 
-from benchmarks.arguments import at_least_one
+from benchmarks.arguments import at_least_one, parser_of
 from benchmarks.gateway.processes import ROSMASTER, PeerError
 from benchmarks.guide.hops import lines
 from benchmarks.guide.report import Run, Runs, figures, targets
@@ -65,10 +64,7 @@ class Plan:
 
 def main(given: Sequence[str] | None = None) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.guide", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.guide", __doc__)
     parser.add_argument("--hz", type=float, default=20.0, help="images a second of the flood (default: 20)")
     parser.add_argument("--seconds", type=float, default=8.0, help="length of one measurement (default: 8)")
     parser.add_argument("--repeats", type=at_least_one, default=3, help="how often each is measured (default: 3)")

@@ -20,15 +20,14 @@ everybody connects to is in the same process, and its history is in SQLite; ther
 All processes share the machine's cores.
 """
 
-import argparse
 import asyncio
-import json
 import signal
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks.arguments import parser_of, show
 from benchmarks.gateway.processes import PeerError
 from benchmarks.machine import machine, versions
 from benchmarks.monitor.report import targets
@@ -47,10 +46,7 @@ BEHIND_MS: Final = 1_000.0
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.monitor", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.monitor", __doc__)
     parser.add_argument("--seconds", type=float, default=30.0, help="length of one measurement (default: 30)")
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
@@ -59,7 +55,7 @@ def main() -> None:
             found = asyncio.run(measure(Path(folder), arguments.seconds))
         except* PeerError as failed:
             sys.exit("\n".join(causes(failed)))
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 def causes(failed: BaseException) -> list[str]:

@@ -19,12 +19,11 @@ count.
     rolling_gap_s    the same while all workers are restarted in turn; exit_s: how long one took to end at most
 """
 
-import argparse
-import json
 import signal
 import sys
 from typing import Any, Final
 
+from benchmarks.arguments import parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.peers.fleet_cameras import SEED
 from benchmarks.progress import note
@@ -36,16 +35,13 @@ NAMES: Final = [f"w{number}" for number in range(1, WORKERS + 1)]
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.scaling", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.scaling", __doc__)
     parser.add_argument("--seconds", type=float, default=15.0, help="length of a measurement at rest (default: 15)")
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
     with scenario() as fleet:
         found = measure(fleet, arguments.seconds)
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 def measure(fleet: Scenario, seconds: float) -> dict[str, Any]:

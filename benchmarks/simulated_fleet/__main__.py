@@ -4,9 +4,7 @@ The simulator runs as its users start it, pre-rendered; the subscribers are here
 processor time over the time by the clock: 1 is a whole core. hz_least is what the worst served subscriber got.
 """
 
-import argparse
 import asyncio
-import json
 import sys
 import time
 from collections import Counter
@@ -16,6 +14,7 @@ from typing import Any, Final
 
 import psutil
 
+from benchmarks.arguments import parser_of, show
 from benchmarks.machine import machine, versions
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
@@ -31,19 +30,14 @@ SEEDS: Final = range(1, 4)
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.simulated_fleet",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.simulated_fleet", __doc__)
     parser.add_argument("--robots", type=int, default=20)
     parser.add_argument("--hz", type=float, default=2.0)
     parser.add_argument("--seconds", type=float, default=20.0, help="how long to measure (default: 20)")
     parser.add_argument("--frames", type=int, default=40, help="instants of a loop; rendered first (default: 40)")
     arguments = parser.parse_args()
     found = asyncio.run(run(arguments.robots, arguments.hz, arguments.seconds, arguments.frames))
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 async def run(robots: int, hz: float, seconds: float, frames: int) -> dict[str, Any]:

@@ -13,13 +13,12 @@ Milliseconds are processor time, so that a busy machine does not count; so are t
 inverse of: what a core of its own renders. frames_per_s_wall is what the machine left over in this run.
 """
 
-import argparse
-import json
 import multiprocessing
 import os
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, Final
 
+from benchmarks.arguments import parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.simulator.report import report
 from benchmarks.simulator.stages import measure
@@ -31,14 +30,11 @@ THREAD_LIMITS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THRE
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.simulator", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.simulator", __doc__)
     parser.add_argument("--poses", type=int, default=POSES, help=f"views of each scene (default: {POSES})")
     arguments = parser.parse_args()
     found = run(arguments.poses)
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 def run(poses: int) -> dict[str, Any]:

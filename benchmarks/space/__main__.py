@@ -34,7 +34,6 @@ done, `asked` what it was asked for.
 
 import argparse
 import contextlib
-import json
 import sys
 import tempfile
 import time
@@ -45,7 +44,7 @@ from typing import Any, Final
 
 import cv2
 
-from benchmarks.arguments import at_least_one
+from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note, note_step
 from benchmarks.space.drives import FRAMES, spreads
@@ -75,10 +74,7 @@ PACKAGES: Final = ("numpy", "opencv-python-headless", "msgspec", "ultralytics-op
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Measure and print. Bad weights end it with one line and the exit code 2."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.space", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser = parser_of("benchmarks.space", __doc__)
     parser.add_argument("--weights", type=Path, default=SHIPPED_MODEL, help="the model (default: the shipped one)")
     parser.add_argument("--views", type=at_least_one, default=VIEWS, help="how many scenes (default: %(default)s)")
     parser.add_argument(
@@ -100,7 +96,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             found = measure(arguments.weights, _size(arguments), arguments.seconds)
     except (ModelError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {' '.join(str(error).split())}\n")
-    print(json.dumps(found) if arguments.json else "\n".join(f"{name}: {value}" for name, value in found.items()))
+    show(found, as_json=arguments.json)
 
 
 @dataclass(frozen=True, slots=True)
