@@ -18,7 +18,7 @@ from benchmarks.peers.views import views
 from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 
-FORMATS: Final = {"onnx": "onnx", "openvino": "openvino"}
+EXPORTED: Final = ("onnx", "openvino")
 
 
 def bare(runtime: str, options: dict[str, Any], threads: int, folder: Path) -> Any:
@@ -27,9 +27,9 @@ def bare(runtime: str, options: dict[str, Any], threads: int, folder: Path) -> A
     from ultralytics.models import YOLO  # noqa: PLC0415
 
     weights = shutil.copy(SHIPPED_MODEL, folder)
-    if runtime in FORMATS:
+    if runtime in EXPORTED:
         weights = YOLO(weights).export(
-            format=FORMATS[runtime], dynamic=True, imgsz=options["imgsz"], device="cpu", verbose=False
+            format=runtime, dynamic=True, imgsz=options["imgsz"], device="cpu", verbose=False
         )
     model: Any = YOLO(weights, task="segment")
     model.predict(views()[0], **options)
