@@ -10,14 +10,13 @@ import cv2
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from pycocotools import mask as coco
 
 from schemas.detections import Mask
 from services.simulator.training.dataset import holdout_seed
 from services.simulator.training.evaluation.keeping import kept
 from services.simulator.training.evaluation.precision import MIN_AREA
 from services.simulator.training.evaluation.scenes import generator_digest
-from services.simulator.training.evaluation.truths import MIN_VISIBILITY
+from services.simulator.training.evaluation.truths import MIN_VISIBILITY, mask_of
 from services.simulator.training.progress import Progress
 from services.simulator.world import Camera, Drive, SeenObject, Sensor, expose, generate, render, truth_of
 
@@ -86,10 +85,9 @@ def drawn(seed: int, count: int) -> HeldOutDrive:
 
 
 def _seen(found: SeenObject) -> Seen:
-    rle = coco.encode(np.asfortranarray(found.full_mask(), np.uint8))
     return Seen(
         identity=found.instance,
         name=found.name,
-        mask=Mask((rle["size"][0], rle["size"][1]), rle["counts"].decode("ascii")),
+        mask=mask_of(found),
         asked_for=found.image_share >= MIN_AREA and found.visibility >= MIN_VISIBILITY,
     )

@@ -5,7 +5,6 @@ processor time over the time by the clock: 1 is a whole core. hz_least is what t
 """
 
 import asyncio
-import sys
 import time
 from collections import Counter
 from contextlib import AsyncExitStack
@@ -16,6 +15,7 @@ import psutil
 
 from benchmarks.arguments import parser_of, show
 from benchmarks.machine import machine, versions
+from benchmarks.progress import note
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message
@@ -48,7 +48,7 @@ async def run(robots: int, hz: float, seconds: float, frames: int) -> dict[str, 
     received: Counter[tuple[int, str]] = Counter()
     async with AsyncExitStack() as stack:
         command = ["simulate", "--prerender", "--streams", STREAMS, *options]
-        fleet = await stack.enter_async_context(child("simulator", command, _say))
+        fleet = await stack.enter_async_context(child("simulator", command, note))
         for number in range(robots):
             node = Node(f"/subscriber_{number}", master_uri=f"http://127.0.0.1:{port + number}")
             await stack.enter_async_context(node)
@@ -80,10 +80,6 @@ async def _measured(process: psutil.Process, received: Counter[tuple[int, str]],
 
 def _count(received: Counter[tuple[int, str]], key: tuple[int, str], _message: Message) -> None:
     received[key] += 1
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from benchmarks.space.messages import true_detections
 from benchmarks.space.views import SpaceView, is_asked_for
 from schemas.detections import Detection
 from schemas.distances import ObjectDistance
-from schemas.objects import ObjectCloud, ObjectClouds, UprightBox
+from schemas.objects import ObjectCloud, ObjectClouds
+from services.geometry.boxes import axes_of
 from services.geometry.masks import decode
 from services.simulator.clouds import metres
 from services.simulator.world import DepthSensor, SeenObject
@@ -77,19 +78,11 @@ def centroid(cloud: ObjectCloud, seen: SeenObject) -> float:
 def extents(cloud: ObjectCloud, seen: SeenObject) -> Iterator[float]:
     """Return the relative errors of a box's extents along its object's visible faces."""
     box, true = cloud.shape.box, seen.visible_box.seen_from(seen.view.pose)
-    along = np.abs(_axes(box).T @ true.axes)
+    along = np.abs(axes_of(box) @ true.axes)
     length = 0 if along[0, 0] >= along[1, 0] else 1
     sizes = [box.size[length], box.size[1 - length], box.size[2]]
     for axis in _visible_axes(seen):
         yield abs(sizes[axis] - true.size[axis]) / true.size[axis]
-
-
-def _axes(box: UprightBox) -> NDArray[Any]:
-    up = np.array(box.up)
-    level = np.array([1.0, 0, 0]) - up[0] * up
-    level /= np.linalg.norm(level)
-    ahead = np.cos(box.yaw) * level + np.sin(box.yaw) * np.cross(up, level)
-    return np.stack([ahead, np.cross(up, ahead), up], axis=1)
 
 
 def _visible_axes(seen: SeenObject) -> list[int]:

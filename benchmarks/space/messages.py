@@ -5,10 +5,9 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pycocotools import mask as coco
 
 from schemas.camera_info import CameraInfo
-from schemas.detections import Box, Detection, Detections, Mask
+from schemas.detections import Box, Detection, Detections
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud, PointField
@@ -16,6 +15,7 @@ from schemas.transforms import Transform, Transforms
 from services.geometry.rotation import quaternion_of
 from services.simulator.messages import DATATYPES
 from services.simulator.placement import Placement
+from services.simulator.training.evaluation.truths import mask_of
 from services.simulator.world import CLASSES, Camera, SeenObject
 
 STAMP_NS: Final = 1_700_000_000_000_000_000
@@ -88,14 +88,13 @@ def true_detections(objects: Sequence[SeenObject]) -> list[Detection]:
 
 
 def _true_detection(seen: SeenObject) -> Detection:
-    rle = coco.encode(np.asfortranarray(seen.full_mask(), np.uint8))
     height, width = seen.mask.shape
     return Detection(
         name=seen.name,
         label=CLASSES.index(seen.name),
         score=1.0,
         box=Box(seen.left, seen.top, seen.left + width, seen.top + height),
-        mask=Mask((rle["size"][0], rle["size"][1]), rle["counts"].decode("ascii")),
+        mask=mask_of(seen),
     )
 
 

@@ -1,8 +1,6 @@
 """A YOLO segmentation data set out of the simulated warehouse."""
 
-import multiprocessing
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -11,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.simulator.training import pool
 from services.simulator.training.framing import draw_view
 from services.simulator.training.polygons import Polygon, outline
 from services.simulator.training.progress import Progress
@@ -53,7 +52,7 @@ def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, h
         for kind in ("images", "labels"):
             (folder / kind / split).mkdir(parents=True, exist_ok=True)
     progress("render", 0, len(jobs))
-    for done, _ in enumerate(_mapped(jobs, workers), start=1):
+    for done, _ in enumerate(pool.done(_write_scene, jobs, workers), start=1):
         progress("render", done, len(jobs))
     names = "".join(f"  {index}: {name}\n" for index, name in enumerate(CLASSES))
     description = folder / "dataset.yaml"
@@ -61,19 +60,7 @@ def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, h
     return description
 
 
-Job = tuple[Path, str, int, int]
-
-
-def _mapped(jobs: Iterable[Job], workers: int) -> Iterator[None]:
-    if workers == 1:
-        yield from map(_write_scene, jobs)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-        yield from pool.map(_write_scene, jobs)
-
-
-def _write_scene(job: Job) -> None:
+def _write_scene(job: tuple[Path, str, int, int]) -> None:
     """Write the views of one scene; the label file last, as the sign that its view is complete."""
     folder, split, seed, views = job
     names = [f"{seed:09d}-{view}" for view in range(views)]

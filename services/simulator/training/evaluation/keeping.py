@@ -1,14 +1,12 @@
 """What takes long to make, made once and kept in a folder: a file for each seed."""
 
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TypeVar
 
-import cv2
 import msgspec
 
+from services.simulator.training import pool
 from services.simulator.training.errors import TrainingError
 from services.simulator.training.progress import Progress
 
@@ -30,19 +28,10 @@ def kept(
     files = [folder / f"{seed:09d}.msgpack" for seed in seeds]
     missing: list[_Job] = [(file, seed, make) for file, seed in zip(files, seeds, strict=True) if not file.exists()]
     report("render scenes", len(seeds) - len(missing), len(seeds))
-    for done, _ in enumerate(_written(missing, workers), start=len(seeds) - len(missing) + 1):
+    for done, _ in enumerate(pool.done(_write, missing, workers), start=len(seeds) - len(missing) + 1):
         report("render scenes", done, len(seeds))
     for file in files:
         yield _read(file, kind)
-
-
-def _written(jobs: Sequence[_Job], workers: int) -> Iterator[None]:
-    if workers == 1 or len(jobs) < 2:
-        yield from map(_write, jobs)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-        yield from pool.map(_write, jobs)
 
 
 def _write(job: _Job) -> None:

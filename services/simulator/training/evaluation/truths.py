@@ -41,6 +41,10 @@ def truths_of(scene: Scene, view: View) -> list[Truth]:
 
 
 def _truth(seen: SeenObject) -> Truth:
+    return Truth(name=seen.name, mask=mask_of(seen), pixels=seen.pixels, visibility=seen.visibility)
+
+
+def mask_of(seen: SeenObject) -> Mask:
+    """The visible pixels of an object."""
     rle = coco.encode(np.asfortranarray(seen.full_mask(), np.uint8))
-    mask = Mask((rle["size"][0], rle["size"][1]), rle["counts"].decode("ascii"))
-    return Truth(name=seen.name, mask=mask, pixels=seen.pixels, visibility=seen.visibility)
+    return Mask((rle["size"][0], rle["size"][1]), rle["counts"].decode("ascii"))
