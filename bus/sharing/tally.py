@@ -10,11 +10,11 @@ from schemas.status import MAX_STREAMS, CameraLoad
 
 
 class Tally:
-    """Counts what was measured of a camera, and what was dropped, by reason."""
+    """Counts how much of a camera's work was done, and what was dropped, by reason."""
 
     def __init__(self, camera: CameraKey) -> None:
         self.camera = camera
-        self.measured = 0
+        self.done = 0
         self.dropped: Counter[str] = Counter()
 
     def add(self, what: str, dropped: Counter[str]) -> None:
@@ -23,14 +23,15 @@ class Tally:
             self.dropped[f"{what}: {reason}"] += count
         dropped.clear()
 
-    def load(self, *, serving: bool) -> CameraLoad:
+    def load(self, *, serving: bool, budget_hz: float | None = None) -> CameraLoad:
         """Return the counts as a message."""
         return CameraLoad(
             robot=self.camera.robot,
             camera=self.camera.camera,
-            inferred=self.measured,
+            inferred=self.done,
             dropped={reason: count for reason, count in self.dropped.items() if count},
             serving=serving,
+            budget_hz=budget_hz,
         )
 
 

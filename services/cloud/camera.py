@@ -171,7 +171,7 @@ class Camera:
         if reason:
             self._account.dropped[reason] += 1
         else:
-            self._account.measured += 1
+            self._account.done += 1
 
     async def _publish_clouds(self, matched: Matched, publish: Callable[[ObjectClouds], None]) -> str:
         """Return why there are none, or nothing."""

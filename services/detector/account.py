@@ -1,11 +1,11 @@
 """What became of one camera's frames. Pure."""
 
-from collections import Counter
 from typing import Final
 
+from bus.sharing.tally import Tally
 from schemas.header import Header
 from schemas.keys import CameraKey
-from schemas.status import MISSING, CameraLoad
+from schemas.status import MISSING
 
 REPLACED: Final = "replaced by a newer frame"
 STALE: Final = "too old when its turn came"
@@ -19,18 +19,16 @@ TOO_MANY: Final = (REPLACED, STALE)
 """Reasons that say that frames came faster than they could be looked at."""
 
 
-class Account:
-    """Counts every frame of a camera once: inferred, or dropped for a reason.
+class Account(Tally):
+    """Counts every frame of a camera once: done, or dropped for a reason.
 
     unread: why those are dropped that a newer one replaced before they were read.
     """
 
     def __init__(self, camera: CameraKey, *, unread: str = REPLACED) -> None:
-        self._camera = camera
+        super().__init__(camera)
         self._unread = unread
         self._last: Header | None = None
-        self.inferred = 0
-        self.dropped: Counter[str] = Counter()
 
     def begin(self) -> None:
         """Start anew after a pause: the frames of the pause were never meant for us."""
@@ -60,14 +58,3 @@ class Account:
     def too_many(self) -> int:
         """How many frames were dropped because there were too many."""
         return sum(self.dropped[reason] for reason in TOO_MANY)
-
-    def load(self, *, serving: bool = False, budget_hz: float | None = None) -> CameraLoad:
-        """Return the counts as a message."""
-        return CameraLoad(
-            robot=self._camera.robot,
-            camera=self._camera.camera,
-            inferred=self.inferred,
-            dropped={reason: count for reason, count in self.dropped.items() if count},
-            serving=serving,
-            budget_hz=budget_hz,
-        )

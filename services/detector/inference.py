@@ -203,7 +203,7 @@ class Inference:
         account, header = sent.camera.account, sent.request.frame.header
         self._done += 1
         if isinstance(outcome, Found):
-            account.inferred += 1
+            account.done += 1
             return outcome
         account.dropped[outcome.reason] += 1
         text = "%s: frame %d of gateway %s left out, %s: %r"

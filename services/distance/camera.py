@@ -98,7 +98,7 @@ async def _measure(
     if isinstance(moment.instant, str):
         camera.account.dropped[UNJOINED] += 1
     else:
-        camera.account.measured += 1
+        camera.account.done += 1
 
 
 async def _moment(sensed: Sensed, seen: Detections, news: asyncio.Event) -> Moment:

@@ -8,7 +8,7 @@ from schemas.status import MAX_STREAMS, CameraLoad
 
 def test_what_is_added_is_named_and_forgotten_where_it_was_counted() -> None:
     tally, dropped = Tally(CameraKey("r1", "front")), Counter({"too old": 2, "never": 0})
-    tally.measured = 3
+    tally.done = 3
     tally.add("points", dropped)
     assert not dropped
     tally.add("points", Counter({"too old": 1}))
@@ -21,7 +21,7 @@ def test_the_tallies_of_cameras_that_were_served_longest_ago_make_room() -> None
     tallies = Tallies(Tally, most=2)
     first, second, third, fourth = (CameraKey("r1", f"c{number}") for number in range(4))
     with tallies.serving(first) as tally:
-        tally.measured = 3
+        tally.done = 3
         with tallies.serving(second):
             pass
         assert loads(tallies) == {"c0": (3, True), "c1": (0, False)}
@@ -38,7 +38,7 @@ def test_a_camera_that_is_served_again_goes_on_from_where_it_was() -> None:
     first, second, third = (CameraKey("r1", f"c{number}") for number in range(3))
     for camera in (first, second, first, third):
         with tallies.serving(camera) as tally:
-            tally.measured += 1
+            tally.done += 1
     assert loads(tallies) == {"c0": (2, False), "c2": (1, False)}
 
 

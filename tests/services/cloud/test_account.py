@@ -5,7 +5,7 @@ from services.cloud.account import REPLACED, UNJOINED, Account
 
 def test_what_never_happened_is_not_listed() -> None:
     account = Account(CameraKey("r1", "front"))
-    account.measured = 3
+    account.done = 3
     account.dropped[UNJOINED] += 2
     account.dropped[REPLACED] += 0
     assert account.load(serving=True) == CameraLoad(

@@ -34,7 +34,7 @@ class Publisher:
 
 
 def answered(account: Account, count: int) -> bool:
-    return account.measured + account.dropped[FAILED] == count
+    return account.done + account.dropped[FAILED] == count
 
 
 @asynccontextmanager
@@ -103,7 +103,7 @@ async def test_clouds_that_cannot_be_published_are_the_only_ones_that_fail(caplo
     failed, made = publisher.taken
     assert (failed.header.seq, failed.objects, failed.unmeasured) == (1, [], {0: "it failed"})
     assert (made.header.seq, len(made.objects), made.unmeasured) == (2, 1, {})
-    assert (account.measured, account.load(serving=True).dropped) == (1, {FAILED: 1})
+    assert (account.done, account.load(serving=True).dropped) == (1, {FAILED: 1})
     assert "r1/front: frame 1 failed: ValueError('no message')" in caplog.text
 
 
@@ -113,4 +113,4 @@ async def test_clouds_that_cannot_be_worked_out_are_said_to_have_failed() -> Non
         executor.shutdown()
         account = await answers(publisher, executor, 1)
     assert [each.unmeasured for each in publisher.taken] == [{0: "it failed"}]
-    assert (account.measured, account.load(serving=True).dropped) == (0, {FAILED: 1})
+    assert (account.done, account.load(serving=True).dropped) == (0, {FAILED: 1})

@@ -20,15 +20,15 @@ def account(*arrivals: tuple[Header, int]) -> Account:
 
 
 def test_a_stream_without_holes_drops_nothing() -> None:
-    assert account((about(3), 0), (about(4), 0)).load().dropped == {}
+    assert account((about(3), 0), (about(4), 0)).load(serving=True).dropped == {}
 
 
 def test_a_gap_is_what_the_queue_replaced_and_the_rest_was_lost_on_the_link() -> None:
-    assert account((about(3), 0), (about(10), 4)).load().dropped == {REPLACED: 4, MISSING: 2}
+    assert account((about(3), 0), (about(10), 4)).load(serving=True).dropped == {REPLACED: 4, MISSING: 2}
 
 
 def test_an_older_frame_is_no_gap() -> None:
-    assert account((about(3), 0), (about(1), 0)).load().dropped == {}
+    assert account((about(3), 0), (about(1), 0)).load(serving=True).dropped == {}
 
 
 def test_the_same_frame_again_is_counted_as_that() -> None:
@@ -36,25 +36,25 @@ def test_the_same_frame_again_is_counted_as_that() -> None:
     assert not made.arrived(about(3), 0)
     assert made.arrived(about(3, "next"), 0)
     assert made.arrived(about(4, "next"), 0)
-    assert made.load().dropped == {DOUBLE: 1}
+    assert made.load(serving=True).dropped == {DOUBLE: 1}
 
 
 def test_a_restarted_gateway_is_no_gap() -> None:
-    assert account((about(3), 0), (about(90, "next"), 0)).load().dropped == {}
+    assert account((about(3), 0), (about(90, "next"), 0)).load(serving=True).dropped == {}
 
 
 def test_a_pause_of_ours_is_no_gap() -> None:
     made = account((about(3), 0))
     made.begin()
     made.arrived(about(90), 0)
-    assert made.load().dropped == {}
+    assert made.load(serving=True).dropped == {}
 
 
 def test_the_account_as_a_message() -> None:
     made = account()
-    made.inferred = 2
+    made.done = 2
     made.dropped[MALFORMED] += 1
-    load = made.load()
+    load = made.load(serving=True)
     assert (load.robot, load.camera, load.inferred, load.dropped) == ("r1", "front", 2, {MALFORMED: 1})
 
 
@@ -62,7 +62,7 @@ def test_a_malformed_frame_is_counted_once_and_is_no_gap() -> None:
     made = account((about(3), 0))
     made.malformed(replaced=2)
     made.arrived(about(9), 0)
-    assert made.load().dropped == {MALFORMED: 1, REPLACED: 2}
+    assert made.load(serving=True).dropped == {MALFORMED: 1, REPLACED: 2}
 
 
 def test_what_was_replaced_unread_may_have_another_reason() -> None:
@@ -70,7 +70,7 @@ def test_what_was_replaced_unread_may_have_another_reason() -> None:
     made.arrived(about(3), 0)
     made.arrived(about(6), 2)
     made.malformed(replaced=1)
-    assert made.load().dropped == {SPARED: 3, MALFORMED: 1}
+    assert made.load(serving=True).dropped == {SPARED: 3, MALFORMED: 1}
     assert made.too_many == 0
 
 

@@ -143,7 +143,7 @@ async def test_a_frame_that_fails_fails_alone_and_is_named(bus: Bus, caplog: pyt
         rig.model.answers[0].set()
         assert await result(lists) == ("c1", 1)
     assert rig.accounts[CAMERAS[0]].dropped == {FAILED: 1}
-    assert (rig.accounts[CAMERAS[0]].inferred, rig.accounts[CAMERAS[1]].inferred) == (0, 1)
+    assert (rig.accounts[CAMERAS[0]].done, rig.accounts[CAMERAS[1]].done) == (0, 1)
     assert "r1/c0: frame 13 of gateway boot left out, failed in the model" in caplog.text
 
 

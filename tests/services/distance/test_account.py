@@ -6,7 +6,7 @@ from services.distance.account import Account
 
 def test_what_became_of_detections_and_of_what_was_kept_for_them() -> None:
     account = Account(CameraKey("r1", "front"))
-    account.measured += 3
+    account.done += 3
     account.malformed("detections")
     unused = Counter({"nothing of its instant was asked for": 2})
     for _ in range(2):

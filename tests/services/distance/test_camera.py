@@ -84,7 +84,7 @@ async def test_an_answer_that_cannot_be_published_is_the_only_one_that_fails(cap
     with ThreadPoolExecutor(1) as executor:
         account = await answers(publisher, executor, 3)
     assert [(seen.header.seq, only(seen)) for seen in publisher.taken] == [(1, (2.0, "")), (2, (2.0, ""))]
-    assert (account.measured, account.load(serving=True).dropped) == (2, {FAILED: 1})
+    assert (account.done, account.load(serving=True).dropped) == (2, {FAILED: 1})
     assert "r1/front: frame 0 failed: BusClosedError('the link is gone')" in caplog.text
 
 
@@ -93,7 +93,7 @@ async def test_an_answer_that_cannot_be_worked_out_is_counted() -> None:
     with ThreadPoolExecutor(1) as executor:
         executor.shutdown()
         account = await answers(publisher, executor, 2)
-    assert (account.measured, account.load(serving=True).dropped) == (0, {FAILED: 2})
+    assert (account.done, account.load(serving=True).dropped) == (0, {FAILED: 2})
 
 
 async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
@@ -101,4 +101,4 @@ async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
     with ThreadPoolExecutor(1) as executor:
         account = await answers(publisher, executor, 2, objects=(), views=Blind)
     assert [seen.objects for seen in publisher.taken] == [[]]
-    assert account.measured == 1
+    assert account.done == 1
