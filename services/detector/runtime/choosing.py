@@ -61,9 +61,8 @@ class Place:
 
 def check_installed(runtime: Runtime) -> None:
     """Raise ModelError unless what a runtime needs is installed."""
-    for package in NEEDS[runtime]:
-        if find_spec(package) is None:
-            raise ModelError(f"--runtime {runtime}: {package} is not installed; {REMEDIES[runtime]}")
+    if missing := _missing(runtime):
+        raise ModelError(f"--runtime {runtime}: {missing[0]} is not installed; {REMEDIES[runtime]}")
 
 
 def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
@@ -76,7 +75,7 @@ def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.ui
     Raises:
         ModelError: none of them works.
     """
-    candidates = [each for each in FOR_DEVICE.get(place.device, ("torch",)) if _is_installed(each)]
+    candidates = [each for each in FOR_DEVICE.get(place.device, ("torch",)) if not _missing(each)]
     memory = _memory(place, candidates)
     known = _recall(memory)
     engines = dict(_made(make, [known], blank)) if known in candidates else {}
@@ -109,8 +108,8 @@ def measure(engines: Mapping[Runtime, Engine], blank: NDArray[np.uint8]) -> dict
     return best
 
 
-def _is_installed(runtime: Runtime) -> bool:
-    return all(find_spec(package) is not None for package in NEEDS[runtime])
+def _missing(runtime: Runtime) -> list[str]:
+    return [package for package in NEEDS[runtime] if find_spec(package) is None]
 
 
 def _made(
