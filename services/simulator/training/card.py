@@ -13,7 +13,7 @@ from services.simulator.training.evaluation.scenes import held_out_seeds
 from services.simulator.training.evaluation.truths import MIN_VISIBILITY
 from services.simulator.training.fitting import ARCHITECTURE, device_name
 from services.simulator.training.metering import Effort
-from services.simulator.training.settings import TrainingSettings
+from services.simulator.training.settings import DECISIVE, TrainingSettings
 from services.simulator.world import CLASSES
 
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "numpy", "opencv-python-headless")
@@ -119,25 +119,12 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> 
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
-        **settings.model_dump(
-            include={
-                "imgsz",
-                "seed",
-                "images",
-                "coarse_epochs",
-                "epochs",
-                "polish_epochs",
-                "batch",
-                "workers",
-                "holdout",
-            }
-        ),
+        **settings.model_dump(exclude={"device"}),
     )
 
 
 def _command(settings: TrainingSettings) -> str:
-    asked = {"seed", "images", "holdout", "coarse_epochs", "epochs", "polish_epochs", "imgsz", "batch"}
-    options = settings.model_dump(include=asked, exclude_defaults=True)
+    options = settings.model_dump(include=DECISIVE, exclude_defaults=True)
     return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {value}" for name, value in options.items())])
 
 

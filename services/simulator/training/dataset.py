@@ -1,6 +1,6 @@
 """A YOLO segmentation data set out of the simulated warehouse."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,7 +13,7 @@ from services.simulator.training import pool
 from services.simulator.training.framing import draw_view
 from services.simulator.training.polygons import Polygon, outline
 from services.simulator.training.progress import Progress
-from services.simulator.world import CLASSES, Rendering, Scene, Sensor, expose, generate
+from services.simulator.world import CLASSES, SeenObject, Sensor, expose, generate, truth_of
 from services.simulator.world.clearance import Clearance
 
 VIEWS: Final = 2
@@ -78,22 +78,18 @@ def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[La
     scene, rng = generate(seed), np.random.default_rng([seed, 2])
     clearance = Clearance.of(scene)
     for _ in range(count):
-        rendering = draw_view(scene, clearance, rng).rendering
-        yield expose(rendering.color, Sensor.draw(rng), rng), labels_of(scene, rendering)
+        view = draw_view(scene, clearance, rng)
+        labels = labels_of(truth_of(scene, view.rendering, view.pose, view.camera))
+        yield expose(view.rendering.color, Sensor.draw(rng), rng), labels
 
 
-def labels_of(scene: Scene, rendering: Rendering) -> list[Label]:
+def labels_of(objects: Iterable[SeenObject]) -> list[Label]:
     """The objects in a picture that are large enough to be asked for."""
-    instances = rendering.instances
-    areas = np.bincount(instances.ravel(), minlength=len(scene.instance_classes))
     labels = []
-    for instance in np.flatnonzero(areas[1:] >= MIN_AREA * instances.size) + 1:
-        rows, columns = np.nonzero(instances == instance)
-        top, left = int(rows.min()), int(columns.min())
-        window = instances[top : int(rows.max()) + 1, left : int(columns.max()) + 1]
-        polygon = outline((window == instance).astype(np.uint8))
+    for seen in objects:
+        polygon = outline(seen.mask.astype(np.uint8)) if seen.image_share >= MIN_AREA else None
         if polygon is not None and np.ptp(polygon, axis=0).min() >= MIN_SIDE:
-            labels.append(Label(int(scene.instance_classes[instance]), np.add(polygon, (left, top))))
+            labels.append(Label(CLASSES.index(seen.name), np.add(polygon, (seen.left, seen.top))))
     return labels
 
 

@@ -16,7 +16,7 @@ from services.simulator.training.evaluation.scenes import held_out_seeds, held_o
 from services.simulator.training.fitting import device_name, epochs_done, fit
 from services.simulator.training.metering import effort_so_far, metered
 from services.simulator.training.progress import Progress
-from services.simulator.training.settings import TrainingSettings
+from services.simulator.training.settings import DECISIVE, TrainingSettings
 from services.simulator.training.stages import stages_of
 from services.simulator.training.weights import write_weights
 
@@ -72,9 +72,7 @@ def _claim(work_dir: Path, settings: TrainingSettings) -> None:
     """Note whose directory this is: what is in it fits one set of settings only."""
     work_dir.mkdir(parents=True, exist_ok=True)
     note = work_dir / "settings.json"
-    wanted = settings.model_dump_json(
-        include={"seed", "images", "holdout", "coarse_epochs", "epochs", "polish_epochs", "imgsz", "batch"}
-    )
+    wanted = settings.model_dump_json(include=DECISIVE)
     if note.exists() and note.read_text() != wanted:
         raise TrainingError(f"{work_dir} holds a run with other settings: choose another work_dir or remove it")
     note.write_text(wanted)

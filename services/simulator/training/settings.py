@@ -1,10 +1,13 @@
 """What a training run can be told."""
 
 from pathlib import Path
+from typing import Final
 
 from pydantic import BaseModel, Field, PositiveInt
 
 WEIGHTS_FOLDER = Path(__file__).parents[2] / "detector" / "weights"
+DECISIVE: Final = {"seed", "images", "holdout", "coarse_epochs", "epochs", "polish_epochs", "imgsz", "batch"}
+"""What the weights and their figures depend on, wherever they are made."""
 
 
 class TrainingSettings(BaseModel):

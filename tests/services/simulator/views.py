@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.simulator.training.evaluation.near import Found, near_objects
-from services.simulator.world import Camera, Drive, Sensor, expose, generate, render
+from services.simulator.world import Camera, Drive, Sensor, expose, generate, render, truth_of
 
 UNSEEN_SEED = 700
 
@@ -17,5 +17,7 @@ def near_view(fraction: float = 0.0, seed: int = UNSEEN_SEED) -> NDArray[np.uint
 def near_view_with_truth(fraction: float, seed: int = UNSEEN_SEED) -> tuple[NDArray[np.uint8], list[Found]]:
     """Return the same picture in RGB, and the near objects in it."""
     scene = generate(seed)
-    seen = render(scene, Drive.plan(scene).pose(fraction), Camera())
-    return expose(seen.color, Sensor(), np.random.default_rng(seed)), near_objects(scene, seen)
+    pose, camera = Drive.plan(scene).pose(fraction), Camera()
+    seen = render(scene, pose, camera)
+    near = near_objects(truth_of(scene, seen, pose, camera))
+    return expose(seen.color, Sensor(), np.random.default_rng(seed)), near

@@ -1,7 +1,7 @@
 """How a model names what is near on drives through scenes that it was not trained on."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from services.simulator.training.evaluation.predictor import Predictor
-from services.simulator.world import CLASSES, Camera, Drive, Rendering, Scene, Sensor, expose, generate, render
+from services.simulator.world import CLASSES, Camera, Drive, SeenObject, Sensor, expose, generate, render, truth_of
 
 NEAR_METRES: Final = 4.0
 NEAR_AREA: Final = 0.01
@@ -76,22 +76,21 @@ def near_views(seed: int, frames: int) -> Iterator[View]:
     scene, camera, rng = generate(seed), Camera(), np.random.default_rng([seed, 4])
     drive, sensor = Drive.plan(scene), Sensor()
     for index in range(frames):
-        rendering = render(scene, drive.pose(index / frames), camera)
-        image = expose(rendering.color, sensor, rng)
-        yield View(image, near_objects(scene, rendering), scene.instance_classes[rendering.instances])
+        pose = drive.pose(index / frames)
+        rendering = render(scene, pose, camera)
+        image, near = expose(rendering.color, sensor, rng), near_objects(truth_of(scene, rendering, pose, camera))
+        yield View(image, near, scene.instance_classes[rendering.instances])
 
 
-def near_objects(scene: Scene, rendering: Rendering) -> list[Found]:
+def near_objects(objects: Iterable[SeenObject]) -> list[Found]:
     """The objects whose visible part is large in the picture and within `NEAR_METRES`."""
-    instances = rendering.instances
-    areas = np.bincount(instances.ravel(), minlength=len(scene.instance_classes))
-    found = []
-    for instance in np.flatnonzero(areas[1:] >= NEAR_AREA * instances.size) + 1:
-        rows, columns = np.nonzero(instances == instance)
-        if np.median(rendering.depth[rows, columns]) <= NEAR_METRES:
-            box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], np.float64)
-            found.append(Found(scene.class_name(int(instance)), box))
-    return found
+    large = (each for each in objects if each.image_share >= NEAR_AREA)
+    return [Found(each.name, _box(each)) for each in large if each.depth_m <= NEAR_METRES]
+
+
+def _box(seen: SeenObject) -> Box:
+    height, width = seen.mask.shape
+    return np.array([seen.left, seen.top, seen.left + width, seen.top + height], np.float64)
 
 
 def predicted(detections: Sequence[Detection]) -> list[Found]:

@@ -11,7 +11,7 @@ from services.simulator.training.dataset import (
     views_of,
     write_dataset,
 )
-from services.simulator.world import CLASSES, Camera, Drive, generate, render
+from services.simulator.world import CLASSES, Camera, Drive, generate, render, truth_of
 
 
 def ignored(_stage: str, _done: int, _total: int) -> None:
@@ -42,13 +42,14 @@ def test_views_are_the_same_for_the_same_seed() -> None:
 def test_labels_are_the_masks_of_what_is_seen() -> None:
     for seed in (700, 702, 704):
         scene = generate(seed)
-        view = render(scene, Drive.plan(scene).pose(0.3), Camera())
+        pose, camera = Drive.plan(scene).pose(0.3), Camera()
+        view = render(scene, pose, camera)
         large = {
             int(instance): view.instances == instance
             for instance in np.unique(view.instances[view.instances > 0])
             if (view.instances == instance).sum() > 10 * MIN_AREA * view.instances.size
         }
-        labels = labels_of(scene, view)
+        labels = labels_of(truth_of(scene, view, pose, camera))
         assert len(labels) >= len(large) > 0
         for instance, mask in large.items():
             same = [label for label in labels if CLASSES[label.class_index] == scene.class_name(instance)]

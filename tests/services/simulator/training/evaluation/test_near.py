@@ -1,7 +1,7 @@
 import numpy as np
 
 from services.simulator.training.evaluation.near import NEAR_AREA, NEAR_METRES, Found, is_invented, match, near_objects
-from services.simulator.world import Camera, Drive, generate, render
+from services.simulator.world import Camera, Drive, generate, render, truth_of
 
 TRUTH = Found("box", np.array([10.0, 10, 30, 30]))
 
@@ -43,8 +43,9 @@ def test_a_large_prediction_of_what_is_not_there_is_invented() -> None:
 
 def test_near_objects_are_large_and_near() -> None:
     scene = generate(702)
-    seen = render(scene, Drive.plan(scene).pose(0.5), Camera())
-    found = near_objects(scene, seen)
+    pose, camera = Drive.plan(scene).pose(0.5), Camera()
+    seen = render(scene, pose, camera)
+    found = near_objects(truth_of(scene, seen, pose, camera))
     assert found
     for each in found:
         left, top, right, bottom = each.box.astype(int)
