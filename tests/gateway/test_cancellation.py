@@ -1,6 +1,7 @@
 """Cancelled at any await, a gateway's stream leaves nothing: no task, socket, registration, declaration or token."""
 
 import asyncio
+from functools import partial
 
 import pytest
 
@@ -20,8 +21,7 @@ from gateway.translators import kind_of
 from schemas.keys import CameraKey, Stream, StreamKey
 from tests.gateway.discovery.graphs import IMAGE, graph
 from tests.gateway.offering import new_offers
-from tests.gateway.ros1.cancelling import cancel_everywhere, open_sockets
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered
 
 FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"
@@ -38,7 +38,6 @@ async def test_streams_that_come_and_go() -> None:
         theirs.watch("fleet/**/alive") as tokens,
     ):
         await watch.master.get_pid()
-        tasks, sockets = asyncio.all_tasks(), open_sockets()
 
         async def life() -> None:
             async with Node("/gateway", master_uri=master.uri, exit_timeout=60) as node, asyncio.TaskGroup() as group:
@@ -48,13 +47,7 @@ async def test_streams_that_come_and_go() -> None:
                     await asyncio.sleep(0)
                 await offers.close()
 
-        async def nothing_is_left(n: int) -> None:
-            state = await watch.master.get_system_state()
-            assert (state.publishers, state.subscribers) == ({}, {}), n
-            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
-            await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
-
-        assert await cancel_everywhere(life, nothing_is_left) > 10
+        assert await cancel_everywhere(life, partial(nothing_registered, watch), sockets=True) > 10
         async with ours.announce(FRONT.alive(Stream.COLOR)):
             assert (await anext(tokens)).alive  # no token of a cancelled life is still there to be merged with
 
@@ -74,7 +67,6 @@ async def test_a_wanted_stream(*, latch: bool, settings: dict[str, object]) -> N
         theirs.watch("fleet/*/*/color/alive") as tokens,
     ):
         await watch.master.get_pid()
-        tasks, sockets = asyncio.all_tasks(), open_sockets()
 
         async def life() -> None:
             key = StreamKey(FRONT, Stream.COLOR)
@@ -94,13 +86,10 @@ async def test_a_wanted_stream(*, latch: bool, settings: dict[str, object]) -> N
                     task.cancel()
 
         async def nothing_is_left(n: int) -> None:
-            state = await watch.master.get_system_state()
-            assert (state.publishers, state.subscribers) == ({}, {}), n
-            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
-            await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
+            await nothing_registered(watch, n)
             async with theirs.subscribe(FRONT.stream(Stream.COLOR), QUEUE(9)) as late:
                 assert late.counts.received == 0, n
 
-        assert await cancel_everywhere(life, nothing_is_left) > 20
+        assert await cancel_everywhere(life, nothing_is_left, sockets=True) > 20
         async with ours.announce(FRONT.alive(Stream.COLOR)):
             assert (await anext(tokens)).alive  # no token of a cancelled life is still there to be merged with

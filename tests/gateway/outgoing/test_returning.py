@@ -29,7 +29,7 @@ from schemas.keys import CameraKey, Stream
 from tests.gateway.outgoing.lists import class_list
 from tests.gateway.outgoing.namespaces import IN_ROOT
 from tests.gateway.outgoing.overlays import overlay
-from tests.gateway.ros1.cancelling import cancel_everywhere, open_sockets
+from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered
 from tests.gateway.ros1.waiting import until
 from tests.schemas.results import action, alert
 
@@ -272,7 +272,6 @@ async def test_cancelled_at_any_await_nothing_is_left() -> None:
     ):
         await robot.master.get_pid()
         await asyncio.to_thread(int)  # the pool's first thread has a socket of its own
-        tasks, sockets = asyncio.all_tasks(), open_sockets()
 
         async def life() -> None:
             async with (
@@ -290,10 +289,7 @@ async def test_cancelled_at_any_await_nothing_is_left() -> None:
                 running.cancel()
 
         async def nothing_is_left(n: int) -> None:
-            state = await robot.master.get_system_state()
-            assert (state.publishers, state.subscribers) == ({}, {}), n
+            await nothing_registered(robot, n)
             await until(lambda: not detector.wanted, f"no subscription is left after {n}")
-            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
-            await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
 
-        assert await cancel_everywhere(life, nothing_is_left) > 20
+        assert await cancel_everywhere(life, nothing_is_left, sockets=True) > 20

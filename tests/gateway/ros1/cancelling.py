@@ -1,4 +1,4 @@
-"""Cancels a coroutine after its n-th suspension, for every n until it ends by itself."""
+"""Cancels a coroutine after its n-th suspension, for every n until it ends by itself; nothing may be left."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tests.gateway.ros1.waiting import until
+
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Coroutine, Generator
+
+    from gateway.ros1.node import Node
+
+LIMIT = 1000
 
 
 class _CancelAt:
@@ -62,21 +68,36 @@ def open_sockets() -> set[str]:
 
 
 async def cancel_everywhere(
-    make: Callable[[], Coroutine[Any, Any, None]], check: Callable[[int], Awaitable[None]], limit: int = 1000
+    make: Callable[[], Coroutine[Any, Any, None]],
+    check: Callable[[int], Awaitable[None]] | None = None,
+    *,
+    sockets: bool = False,
 ) -> int:
-    """Run `make()` once for each suspension, cancelled there, and `check(n)` after each; return how many there were."""
-    for n in range(limit):
+    """Run `make()` once for each suspension, cancelled there, and `check(n)` after each; return how many there were.
+
+    No task is left after any of them that was not there before, and if so asked no more sockets.
+    """
+    tasks, most = asyncio.all_tasks(), len(open_sockets())
+    for n in range(LIMIT):
         stepped = _CancelAt(make(), n)
         task = asyncio.ensure_future(_run(stepped))
         await asyncio.wait([task])
-        if task.cancelled():
+        if not task.cancelled():
+            task.result()
+        if check is not None:
             await check(n)
-            continue
-        task.result()
-        await check(n)
+        await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
+        if sockets:
+            await until(lambda: len(open_sockets()) <= most, f"no socket is left after {n}")
         if not stepped.cancelled:
             return n
-    raise AssertionError(f"still suspending after {limit}")
+    raise AssertionError(f"still suspending after {LIMIT}")
+
+
+async def nothing_registered(watch: Node, n: int) -> None:
+    """Check that a master knows of no publisher and no subscriber after `n` suspensions."""
+    state = await watch.master.get_system_state()
+    assert (state.publishers, state.subscribers) == ({}, {}), n
 
 
 async def _run(stepped: _CancelAt) -> None:

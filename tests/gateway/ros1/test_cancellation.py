@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from functools import partial
 from typing import TYPE_CHECKING
 
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
-from tests.gateway.ros1.cancelling import cancel_everywhere, open_sockets
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered
 
 if TYPE_CHECKING:
     from gateway.ros1.subscriber import Message
@@ -19,7 +19,6 @@ STRING = "std_msgs/String"
 async def test_node_with_a_subscription_and_a_publication() -> None:
     async with RosMaster() as master, Node("/watch", master_uri=master.uri) as watch:
         await watch.master.get_pid()
-        tasks, sockets = asyncio.all_tasks(), open_sockets()
 
         async def life() -> None:
             got: list[Message] = []
@@ -33,25 +32,13 @@ async def test_node_with_a_subscription_and_a_publication() -> None:
                 while not got:  # noqa: ASYNC110
                     await asyncio.sleep(0)
 
-        async def nothing_is_left(n: int) -> None:
-            state = await watch.master.get_system_state()
-            assert (state.publishers, state.subscribers) == ({}, {}), n
-            await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
-            await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
-
-        assert await cancel_everywhere(life, nothing_is_left) > 20
+        assert await cancel_everywhere(life, partial(nothing_registered, watch), sockets=True) > 20
 
 
 async def test_master() -> None:
-    tasks, sockets = asyncio.all_tasks(), open_sockets()
-
     async def life() -> None:
         async with RosMaster() as master, Node("/a", master_uri=master.uri) as node:
             await node.master.register_subscriber("/chat", STRING, node.uri)
             await node.master.register_publisher("/chat", STRING, node.uri)
 
-    async def nothing_is_left(n: int) -> None:
-        await until(lambda: asyncio.all_tasks() <= tasks, f"no task is left after {n}")
-        await until(lambda: open_sockets() <= sockets, f"no socket is left after {n}")
-
-    assert await cancel_everywhere(life, nothing_is_left) > 5
+    assert await cancel_everywhere(life, sockets=True) > 5
