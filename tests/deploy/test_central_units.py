@@ -7,10 +7,9 @@ from gateway.settings import GatewaySettings
 from services.detector.settings import DetectorSettings
 from services.monitor.settings import MonitorSettings
 from services.monitor.users.settings import UsersSettings
-from services.toolbox.commands import COMMANDS, Command
-from services.toolbox.settings import S, load
+from services.toolbox.settings import load
+from tests.deploy.units import command, example, unit, values
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
 CONFINED = "NoNewPrivileges="
 OF_DEVICES = {"PrivateDevices=yes", "ProtectClock=yes"}
 
@@ -19,23 +18,6 @@ OF_DEVICES = {"PrivateDevices=yes", "ProtectClock=yes"}
 def _a_service_s_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("FLEETSIGHT_HISTORY", "FLEETSIGHT_CACHE"):
         monkeypatch.delenv(name)
-
-
-def command(name: str) -> Command:
-    (found,) = (each for each in COMMANDS if each.name == name)
-    return found
-
-
-def unit(name: str) -> list[str]:
-    return (DEPLOY / f"fleetsight-{name}.service").read_text(encoding="utf-8").splitlines()
-
-
-def values(name: str, setting: str) -> list[str]:
-    return [line.partition("=")[2] for line in unit(name) if line.startswith(f"{setting}=")]
-
-
-def example(model: type[S], name: str) -> S:
-    return load(model, ["--config", str(DEPLOY / name)], prog="fleetsight").settings
 
 
 @pytest.mark.parametrize(("name", "model"), [("monitor", MonitorSettings), ("detector", DetectorSettings)])

@@ -2,10 +2,8 @@ import shlex
 from pathlib import Path
 
 from gateway.settings import GatewaySettings
-from services.toolbox.commands import COMMANDS
 from services.toolbox.settings import load
-
-DEPLOY = Path(__file__).parents[2] / "deploy"
+from tests.deploy.units import DEPLOY, command, values
 
 
 def settings(text: str, folder: Path) -> GatewaySettings:
@@ -15,11 +13,10 @@ def settings(text: str, folder: Path) -> GatewaySettings:
 
 
 def test_the_unit_starts_a_gateway_with_a_file_of_settings() -> None:
-    unit = (DEPLOY / "fleetsight-gateway.service").read_text(encoding="utf-8")
-    (started,) = (line.partition("=")[2] for line in unit.splitlines() if line.startswith("ExecStart="))
-    program, command, *options = shlex.split(started)
+    (started,) = values("gateway", "ExecStart")
+    program, name, *options = shlex.split(started)
     assert Path(program).name == "fleetsight"
-    assert command in {each.name for each in COMMANDS}
+    assert command(name).load_settings() is GatewaySettings
     assert options == ["--config", "/etc/fleetsight/gateway.yaml"]
 
 

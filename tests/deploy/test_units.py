@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.deploy.units import DEPLOY
 from tests.missing import require_debian
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
 ANALYZE = "/usr/bin/systemd-analyze"
 SYSTEM = Path("/usr/lib/systemd/system")
 
