@@ -160,19 +160,24 @@ async def test_a_connected_publisher_that_a_new_master_does_not_know_is_heard_un
         assert subscription.counters.links == {}
 
 
-async def test_namesake_at_another_uri_is_found_though_no_update_tells_of_it() -> None:
-    """The master lists one publisher all along, so that its number says nothing."""
-    got: list[Message] = []
-    uris = [DEAD_URI]
+def unchanging(uris: list[str]) -> FakeSlave:
+    """Answer as a master that knows the same publisher by name all along, wherever that is."""
 
     def answer(method: str, _params: tuple[Any, ...]) -> Any:
         if method == "getSystemState":
             return [[["/chat", ["/talker"]]], [["/chat", ["/a"]]], []]
         return list(uris) if method == "registerSubscriber" else 1
 
+    return FakeSlave(answer)
+
+
+async def test_namesake_at_another_uri_is_found_though_no_update_tells_of_it() -> None:
+    """The master lists one publisher all along, so that its number says nothing."""
+    got: list[Message] = []
+    uris = [DEAD_URI]
     async with (
         fake_publisher(stream(b"moved"), hang=True) as uri,
-        XmlRpcServer(FakeSlave(answer), host="127.0.0.1") as master,
+        XmlRpcServer(unchanging(uris), host="127.0.0.1") as master,
         Node("/a", master_uri=master.uri, poll_interval=0.05) as a,
         a.subscribe("/chat", STRING, got.append) as subscription,
     ):
@@ -184,16 +189,10 @@ async def test_namesake_at_another_uri_is_found_though_no_update_tells_of_it() -
 async def test_namesake_is_found_though_the_replaced_publisher_stays_connected() -> None:
     got: list[Message] = []
     uris: list[str] = []
-
-    def answer(method: str, _params: tuple[Any, ...]) -> Any:
-        if method == "getSystemState":
-            return [[["/chat", ["/talker"]]], [["/chat", ["/a"]]], []]
-        return list(uris) if method == "registerSubscriber" else 1
-
     async with (
         fake_publisher(stream(b"old"), hang=True) as old,
         fake_publisher(stream(b"new"), hang=True) as new,
-        XmlRpcServer(FakeSlave(answer), host="127.0.0.1") as master,
+        XmlRpcServer(unchanging(uris), host="127.0.0.1") as master,
         Node("/a", master_uri=master.uri, poll_interval=0.02) as a,
     ):
         uris[:] = [old]
