@@ -10,12 +10,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.shaping.errors import ShapingError
 from gateway.shaping.pixels import pixels_of, with_pixels
 from schemas.camera_info import CameraInfo
 from schemas.image import DEPTH_ENCODINGS, RAW, ImageFrame
 
 MAX_FACTOR: Final = 16
+
+
+class ShapingError(ValueError):
+    """A frame that cannot be scaled as the settings say; the message names the cause."""
 
 
 def scale_image(frame: ImageFrame, factor: int) -> ImageFrame:

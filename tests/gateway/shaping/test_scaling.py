@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gateway.shaping.errors import ShapingError
 from gateway.shaping.pixels import pixels_of
-from gateway.shaping.scaling import MAX_FACTOR, scale_image, scale_info
+from gateway.shaping.scaling import MAX_FACTOR, ShapingError, scale_image, scale_info
 from schemas.camera_info import CameraInfo, Region
 from schemas.image import BYTES_PER_PIXEL, ImageFrame
 from tests.gateway.shaping.frames import frame, picture
