@@ -39,7 +39,7 @@ class SharingSettings(BaseModel):
         description="work for these robots alone, and before all workers that are for any; any robot unless given",
     )
 
-    def tokens(self, service: str, worker: str) -> list[WorkerAlive]:
-        """Return what a worker says of itself, as others read it."""
-        told = (WorkerAlive(service, worker, self.weight, robot) for robot in self.robots or (None,))
+    def tokens(self, service: str) -> list[WorkerAlive]:
+        """Return what the worker says of itself, as others read it."""
+        told = (WorkerAlive(service, self.worker, self.weight, robot) for robot in self.robots or (None,))
         return [parse_worker_alive(str(token)) for token in told]

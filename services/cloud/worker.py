@@ -45,7 +45,7 @@ class Worker:
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._budget = MemoryBudget(settings.memory_mib * MIB)
         self._accounts = Tallies(Account)
-        tokens = settings.tokens(SERVICE, settings.worker)
+        tokens = settings.tokens(SERVICE)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
     async def run(self) -> None:

@@ -46,7 +46,7 @@ async def run(settings: DetectorSettings) -> int:
 async def work(settings: DetectorSettings, model: Model) -> int:
     """Serve with a model that works until cancelled; when it works no longer, log why and return the exit code."""
     role = OPINION if settings.opinion else DETECTOR
-    tokens = settings.tokens(role.service, settings.worker)
+    tokens = settings.tokens(role.service)
     following = None if role.lists_only else tracking(settings.tracker)
     try:
         async with open_bus(settings) as bus, answering(bus, model, settings.worker, role):

@@ -38,7 +38,7 @@ class Worker:
         self._executor = executor
         self._budget = MemoryBudget(settings.memory_mib * MIB)
         self._accounts = Tallies(Account)
-        tokens = settings.tokens(SERVICE, settings.worker)
+        tokens = settings.tokens(SERVICE)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
     async def run(self) -> None:

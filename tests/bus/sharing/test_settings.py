@@ -6,16 +6,16 @@ from schemas.worker_keys import WorkerAlive
 
 
 def test_a_worker_is_for_any_robot_and_weighs_one_unless_told() -> None:
-    assert SharingSettings().tokens("detector", "w1") == [WorkerAlive("detector", "w1", 1.0, None)]
+    assert SharingSettings(worker="w1").tokens("detector") == [WorkerAlive("detector", "w1", 1.0, None)]
 
 
 def test_a_worker_has_a_token_for_each_of_its_robots() -> None:
-    tokens = SharingSettings(weight=2.5, robots=["r1", "r2"]).tokens("detector", "w1")
+    tokens = SharingSettings(worker="w1", weight=2.5, robots=["r1", "r2"]).tokens("detector")
     assert [str(token) for token in tokens] == [f"workers/detector/w1/2.5/{robot}/alive" for robot in ("r1", "r2")]
 
 
 def test_a_worker_weighs_what_others_read() -> None:
-    assert SharingSettings(weight=1 / 3).tokens("detector", "w1")[0].weight == 0.333333
+    assert SharingSettings(weight=1 / 3).tokens("detector")[0].weight == 0.333333
 
 
 @pytest.mark.parametrize(

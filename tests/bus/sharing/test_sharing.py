@@ -88,7 +88,7 @@ async def test_another_worker_of_the_same_name_is_warned_of(caplog: pytest.LogCa
 
 async def test_a_worker_for_two_robots_takes_no_other() -> None:
     network = FakeNetwork()
-    tokens = SharingSettings(robots=["r2", "r3"]).tokens("detector", "a")
+    tokens = SharingSettings(worker="a", robots=["r2", "r3"]).tokens("detector")
     served = set[CameraKey]()
 
     async def serve(camera: CameraKey, _: Callable[[], None]) -> None:
