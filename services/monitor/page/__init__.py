@@ -2,17 +2,23 @@
 
 from fastapi import FastAPI
 from nicegui import app as nicegui_app
+from starlette.routing import Route
 
+from services.monitor.live_views.mjpeg import PATH, MjpegStreams
+from services.monitor.live_views.views import Views
 from services.monitor.monitor import Monitor
 from services.monitor.page.alerts import add_alerts
+from services.monitor.page.camera import add_camera
 from services.monitor.page.chart import Charts
 from services.monitor.page.error_pages import answer_instead
+from services.monitor.page.floor_plan import floor_plan_route
 from services.monitor.page.health import add_health
 from services.monitor.page.inventory import add_inventory
 from services.monitor.page.kept_alerts import KeptAlerts
+from services.monitor.page.map import add_map
+from services.monitor.page.objects import add_objects
 from services.monitor.page.overview import add_overview
 from services.monitor.page.shared import Shared
-from services.monitor.page.views import add_views
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:
@@ -23,4 +29,16 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
     add_inventory(shared, Charts(monitor.archive), monitor)
     add_alerts(monitor, KeptAlerts(monitor.archive))
     add_health(shared, monitor)
-    add_views(app, monitor)
+    _add_views(app, monitor)
+
+
+def _add_views(app: FastAPI, monitor: Monitor) -> None:
+    """Add the pages of what is looked at live, and where browsers get pictures and the floor plan."""
+    views = Views(monitor.bus)
+    routes = [Route(PATH, MjpegStreams(views.pictures))]
+    if monitor.floor_plan is not None:
+        routes.append(floor_plan_route(monitor.floor_plan))
+    app.router.routes[:0] = routes  # before the page, which takes the rest
+    add_camera(monitor, views)
+    add_objects(monitor, views)
+    add_map(monitor, views)
