@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.cloud.points import Floats
 from services.cloud.sampling import some
+from services.geometry.boxes import level_of
 
 Reals = NDArray[np.float64]
 
@@ -24,7 +25,6 @@ ALIKE: Final = 1.1
 _FINER: Final = np.linspace(-1, 1, FINE)
 
 MIN_AREA_M2: Final = 1e-9
-UPRIGHT: Final = 0.9
 
 SAMPLES: Final = 2048
 """So many points at most say how large an object is."""
@@ -47,9 +47,7 @@ class Level:
     @classmethod
     def of(cls, up: Reals) -> Self:
         """Return the level axes; where the frame's x axis is upright itself its z axis is taken instead."""
-        first = np.eye(3)[0 if abs(up[0]) < UPRIGHT else 2]
-        x = first - up * (up @ first)
-        x /= np.linalg.norm(x)
+        x = level_of(up)
         (a, b, c), (d, e, f) = up.tolist(), x.tolist()
         return cls(x, np.array([b * f - c * e, c * d - a * f, a * e - b * d]), up)
 

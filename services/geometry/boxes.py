@@ -11,12 +11,17 @@ _UPRIGHT: Final = 0.9
 _SHORTEST: Final = 1e-6
 
 
+def level_of(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a frame's x axis made level, a unit vector as `up` is; its z axis where x is upright itself."""
+    first = np.eye(3)[0 if abs(up[0]) < _UPRIGHT else 2]
+    level = first - up * (up @ first)
+    return np.asarray(level / np.linalg.norm(level))
+
+
 def axes_of(box: UprightBox) -> NDArray[np.float64]:
     """Return the unit vectors along a box's length, width and height, a row each; z is up where it says nothing."""
     length = np.linalg.norm(box.up)
     up = np.array(box.up) / length if length > _SHORTEST else np.array([0.0, 0.0, 1.0])
-    first = np.eye(3)[0 if abs(up[0]) < _UPRIGHT else 2]
-    level = first - up * (up @ first)
-    level /= np.linalg.norm(level)
+    level = level_of(up)
     along = np.cos(box.yaw) * level + np.sin(box.yaw) * np.cross(up, level)
     return np.array([along, np.cross(up, along), up])
