@@ -6,16 +6,14 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-import cv2
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from schemas.detections import Mask
 from services.simulator.training.dataset import holdout_seed
 from services.simulator.training.evaluation.keeping import kept
 from services.simulator.training.evaluation.precision import MIN_AREA
-from services.simulator.training.evaluation.scenes import generator_digest
+from services.simulator.training.evaluation.scenes import Picture, generator_digest, png_of
 from services.simulator.training.evaluation.truths import MIN_VISIBILITY, mask_of
 from services.simulator.training.progress import Progress
 from services.simulator.world import Camera, Drive, SeenObject, Sensor, expose, generate, render, truth_of
@@ -37,15 +35,10 @@ class Seen(msgspec.Struct, frozen=True, kw_only=True):
     asked_for: bool
 
 
-class DriveFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """A picture (a PNG) and every object of which at least a pixel is visible."""
+class DriveFrame(Picture, frozen=True, kw_only=True):
+    """A picture and every object of which at least a pixel is visible."""
 
-    png: bytes
     seen: list[Seen]
-
-    def image(self) -> NDArray[np.uint8]:
-        """The picture, height x width x 3 in RGB."""
-        return np.asarray(cv2.imdecode(np.frombuffer(self.png, np.uint8), cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
 
 
 class HeldOutDrive(msgspec.Struct, frozen=True, kw_only=True):
@@ -78,9 +71,8 @@ def drawn(seed: int, count: int) -> HeldOutDrive:
         pose = drive.pose(number * METRES_PER_SECOND / HZ / drive.length)
         rendering = render(scene, pose, camera)
         image = expose(rendering.color, sensor, rng)
-        _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
         seen = [_seen(each) for each in truth_of(scene, rendering, pose, camera)]
-        frames.append(DriveFrame(png=png.tobytes(), seen=seen))
+        frames.append(DriveFrame(png=png_of(image), seen=seen))
     return HeldOutDrive(seed=seed, frames=frames)
 
 

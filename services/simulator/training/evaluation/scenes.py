@@ -24,16 +24,27 @@ FIRST: Final = 100_000
 """The number, among a run's held-out scenes, of the first that is kept for the evaluation alone."""
 
 
-class HeldOutView(msgspec.Struct, frozen=True, kw_only=True):
-    """A picture of the scene of `seed` (a PNG) and every object of which at least a pixel is visible."""
+class Picture(msgspec.Struct, frozen=True, kw_only=True):
+    """A picture as a PNG."""
 
-    seed: int
     png: bytes
-    truths: list[Truth]
 
     def image(self) -> NDArray[np.uint8]:
         """The picture, height x width x 3 in RGB."""
         return np.asarray(cv2.imdecode(np.frombuffer(self.png, np.uint8), cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+
+
+def png_of(image: NDArray[np.uint8]) -> bytes:
+    """The PNG of an RGB picture."""
+    _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return png.tobytes()
+
+
+class HeldOutView(Picture, frozen=True, kw_only=True):
+    """A picture of the scene of `seed` and every object of which at least a pixel is visible."""
+
+    seed: int
+    truths: list[Truth]
 
 
 def held_out_seeds(seed: int, count: int) -> list[int]:
@@ -46,8 +57,7 @@ def draw_held_out(seed: int) -> HeldOutView:
     scene, rng = generate(seed), np.random.default_rng([seed, 2])
     view = draw_view(scene, Clearance.of(scene), rng)
     image = expose(view.rendering.color, Sensor.draw(rng), rng)
-    _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    return HeldOutView(seed=seed, png=png.tobytes(), truths=truths_of(scene, view))
+    return HeldOutView(seed=seed, png=png_of(image), truths=truths_of(scene, view))
 
 
 def held_out_views(folder: Path, seeds: Sequence[int], workers: int, progress: Progress) -> Iterator[HeldOutView]:
