@@ -65,17 +65,14 @@ def _jpeg(header: Header, drawn: Picture) -> ImageFrame:
     )
 
 
-def draw(picture: Picture, objects: Sequence[Detection], *, masks: bool) -> Picture:
-    """Return a copy of a BGR picture with the objects drawn over it, the surest on top.
+def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[bool]) -> Iterator[Picture]:
+    """Return a copy of a BGR picture with the objects drawn over it, the surest on top, for each of `masks`.
+
+    Each is made when it is asked for, and what they share once.
 
     Raises:
         MaskError: a mask is damaged.
     """
-    return next(drawings(picture, objects, [masks]))
-
-
-def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[bool]) -> Iterator[Picture]:
-    """Return a `draw` for each of `masks`, each made when it is asked for and what they share made once."""
     line = max(1, round(min(picture.shape[:2]) / 240))
     signs = [_Sign.of(found, line) for found in reversed(objects)]
     for each in masks:

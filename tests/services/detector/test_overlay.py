@@ -6,7 +6,7 @@ import simplejpeg
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.image import ImageFrame
 from services.detector.masks import encode_all
-from services.detector.overlay import caption, color_of, draw, overlay, overlays
+from services.detector.overlay import Picture, caption, color_of, drawings, overlay, overlays
 from services.geometry.errors import MaskError
 from services.geometry.masks import Window
 from tests.services.detector.requests import frame_of
@@ -27,8 +27,13 @@ def found(*objects: Detection, frame: ImageFrame) -> Detections:
     return Detections(header=frame.header, height=HEIGHT, width=WIDTH, objects=list(objects), model="fake", worker="w1")
 
 
-def grey() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+def grey() -> Picture:
     return np.full((HEIGHT, WIDTH, 3), 128, np.uint8)
+
+
+def draw(picture: Picture, objects: list[Detection], *, masks: bool) -> Picture:
+    (drawn,) = drawings(picture, objects, [masks])
+    return drawn
 
 
 def test_a_box_is_drawn_in_its_classes_colour_and_nothing_far_from_it_changes() -> None:
