@@ -9,6 +9,8 @@ from typing import Any
 
 from bus import open_bus
 from bus.clock import clock_id
+from bus.reporting import report
+from gateway.account import Account
 from gateway.exploring import Explorer
 from gateway.nodes import node_name
 from gateway.offers import Offers
@@ -16,7 +18,6 @@ from gateway.outgoing.returned import actions_return, alerts_return, camera_retu
 from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
 from gateway.own_host import warn_of_own_host
-from gateway.reporting import Account, report
 from gateway.requests.answering import answering
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
@@ -27,6 +28,7 @@ from gateway.shaping.shaping import Shaping
 from gateway.sim_time import follow_sim_time
 from schemas import keys
 from schemas.keys import CameraKey
+from schemas.status import GatewayStatus
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +72,7 @@ async def run(settings: GatewaySettings) -> int:
                 explorer.run(offers),
                 shaping.run(bus),
                 follow_sim_time(node, clock),
-                report(bus, account),
+                report(bus, keys.gateway_status(settings.robot), GatewayStatus, account.status),
                 *(returned.run(node, bus) for returned in returns),
             )
             tasks = {group.create_task(each) for each in work}

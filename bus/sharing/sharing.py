@@ -8,6 +8,7 @@ from contextlib import AsyncExitStack, suppress
 from typing import Final
 
 from bus.api import Bus, Presence, Watch
+from bus.shared_demand import SharedDemand
 from bus.sharing.shares import HAND_OVER_S, Shares
 from schemas import keys, worker_keys
 from schemas.errors import SchemaError
@@ -23,6 +24,9 @@ JOIN_S: Final = 0.2
 
 LEAVE_S: Final = 0.8
 """How long a worker that leaves goes on until others have taken over."""
+
+UNWANTED_S: Final = 0.2
+"""A camera whose results nobody has wanted for so long since it was taken over is taken over."""
 
 Serve = Callable[[CameraKey, Callable[[], None]], Awaitable[None]]
 """Looks after a camera until cancelled; calls what it is given once results come, or nobody wants any."""
@@ -166,3 +170,10 @@ class Sharing:
 
     def _note_camera(self, presence: Presence) -> bool:
         return self._shares.camera(keys.parse_stream(presence.key).camera, alive=presence.alive)
+
+
+async def say_unwanted(demand: SharedDemand, took_over: Callable[[], None]) -> None:
+    """Say that a camera is taken over once nobody wants its results: none will come that could say so."""
+    await asyncio.sleep(UNWANTED_S)
+    await demand.until(wanted=False)
+    took_over()

@@ -10,10 +10,10 @@ from contextlib import suppress
 from typing import Final
 
 from bus import Bus, QoS
+from bus.reporting import report
 from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
-from bus.sharing.reporting import report, say_unwanted
-from bus.sharing.sharing import JOIN_S
+from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies
 from bus.version import VERSION
 from schemas import codec, keys
@@ -21,6 +21,7 @@ from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.status import WorkerStatus
+from schemas.worker_keys import worker_status
 from services.cloud.account import Account
 from services.cloud.camera import Camera
 from services.cloud.sensors import Sensors
@@ -51,7 +52,8 @@ class Worker:
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
         async with asyncio.TaskGroup() as group:
-            group.create_task(report(self._bus, SERVICE, self._settings.worker, self._status))
+            key = worker_status(SERVICE, self._settings.worker)
+            group.create_task(report(self._bus, key, WorkerStatus, self._status))
             for stream in (Stream.COLOR, Stream.POINTS):
                 group.create_task(self._watch(stream))
             await self._sharing.run()

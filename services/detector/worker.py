@@ -9,16 +9,16 @@ from functools import partial
 from typing import Final
 
 from bus import Bus
+from bus.reporting import report
 from bus.sharing import Pace, Sharing
 from bus.sharing.asking import Asked
-from bus.sharing.reporting import report, say_unwanted
-from bus.sharing.sharing import JOIN_S
+from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import opened
 from bus.version import VERSION
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_CLASSES, MAX_STREAMS, WorkerStatus
-from schemas.worker_keys import WorkerAlive
+from schemas.worker_keys import WorkerAlive, worker_status
 from services.detector.account import REPLACED, SPARED, Account
 from services.detector.board import Board
 from services.detector.camera import Camera, serving
@@ -86,7 +86,8 @@ class Worker:
         """
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(report(self._bus, self._role.service, self._name, self._status))
+                key = worker_status(self._role.service, self._name)
+                group.create_task(report(self._bus, key, WorkerStatus, self._status))
                 group.create_task(self._keep_pace())
                 group.create_task(self._inference.run())
                 await self._sharing.run()

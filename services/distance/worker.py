@@ -7,16 +7,17 @@ from concurrent.futures import Executor
 from typing import Final
 
 from bus import Bus, QoS
+from bus.reporting import report
 from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
-from bus.sharing.reporting import report, say_unwanted
-from bus.sharing.sharing import JOIN_S
+from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies
 from bus.version import VERSION
 from schemas import codec
 from schemas.distances import Distances
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
+from schemas.worker_keys import worker_status
 from services.distance.account import Account
 from services.distance.camera import Camera, work
 from services.distance.sensed import DEPTH_IMAGE, Sensed
@@ -44,7 +45,8 @@ class Worker:
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
         async with asyncio.TaskGroup() as group:
-            group.create_task(report(self._bus, SERVICE, self._settings.worker, self._status))
+            key = worker_status(SERVICE, self._settings.worker)
+            group.create_task(report(self._bus, key, WorkerStatus, self._status))
             await self._sharing.run()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:

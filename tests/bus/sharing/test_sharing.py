@@ -7,7 +7,9 @@ from contextlib import AsyncExitStack
 import pytest
 
 from bus.fake import FakeNetwork
+from bus.shared_demand import SharedDemand
 from bus.sharing import Sharing, SharingSettings
+from bus.sharing.sharing import say_unwanted
 from schemas.keys import CameraKey, Stream
 from tests.contract.test_sharing import CAMERAS, A, Worker, cameras
 from tests.contract.waiting import until
@@ -103,3 +105,15 @@ async def test_a_worker_for_two_robots_takes_no_other() -> None:
             task = group.create_task(Sharing(ours, tokens, Stream.COLOR, serve, join_s=0).run())
             await until(lambda: served == set(fronts[1:]))
             task.cancel()
+
+
+async def test_a_camera_is_taken_over_without_results_only_where_none_are_wanted() -> None:
+    demand, taken = SharedDemand(), asyncio.Event()
+    want = demand.of("distances")
+    want(True)  # noqa: FBT003 - the bus calls it so
+    saying = asyncio.create_task(say_unwanted(demand, taken.set))
+    await asyncio.sleep(0)
+    assert not taken.is_set()
+    want(False)  # noqa: FBT003
+    await saying
+    assert taken.is_set()

@@ -1,12 +1,10 @@
-"""What a gateway says of itself, once a second."""
+"""What a gateway says of itself."""
 
-import asyncio
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
-from bus import Bus, QoS
 from bus.version import VERSION
 from gateway.exploring import Explorer
 from gateway.offers import Offers
@@ -14,10 +12,7 @@ from gateway.outgoing.returning import Return
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
 from gateway.settings import GatewaySettings
-from schemas import codec, keys
 from schemas.status import GatewayStatus
-
-STATUS_PERIOD_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +48,3 @@ class Account:
         if self.node.master_answers is False:
             return f"the ROS master at {self.settings.ros_master}"
         return self.explorer.waiting_for
-
-
-async def report(bus: Bus, account: Account) -> None:
-    """Publish the gateway's status for ever, and once more when cancelled."""
-    key = keys.gateway_status(account.settings.robot)
-    async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(GatewayStatus)) as publisher:
-        try:
-            while True:
-                publisher.put(codec.encode(account.status()))
-                await asyncio.sleep(STATUS_PERIOD_S)
-        finally:
-            publisher.put(codec.encode(account.status()))
