@@ -33,17 +33,15 @@ class Effect:
     raised: bool
 
 
+@dataclass(slots=True, eq=False)
 class _Subject:
     """What one rule is about in one place."""
 
-    __slots__ = ("alert", "holds", "raised_ns", "since_ns", "text")
-
-    def __init__(self) -> None:
-        self.holds = False
-        self.since_ns = 0
-        self.text = ""
-        self.raised_ns: int | None = None
-        self.alert: Alert | None = None
+    holds: bool = False
+    since_ns: int = 0
+    text: str = ""
+    raised_ns: int | None = None
+    alert: Alert | None = None
 
 
 class RuleEngine:
