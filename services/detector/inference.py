@@ -211,13 +211,4 @@ class Inference:
         return None
 
     def _detections(self, sent: SentFrame, found: Found) -> Detections:
-        frame = sent.request.frame
-        return Detections(
-            header=frame.header,
-            height=frame.height,
-            width=frame.width,
-            objects=found.objects,
-            model=self._model.name,
-            worker=self._worker,
-            spans={"queue": sent.queue_ns, **found.spans},
-        )
+        return found.detections(sent.request.frame, model=self._model.name, worker=self._worker, queue=sent.queue_ns)

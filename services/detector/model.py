@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
-from schemas.detections import Detection
+from schemas.detections import Detection, Detections
 from schemas.header import Spans
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
@@ -42,6 +42,18 @@ class Found:
 
     objects: list[Detection]
     spans: Spans = field(default_factory=dict)
+
+    def detections(self, frame: ImageFrame, *, model: str, worker: str, **before: int) -> Detections:
+        """Return them as a message about a frame. before: nanoseconds of stages before the model's."""
+        return Detections(
+            header=frame.header,
+            height=frame.height,
+            width=frame.width,
+            objects=self.objects,
+            model=model,
+            worker=worker,
+            spans={**before, **self.spans},
+        )
 
 
 @dataclass(frozen=True, slots=True)

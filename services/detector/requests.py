@@ -63,15 +63,7 @@ async def detect(model: Model, worker: str, image: bytes) -> Detections:
         raise RefusedError(str(error)) from error
     if isinstance(outcome, Failed):
         raise RefusedError(f"{outcome.reason}: {outcome.error}")
-    return Detections(
-        header=frame.header,
-        height=frame.height,
-        width=frame.width,
-        objects=outcome.objects,
-        model=model.name,
-        worker=worker,
-        spans=outcome.spans,
-    )
+    return outcome.detections(frame, model=model.name, worker=worker)
 
 
 def _tune(model: Model, asked: Asked) -> Reply:
