@@ -70,6 +70,7 @@ def objects_of(
             name=found[index].name,
             label=found[index].label,
             index=index,
+            track=found[index].track,
             xyz=_octets(cv2.merge(list(own.xyz)).astype("<f4", copy=False)),
             rgb=_octets(own.rgb),
             shape=shape,

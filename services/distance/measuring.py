@@ -98,7 +98,7 @@ def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:
 
 
 def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectDistance:
-    return ObjectDistance(name=found.name, index=index, valid_share=share, unknown=reason)
+    return ObjectDistance(name=found.name, index=index, track=found.track, valid_share=share, unknown=reason)
 
 
 def _groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) -> Iterator[dict[int, Window]]:
@@ -130,7 +130,10 @@ def _measured(
     for row, (index, count, area) in enumerate(zip(windows, counts, areas, strict=True)):
         share = count / area if area else 0.0
         if row in known:
-            yield ObjectDistance(name=objects[index].name, index=index, valid_share=share, measured=known[row])
+            found = objects[index]
+            yield ObjectDistance(
+                name=found.name, index=index, track=found.track, valid_share=share, measured=known[row]
+            )
         else:
             reason = f"{count} of its {area} pixels have a reading, {criteria.min_pixels} are needed"
             yield _unknown(index, objects[index], share, reason)

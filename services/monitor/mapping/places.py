@@ -10,7 +10,7 @@ from schemas.distances import Distances, ObjectDistance
 from services.monitor.mapping.pose import MAP, Pose, pose_of
 
 MOST: Final = 2_000
-"""Places that are kept, those seen last."""
+"""Places that are kept, those seen last; of what is tracked as many are known by their track."""
 
 FORGET_NS: Final = 1_800 * 1_000_000_000
 """What nobody saw for half an hour is not shown any more."""
@@ -34,8 +34,14 @@ class Mark:
     seen_ns: int
 
 
+_Place = tuple[str, str, str, int, int]
+"""Robot, camera, class and cell."""
+
+
 class Places:
     """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one.
+
+    Of what a camera sees in a cell of SAME_M the newest image counts: an object that is followed anew is no second one.
 
     poses: where robots were, by two objects that were seen at once, which tell how the robot stands to the map, or by
     what others say.
@@ -44,7 +50,8 @@ class Places:
     def __init__(self) -> None:
         self.poses: dict[str, Pose] = {}
         self._sought_ns: dict[str, int] = {}
-        self._marks: OrderedDict[tuple[object, ...], Mark] = OrderedDict()
+        self._marks: OrderedDict[_Place, dict[int | None, Mark]] = OrderedDict()
+        self._tracks: OrderedDict[tuple[str, str, int], _Place] = OrderedDict()
 
     def take(self, distances: Distances, seen_ns: int) -> None:
         """Take where one image's objects are; those whose place in the map is not known are left out."""
@@ -57,12 +64,29 @@ class Places:
         for each in distances.objects:
             at = _in_map(each)
             if at is not None:
-                mark = Mark(each.name, at[0], at[1], of.robot, of.camera, seen_ns)
-                key = (of.robot, of.camera, _identity(each, at))
-                self._marks[key] = mark
-                self._marks.move_to_end(key)
+                self._put(each.track, Mark(each.name, at[0], at[1], of.robot, of.camera, seen_ns))
         while len(self._marks) > MOST:
             self._marks.popitem(last=False)
+
+    def _put(self, track: int | None, mark: Mark) -> None:
+        place = (mark.robot, mark.camera, mark.name, *_cell((mark.x, mark.y)))
+        if track is not None:
+            self._move(track, mark, place)
+        here = self._marks.setdefault(place, {})
+        if any(other.seen_ns != mark.seen_ns for other in here.values()):
+            here.clear()
+        here[track] = mark
+        self._marks.move_to_end(place)
+
+    def _move(self, track: int, mark: Mark, place: _Place) -> None:
+        """Take a tracked object from where it was before."""
+        of = (mark.robot, mark.camera, track)
+        before = self._tracks.pop(of, place)
+        self._tracks[of] = place
+        if before != place and (there := self._marks.get(before)) is not None:
+            there.pop(track, None)
+        if len(self._tracks) > MOST:
+            self._tracks.popitem(last=False)
 
     def stand(self, poses: Mapping[str, Pose]) -> None:
         """Take where robots are, or were, as others say it; what is newer stays."""
@@ -77,7 +101,8 @@ class Places:
         Robots are taken to share one map: what several saw at about the same place is one object.
         """
         since_ns = now_ns - FORGET_NS
-        newest = sorted(self._marks.values(), key=lambda mark: mark.seen_ns, reverse=True)
+        every = (mark for here in self._marks.values() for mark in here.values())
+        newest = sorted(every, key=lambda mark: mark.seen_ns, reverse=True)
         wanted = (mark for mark in newest if mark.seen_ns >= since_ns and robot in ("", mark.robot))
         return list(_apart(wanted))
 
@@ -87,10 +112,6 @@ def _in_map(each: ObjectDistance) -> tuple[float, float] | None:
         return None
     at = next((place.at for place in each.measured.places if place.frame_id.removeprefix("/") == MAP), None)
     return None if at is None else at[:2]
-
-
-def _identity(each: ObjectDistance, at: tuple[float, float]) -> object:
-    return each.track if each.track is not None else (each.name, *_cell(at))
 
 
 def _cell(at: tuple[float, float]) -> tuple[int, int]:

@@ -21,11 +21,11 @@ def waiting() -> Waiting:
 
 def test_objects_are_cut_out_with_what_is_known_of_their_instant() -> None:
     points, owners = camera_view(BOXES)
-    found = detections(detection(owners == 1))
+    found = detections(msgspec.structs.replace(detection(owners == 1), track=7))
     cloud = xyz_cloud(points, header=found.header)
     made = cut(Job.of(found, cloud, waiting(), "base_link"), Limits(), "w")
     assert made.unknown == ""
-    assert [each.index for each in made.clouds.objects] == [0]
+    assert [(each.index, each.track) for each in made.clouds.objects] == [(0, 7)]
     assert made.clouds.unknown_target == "nothing is known of frame 'base_link'"
 
 

@@ -40,6 +40,16 @@ def test_a_flat_object_before_a_wall() -> None:
     assert place.at == pytest.approx((2 * (34.5 - 31.5) / 50, 2 * (19.5 - 23.5) / 50, 2.0), abs=0.01)
 
 
+def test_an_object_keeps_its_track_whether_its_distance_is_known_or_not() -> None:
+    depth = wall(4.0)
+    depth[:9] = NAN
+    objects = found(mask(ROWS, COLUMNS), mask(slice(0, 8), COLUMNS))
+    tracked = [msgspec.structs.replace(each, track=track) for track, each in enumerate(objects, start=7)]
+    near, far = measure(tracked, view(depth), Criteria())
+    assert (near.measured is not None, far.measured is not None) == (True, False)
+    assert (near.track, far.track) == (7, 8)
+
+
 def test_straight_distance_is_longer_than_that_along_the_axis_off_the_axis() -> None:
     corner = mask(slice(0, 9), slice(0, 9))
     measured = known(measure(found(corner), view(wall(2.0)), Criteria())[0])

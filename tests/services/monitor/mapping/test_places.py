@@ -57,6 +57,22 @@ def test_what_several_saw_at_one_place_is_one_object(apart_m: float, count: int)
     assert [mark.robot for mark in places.marks(NOW + 1, robot="r1")] == ["r1", "r1"]
 
 
+def test_an_object_that_is_followed_anew_takes_no_room_twice() -> None:
+    places = Places()
+    for number in range(MOST + 1):
+        places.take(seen(at(1, 1, track=number), at(1.1, 1, track=number + MOST)), NOW + number)
+    places.take(seen(at(9, 9)), NOW + MOST + 1)
+    assert xy(places.marks(NOW + MOST + 1)) == [(9, 9), (1, 1), (1.1, 1)]
+
+
+def test_what_moved_to_where_something_else_was_leaves_nothing_behind() -> None:
+    places = Places()
+    places.take(seen(at(1, 1, track=1), at(5, 5, track=2)), NOW)
+    places.take(seen(at(5, 5, track=1), at(1, 1, track=2)), NOW + 1)
+    places.take(seen(at(9, 9, track=1)), NOW + 2)
+    assert xy(places.marks(NOW + 2)) == [(9, 9), (1, 1)]
+
+
 def test_two_objects_of_one_image_are_two() -> None:
     places = Places()
     places.take(seen(at(1, 1, track=1), at(1.1, 1, track=2)), NOW)
