@@ -9,6 +9,7 @@ from schemas.status import MISSING
 
 REPLACED: Final = "replaced by a newer frame"
 STALE: Final = "too old when its turn came"
+LATE: Final = "too late on its link"
 DOUBLE: Final = "the same frame again"
 MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"

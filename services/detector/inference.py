@@ -14,7 +14,7 @@ from bus.sharing.pace import Totals
 from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.status import UNWANTED
-from services.detector.account import STALE, Account
+from services.detector.account import LATE, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
 from services.detector.model import Found, Model, ModelError, Outcome, Request
@@ -127,8 +127,10 @@ class Inference:
         wished = sum(camera.demand.wanted for camera in self._cameras.values())
         await self._board.filled(min(self._model.max_batch, wished), PATIENCE_S)
         now_ns = time.time_ns()
-        for key in self._board.expire(now_ns, *self._limits_ns()):
-            self._accounts[key].dropped[STALE] += 1
+        limit_ns, excused_ns = self._limits_ns()
+        for reason, excused in ((STALE, now_ns), (LATE, excused_ns)):  # what waited here first, whatever its link did
+            for key in self._board.expire(now_ns, limit_ns, excused):
+                self._accounts[key].dropped[reason] += 1
         frames = (self._sent_frame(key, waiting, now_ns) for key, waiting in self._board.take(self._model.max_batch))
         return [frame for frame in frames if frame is not None]
 

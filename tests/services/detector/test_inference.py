@@ -16,7 +16,7 @@ from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector import inference
-from services.detector.account import FAILED, STALE, Account
+from services.detector.account import FAILED, LATE, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, serving
 from services.detector.inference import EXCUSED_S, Inference
@@ -280,4 +280,5 @@ async def test_frames_of_a_poor_link_are_used_while_there_is_time_for_them(
         now_ns = time.time_ns() + 3_600_000_000_000  # it waits for nothing, however slow this machine is
         rig.board.post(CAMERAS[0], Waiting(frame(CAMERAS[0], 1), now_ns, round(late_s * 1e9)))
         await until(lambda: bool(rig.model.calls or rig.accounts[CAMERAS[0]].dropped))
-        assert (len(rig.model.calls), rig.accounts[CAMERAS[0]].dropped) == ((1, {}) if used else (0, {STALE: 1}))
+        assert (len(rig.model.calls), rig.accounts[CAMERAS[0]].dropped) == ((1, {}) if used else (0, {LATE: 1}))
+        assert rig.inference.totals().lost == 0
