@@ -25,9 +25,9 @@ STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
 MINUTE_NS: Final = 60 * NS
 DAY_NS: Final = 86_400 * NS
-LATE_S: Final = 2.0
+LATE_NS: Final = 2 * NS
 LATE_LISTS: Final = 10
-"""After so many lists in a row that came later than LATE_S it is no mere outage that held them up."""
+"""After so many lists in a row that were longer than LATE_NS on their way it is no mere outage that held them up."""
 
 MAX_LAG_NS: Final = 3_600 * NS
 """A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
@@ -110,7 +110,7 @@ class Fleet:
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
         self._namesakes = Namesakes()
-        self._late: dict[str, set[CameraKey]] = {}
+        self._late: dict[str, dict[CameraKey, int]] = {}
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
@@ -120,7 +120,8 @@ class Fleet:
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went stays on the list."""
         self.inventory.camera_presence(key, alive=alive)
-        self._note_late(key, self._camera(key), late=False)
+        self._camera(key)
+        self._late.get(key.robot, {}).pop(key, None)
         self._changed.add(key)
 
     def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
@@ -172,17 +173,18 @@ class Fleet:
         camera.lag_s = None if lag_ns is None else lag_ns / 1e9
         if camera.lag_s is not None:
             self.ages_s.append(camera.lag_s)
-        is_late = camera.lag_s is not None and camera.lag_s > LATE_S
+        is_late = (lag_ns or 0) > LATE_NS and (lag_ns or 0) - sum(seen.spans.values()) > LATE_NS
         if is_late or camera.late_lists:
-            self._note_late(key, camera, late=is_late)
+            self._note_late(key, camera, received_ns if is_late else None)
         return changes
 
-    def _note_late(self, key: CameraKey, camera: _Camera, *, late: bool) -> None:
-        camera.late_lists = camera.late_lists + 1 if late else 0
-        if camera.late_lists == LATE_LISTS:
-            self._late.setdefault(key.robot, set()).add(key)
-        elif not late and key in self._late.get(key.robot, ()):
-            self._late[key.robot].discard(key)
+    def _note_late(self, key: CameraKey, camera: _Camera, late_ns: int | None) -> None:
+        """Note when a list came late, None for one that did not."""
+        camera.late_lists = 0 if late_ns is None else camera.late_lists + 1
+        if late_ns is None:
+            self._late.get(key.robot, {}).pop(key, None)
+        elif camera.late_lists >= LATE_LISTS:
+            self._late.setdefault(key.robot, {})[key] = late_ns
 
     def opine(self, seen: ClassList, received_ns: int) -> bool:
         """Take a second opinion that arrived at `received_ns`; return False if it says nothing, see `Inventory`."""
@@ -207,8 +209,8 @@ class Fleet:
             yield NAMESAKES
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)
-        for key in sorted(self._late.get(robot, ())):
-            yield late(key.camera, self._cameras[key].lag_s or 0.0)
+        since_ns = self.heard_ns.get(robot, 0) - round(STALE_S * NS)
+        yield from (late(key.camera) for key, at_ns in sorted(self._late.get(robot, {}).items()) if at_ns >= since_ns)
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""

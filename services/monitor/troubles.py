@@ -12,9 +12,9 @@ MAX_SHOWN: Final = 5
 NAMESAKES: Final = "has more than one gateway under its name, whose frames get mixed up: end one, or name it otherwise"
 
 
-def late(camera: str, seconds: float) -> str:
-    """Say that what a camera sees is known only so long after the image."""
-    return f"{camera}: class lists come {seconds:.1f} s late; a thin link needs --uplink-mbit"
+def late(camera: str) -> str:
+    """Say that what a camera sees is known late, by its links: without a number, as each other line is logged."""
+    return f"{camera}: class lists come more than 2 s late; a thin link needs --uplink-mbit"
 
 
 def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:

@@ -9,7 +9,7 @@ from schemas.distances import Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
-from services.monitor.fleet import LATE_LISTS, LATE_S, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.fleet import LATE_LISTS, LATE_NS, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import InventoryFullError, Limits
@@ -133,19 +133,23 @@ def test_two_gateways_under_one_name_are_a_problem_of_that_robot() -> None:
     assert (list(fleet.problems_of("r1")), list(fleet.problems_of("r2"))) == ([NAMESAKES], [])
 
 
-def test_a_camera_whose_lists_keep_coming_late_is_a_problem_until_one_is_in_time_or_it_goes() -> None:
+def test_a_camera_whose_lists_keep_coming_late_is_a_problem_until_one_is_in_time_or_none_come() -> None:
     fleet = online_fleet()
 
-    def take(count: int, late_s: float) -> list[str]:
+    def take(count: int, late_ns: int, spent_ns: int = 0) -> list[str]:
         for _ in range(count):
-            message = seen(fleet.class_lists)
-            fleet.see(message, 10.0, message.header.received_ns + round(late_s * 1e9))
+            message = msgspec.structs.replace(seen(fleet.class_lists), spans={"inference": spent_ns})
+            fleet.see(message, 10.0, message.header.received_ns + late_ns)
+            fleet.gateway_status(status(), message.header.received_ns + late_ns)
         return list(fleet.problems_of("r1"))
 
-    outage, thin = take(LATE_LISTS - 1, LATE_S + 1), take(1, LATE_S + 1.5)
-    assert (outage, thin) == ([], [late("front", LATE_S + 1.5)])
-    assert (take(1, LATE_S), take(LATE_LISTS - 1, LATE_S + 1)) == ([], [])
-    assert len(take(1, LATE_S + 1)) == 1
+    late_ns, wrong = LATE_NS + S, [late("front")]
+    assert (take(LATE_LISTS - 1, late_ns), take(1, late_ns), take(1, 2 * late_ns)) == ([], wrong, wrong)
+    assert (take(1, LATE_NS), take(LATE_LISTS - 1, late_ns), take(1, late_ns)) == ([], [], wrong)
+    assert (take(1, late_ns, spent_ns=S), take(LATE_LISTS, late_ns)) == ([], wrong)
+    fleet.gateway_status(status(), fleet.heard_ns["r1"] + round(STALE_S * S) + 1)
+    assert list(fleet.problems_of("r1")) == []
+    assert take(1, late_ns) == wrong
     fleet.camera_presence(FRONT, alive=False)
     assert list(fleet.problems_of("r1")) == []
 
