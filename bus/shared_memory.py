@@ -18,8 +18,8 @@ FRAMES: Final = 3
 
 PATIENCE: Final = 30
 PATIENCE_S: Final = 3.0
-"""Successive payloads without room, or seconds of them, after which what subscribers hold is left to them: one that was
-stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
+"""With so many successive payloads without room, or after seconds of them, what subscribers hold is left to them: one
+that was stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
 
 SMALLEST_BYTES: Final = 4096
 """A smaller payload is sent sooner than it is shared."""
@@ -51,26 +51,26 @@ class SharedFrames:
         """Return the payload's copy in shared memory, or itself where it is small or the system has no room.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
-        stream's others for PATIENCE payloads or PATIENCE_S at most.
+        stream's others for less than PATIENCE payloads and PATIENCE_S.
         """
         size = len(payload)
         if size < SMALLEST_BYTES:
             return payload
         if size > self._largest:
             self._renew(size + size // _SPARE)
-        elif self._refused and self._is_impatient():
-            self._renew(self._largest)
         if self._provider is None:
             return payload
-        room = _allocated(self._provider, size)
-        if room is None:
-            if not self._refused:
-                self._refused_since = self._clock()
-            self._refused += 1
-        else:
+        if (room := _allocated(self._provider, size)) is not None:
             self._refused = 0
             room[0:size] = payload
-        return room
+            return room
+        if not self._refused:
+            self._refused_since = self._clock()
+        self._refused += 1
+        if not self._is_impatient():
+            return None
+        self._renew(self._largest)
+        return self.place(payload)
 
     def _is_impatient(self) -> bool:
         return self._refused >= PATIENCE or self._clock() >= self._refused_since + PATIENCE_S

@@ -35,7 +35,7 @@ def test_room_grows_with_the_payloads_and_what_is_held_stays_whole() -> None:
 def test_what_is_never_let_go_of_is_left_to_who_holds_it() -> None:
     frames = SharedFrames()
     held = [frames.place(bytes([number]) * SIZE) for number in range(FRAMES)]
-    assert [frames.place(bytes(SIZE)) for _ in range(PATIENCE)] == [None] * PATIENCE
+    assert [frames.place(bytes(SIZE)) for _ in range(PATIENCE - 1)] == [None] * (PATIENCE - 1)
     again = [frames.place(b"x" * SIZE) for _ in range(FRAMES)]
     assert [bytes(each or b"")[:1] for each in again] == [b"x"] * FRAMES
     assert [bytes(each or b"")[:1] for each in held] == [bytes([number]) for number in range(FRAMES)]
@@ -51,6 +51,18 @@ def test_a_stream_with_few_payloads_does_not_wait_for_thirty_of_them() -> None:
     now[0] = 10.0 + PATIENCE_S
     assert frames.place(bytes(SIZE)) is not None
     assert None not in held
+
+
+def test_what_has_room_again_needs_no_other_memory_however_long_ago_it_had_none() -> None:
+    now = [10.0]
+    frames = SharedFrames(lambda: now[0])
+    held = [frames.place(bytes(SIZE)) for _ in range(FRAMES)]
+    assert frames.place(bytes(SIZE)) is None
+    held.pop()
+    now[0] += 2 * PATIENCE_S
+    held.append(frames.place(bytes(SIZE)))
+    assert None not in held
+    assert frames.place(bytes(SIZE)) is None
 
 
 def test_payloads_of_any_sizes_find_room_again() -> None:
