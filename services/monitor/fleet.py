@@ -18,7 +18,7 @@ from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits,
 from services.monitor.inventory.sighting import Change
 from services.monitor.mapping.places import Places
 from services.monitor.namesakes import Namesakes
-from services.monitor.troubles import NAMESAKES, late, problems_of
+from services.monitor.troubles import NAMESAKES, THIN_LINK, problems_of
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
@@ -210,7 +210,8 @@ class Fleet:
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)
         since_ns = self.heard_ns.get(robot, 0) - round(STALE_S * NS)
-        yield from (late(key.camera) for key, at_ns in sorted(self._late.get(robot, {}).items()) if at_ns >= since_ns)
+        if any(at_ns >= since_ns for at_ns in self._late.get(robot, {}).values()):
+            yield THIN_LINK
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest account of every gateway online."""

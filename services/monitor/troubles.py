@@ -8,13 +8,10 @@ from schemas.status import GatewayStatus
 
 MAX_SHOWN: Final = 5
 
-
 NAMESAKES: Final = "has more than one gateway under its name, whose frames get mixed up: end one, or name it otherwise"
 
-
-def late(camera: str) -> str:
-    """Say that what a camera sees is known late, by its links: without a number, as each other line is logged."""
-    return f"{camera}: class lists come more than 2 s late; a thin link needs --uplink-mbit"
+THIN_LINK: Final = "has class lists that come more than 2 s late; a thin link needs --uplink-mbit"
+"""Of all cameras of a robot together: their link is one, and a line that changes is logged again."""
 
 
 def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:

@@ -14,7 +14,7 @@ from services.monitor.inventory import inventory as module
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import InventoryFullError, Limits
 from services.monitor.inventory.sighting import Sighting
-from services.monitor.troubles import NAMESAKES, late
+from services.monitor.troubles import NAMESAKES, THIN_LINK
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 
@@ -133,7 +133,7 @@ def test_two_gateways_under_one_name_are_a_problem_of_that_robot() -> None:
     assert (list(fleet.problems_of("r1")), list(fleet.problems_of("r2"))) == ([NAMESAKES], [])
 
 
-def test_a_camera_whose_lists_keep_coming_late_is_a_problem_until_one_is_in_time_or_none_come() -> None:
+def test_lists_that_keep_coming_late_are_a_problem_until_one_is_in_time_or_none_come() -> None:
     fleet = online_fleet()
 
     def take(count: int, late_ns: int, spent_ns: int = 0) -> list[str]:
@@ -143,14 +143,21 @@ def test_a_camera_whose_lists_keep_coming_late_is_a_problem_until_one_is_in_time
             fleet.gateway_status(status(), message.header.received_ns + late_ns)
         return list(fleet.problems_of("r1"))
 
-    late_ns, wrong = LATE_NS + S, [late("front")]
+    late_ns, wrong = LATE_NS + S, [THIN_LINK]
     assert (take(LATE_LISTS - 1, late_ns), take(1, late_ns), take(1, 2 * late_ns)) == ([], wrong, wrong)
     assert (take(1, LATE_NS), take(LATE_LISTS - 1, late_ns), take(1, late_ns)) == ([], [], wrong)
     assert (take(1, late_ns, spent_ns=S), take(LATE_LISTS, late_ns)) == ([], wrong)
     fleet.gateway_status(status(), fleet.heard_ns["r1"] + round(STALE_S * S) + 1)
     assert list(fleet.problems_of("r1")) == []
     assert take(1, late_ns) == wrong
+    other = CameraKey("r1", "rear")
+    for message in (seen(fleet.class_lists + more) for more in range(LATE_LISTS)):
+        about = msgspec.structs.replace(message.header, camera=other.camera)
+        fleet.see(msgspec.structs.replace(message, header=about), 10.0, about.received_ns + late_ns)
+    assert list(fleet.problems_of("r1")) == wrong
     fleet.camera_presence(FRONT, alive=False)
+    assert list(fleet.problems_of("r1")) == wrong
+    fleet.camera_presence(other, alive=False)
     assert list(fleet.problems_of("r1")) == []
 
 
