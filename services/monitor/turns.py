@@ -1,11 +1,15 @@
 """Long work on the event loop, done bit by bit."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterable, AsyncIterator, Iterable
 from typing import Final, TypeVar
 
 AT_ONCE: Final = 100
-"""Items until other things get their turn."""
+"""Arrivals until other things get their turn."""
+
+TURN_S: Final = 0.003
+"""How long something may go on until everybody else gets their turn: questions wait for several of them."""
 
 PAUSE_S: Final = 0.001
 """A moment in which the event loop does nothing: other threads, such as the bus's, get the interpreter at once then."""
@@ -18,16 +22,18 @@ async def pause() -> None:
     await asyncio.sleep(PAUSE_S)
 
 
-async def in_turns(items: Iterable[T], at_once: int = AT_ONCE) -> AsyncIterator[T]:
-    """Yield items; whatever else waits, on the event loop or on other threads, gets its turn after each `at_once`."""
-    for number, item in enumerate(items, 1):
+async def in_turns(items: Iterable[T]) -> AsyncIterator[T]:
+    """Yield items; whatever else waits, on the event loop or on other threads, gets its turn after each `TURN_S`."""
+    began_s = time.perf_counter()
+    for item in items:
         yield item
-        if number % at_once == 0:
+        if time.perf_counter() - began_s > TURN_S:
             await pause()
+            began_s = time.perf_counter()
 
 
 async def arrivals_in_turns(arrivals: AsyncIterable[T]) -> AsyncIterator[T]:
-    """Yield what arrives; like `in_turns` where much waits already, since then nothing is waited for."""
+    """Yield what arrives; where much waits already, others get their turn: nothing is waited for then."""
     number = 0
     async for arrival in arrivals:
         yield arrival

@@ -1,9 +1,11 @@
 import asyncio
+import time
 from collections.abc import AsyncIterable, AsyncIterator
 
 import pytest
 
-from services.monitor.turns import AT_ONCE, arrivals_in_turns, in_turns, pause
+from services.monitor import turns
+from services.monitor.turns import AT_ONCE, TURN_S, arrivals_in_turns, in_turns, pause
 
 
 async def waiting() -> AsyncIterator[int]:
@@ -12,16 +14,30 @@ async def waiting() -> AsyncIterator[int]:
         yield number
 
 
-@pytest.mark.parametrize(
-    "items", [in_turns(range(2 * AT_ONCE)), arrivals_in_turns(waiting())], ids=["items", "arrivals"]
-)
-async def test_others_get_their_turn_now_and_then(items: AsyncIterable[int]) -> None:
+async def counted(items: AsyncIterable[int], *, each_s: float = 0.0) -> tuple[int, int]:
+    """How many items were done when others first had their turn, and how many there are."""
     done: list[int] = []
     seen: list[int] = []
     asyncio.get_running_loop().call_soon(lambda: seen.append(len(done)))
     async for item in items:
-        done.append(item)  # noqa: PERF401 - how many there are meanwhile is what is looked at
-    assert (done, seen) == (list(range(2 * AT_ONCE)), [AT_ONCE])
+        time.sleep(each_s)  # noqa: ASYNC251 - work that keeps the event loop
+        done.append(item)
+    await asyncio.sleep(0)
+    assert done == list(range(len(done)))
+    return seen[0], len(done)
+
+
+async def test_who_waits_beside_long_work_gets_its_turn_soon() -> None:
+    assert await counted(in_turns(range(3)), each_s=1.1 * TURN_S) == (1, 3)
+
+
+async def test_short_work_is_done_in_one_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns, "TURN_S", 60.0)
+    assert await counted(in_turns(range(10))) == (10, 10)
+
+
+async def test_who_waits_beside_many_arrivals_gets_its_turn() -> None:
+    assert await counted(arrivals_in_turns(waiting())) == (AT_ONCE, 2 * AT_ONCE)
 
 
 async def test_a_pause_lets_the_event_loop_wait_so_that_other_threads_run() -> None:
@@ -30,12 +46,3 @@ async def test_a_pause_lets_the_event_loop_wait_so_that_other_threads_run() -> N
         await asyncio.sleep(0)
     assert not paused.done()
     await paused
-
-
-async def test_fewer_at_once_are_more_turns() -> None:
-    done: list[int] = []
-    seen: list[int] = []
-    asyncio.get_running_loop().call_soon(lambda: seen.append(len(done)))
-    async for item in in_turns(range(10), 3):
-        done.append(item)  # noqa: PERF401 - how many there are meanwhile is what is looked at
-    assert (done, seen) == (list(range(10)), [3])

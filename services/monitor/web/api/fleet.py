@@ -26,8 +26,6 @@ from services.monitor.web.api.paging import After, ClassName, Limit, Name, first
 from services.monitor.web.api.stock import Asked, some_entries
 
 DEFAULT_LIMIT: Final = 200
-AT_ONCE: Final = 50
-"""Items until other things get their turn."""
 
 
 def fleet_routes(monitor: Monitor) -> APIRouter:
@@ -53,7 +51,7 @@ def fleet_routes(monitor: Monitor) -> APIRouter:
         now_ns = time.time_ns()
         found = await some_entries(monitor.fleet.inventory, asked, limit + 1, now_ns)
         items, mark = first_of(found, _entry_place, limit)
-        return page_response(now_ns, [sighting_body(each) async for each in in_turns(items, AT_ONCE)], mark)
+        return page_response(now_ns, [sighting_body(each) async for each in in_turns(items)], mark)
 
     return router
 
@@ -69,7 +67,7 @@ def _member_routes(monitor: Monitor) -> APIRouter:
         names, mark = page_of(
             glance.robots, _name_place, limit, after, 1, wanted=lambda each: online in (None, there(each))
         )
-        bodies = [robot_body(glance.robot(each)) async for each in in_turns(names, AT_ONCE)]
+        bodies = [robot_body(glance.robot(each)) async for each in in_turns(names)]
         return page_response(glance.now_ns, bodies, mark)
 
     @router.get("/cameras", response_model=Page[CameraAnswer])
@@ -81,7 +79,7 @@ def _member_routes(monitor: Monitor) -> APIRouter:
         there = monitor.fleet.inventory.online
         every = glance.cameras_of(robot) if robot else glance.cameras
         keys, mark = page_of(every, _camera_place, limit, after, 2, wanted=lambda each: online in (None, there(each)))
-        bodies = [camera_body(glance.camera(each)) async for each in in_turns(keys, AT_ONCE)]
+        bodies = [camera_body(glance.camera(each)) async for each in in_turns(keys)]
         return page_response(glance.now_ns, bodies, mark)
 
     return router

@@ -3,15 +3,13 @@
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 from operator import attrgetter
 from typing import Final
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry, Inventory
-from services.monitor.turns import pause
-
-AT_ONCE: Final = 100
-"""Cameras until other things get their turn."""
+from services.monitor.turns import in_turns
 
 PLACE: Final = attrgetter("robot", "camera")
 
@@ -40,13 +38,13 @@ async def some_entries(inventory: Inventory, asked: Asked, most: int, now_ns: in
     order = inventory.in_order()
     behind = asked.after[:2] if asked.after else ("", "")
     begin = bisect_left(order, max(behind, (asked.robot, "")), key=PLACE)
-    for number, key in enumerate(order[begin:], 1):
-        if len(found) >= most or asked.robot not in ("", key.robot):
-            break
+
+    def wanted(key: CameraKey) -> bool:
+        return len(found) < most and asked.robot in ("", key.robot)
+
+    async for key in in_turns(takewhile(wanted, order[begin:])):
         if asked.camera in ("", key.camera):
             found += _entries_of(inventory, key, asked, now_ns)
-        if number % AT_ONCE == 0:
-            await pause()
     return found[:most]
 
 

@@ -1,6 +1,9 @@
+import pytest
+
 from schemas.keys import CameraKey
+from services.monitor import turns
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.web.api.stock import AT_ONCE, Asked, Place, some_entries
+from services.monitor.web.api.stock import Asked, Place, some_entries
 from tests.services.monitor.inventory.seeing import S, seen
 
 
@@ -48,5 +51,6 @@ async def test_only_what_is_asked_for() -> None:
     assert {robot for robot, _, _ in await places(Asked(available=True))} == {"r0", "r2"}
 
 
-async def test_more_than_is_done_at_once_is_whole() -> None:
-    assert len(await places(Asked(name="box"), 10 * AT_ONCE, robots=AT_ONCE)) == 2 * AT_ONCE
+async def test_what_takes_many_turns_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns, "TURN_S", 0.0)
+    assert len(await places(Asked(name="box"), 1_000, robots=20)) == 40
