@@ -20,6 +20,7 @@ from services.detector.runtime.exporting import exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
+from services.detector.runtime.refinement.refiner import Refiner
 from services.detector.settings import DetectorSettings
 from services.detector.tracking import Tracking
 
@@ -43,16 +44,16 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
         raise
 
 
-def load(settings: DetectorSettings, folder: Path) -> Pipeline:
+def load(settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours, and what is exported if the cache
-    cannot be written.
+    cannot be written. refiner: instead of that of the weights.
 
     Raises:
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
     """
-    return _ready(_read(settings, folder, "--model"), settings, folder)
+    return _ready(_read(settings, folder, "--model"), settings, folder, refiner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +77,16 @@ def _read(settings: DetectorSettings, folder: Path, option: str) -> _Read:
         raise ModelError(f"--classes with {what}: {error}") from error
 
 
-def _ready(read: _Read, settings: DetectorSettings, folder: Path) -> Pipeline:
+def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
+    from services.detector.runtime.refinement.torch_refiner import TorchRefiner  # noqa: PLC0415 - it is heavy
     from services.detector.runtime.weights import device_of  # noqa: PLC0415 - it is heavy
 
     weights = read.weights
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
     on_gpu = device.type == "cuda"
+    if refiner is None and weights.refiner is not None:
+        refiner = TorchRefiner(weights.refiner, device)
     try:
         runtime, engine, reference = _engines(settings, weights, device, longest, folder)
         return Pipeline(
@@ -91,6 +95,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path) -> Pipeline:
             read.criteria,
             blank=_blank(longest, weights.stride),
             reference=None if runtime == "torch" else reference,
+            refiner=refiner,
             max_batch=BATCH_ON_GPU if on_gpu else 1,
             in_flight=3 if on_gpu else 2,
         )

@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,13 @@ from services.detector.account import FAILED, MALFORMED
 from services.detector.model import SILENT, Failed, Found, ModelError, Outcome, Request, first_line
 from services.detector.pixels import PictureError, to_bgr
 from services.detector.runtime.agreement import difference
+from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine, OutOfMemoryError
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.postprocess import Output, objects
+from services.detector.runtime.refinement.closeups import CloseUps, close_ups
+from services.detector.runtime.refinement.refiner import Refiner
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +56,7 @@ class Pipeline:
     """A model behind the `Model` protocol.
 
     blank: a batch that the engine has computed before; where it no longer can, it is of no more use. reference: what
-    the engine's first images are checked against, where that is another one.
+    the engine's first images are checked against, where that is another one. refiner: of the masks, where there is one.
     """
 
     def __init__(
@@ -63,6 +67,7 @@ class Pipeline:
         *,
         blank: NDArray[np.uint8],
         reference: Engine | None = None,
+        refiner: Refiner | None = None,
         max_batch: int = 1,
         in_flight: int = 2,
     ) -> None:
@@ -75,6 +80,7 @@ class Pipeline:
         self._engine = engine
         self._blank = blank
         self._reference = reference
+        self._refiner = refiner
         self._stages = ThreadPoolExecutor(in_flight, thread_name_prefix="images")
         self._computing = ThreadPoolExecutor(1, thread_name_prefix="model")
         self._last: asyncio.Future[None] | None = None
@@ -205,8 +211,17 @@ class Pipeline:
         try:
             if isinstance(output, Exception):
                 return Failed(FAILED, output)
-            found = objects(output, prepared.letterbox, self._criteria, self.facts.names, masks=masks)
+            refine = None if self._refiner is None else partial(self._refined, self._refiner, prepared.pixels)
+            letterbox, names = prepared.letterbox, self.facts.names
+            found = objects(output, letterbox, self._criteria, names, masks=masks, refine=refine)
         except Exception as error:  # noqa: BLE001 - see above
             return Failed(FAILED, error)
         after_ns = time.perf_counter_ns() - began_ns
         return Found(found, {"prepare": prepared.took_ns, "model": model_ns, "postprocess": after_ns})
+
+    def _refined(
+        self, refiner: Refiner, image: NDArray[np.uint8], found: Candidates, prototypes: NDArray[np.float32]
+    ) -> tuple[CloseUps, NDArray[np.float32]]:
+        """Look at objects closely. The refiner takes its turns with the engine: each has all processors to itself."""
+        seen = close_ups(image, found, prototypes)
+        return seen, self._computing.submit(refiner.run, seen).result()

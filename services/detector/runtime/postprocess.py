@@ -1,6 +1,6 @@
 """A model's output to objects, as Ultralytics does it, but each mask only where its box is, and its own. Pure."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from schemas.detections import Box, Detection, Mask
 from schemas.header import MAX_LABEL
 from services.detector.masks import encode_all
+from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
+from services.detector.runtime.refinement.closeups import CloseUps
 from services.detector.runtime.suppression import suppressed
 from services.detector.runtime.taps import Taps
 from services.geometry.masks import Window
@@ -47,23 +49,20 @@ class Output:
     prototypes: Floats | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Candidates:
-    """Corners in pixels of the input (n x 4), scores (n), labels (n) and mask coefficients (n x m)."""
-
-    corners: Floats
-    scores: Floats
-    labels: NDArray[np.int64]
-    coefficients: Floats
-
-    def __getitem__(self, which: NDArray[np.int64] | NDArray[np.bool_] | slice) -> "_Candidates":
-        return _Candidates(self.corners[which], self.scores[which], self.labels[which], self.coefficients[which])
+Refine = Callable[[Candidates, Floats], tuple[CloseUps, Floats]]
+"""Looks at objects closely, best first, with the prototypes of their masks; also returns the log odds that it finds."""
 
 
 def objects(
-    output: Output, letterbox: Letterbox, criteria: Criteria, names: Mapping[int, str], *, masks: bool
+    output: Output,
+    letterbox: Letterbox,
+    criteria: Criteria,
+    names: Mapping[int, str],
+    *,
+    masks: bool,
+    refine: Refine | None = None,
 ) -> list[Detection]:
-    """Return the objects of an image, best score first, with masks if asked for and known.
+    """Return the objects of an image, best score first, with masks if asked for and known, refined if that is known.
 
     Raises:
         OutputError: the output is not that of a model with these classes, or not a number.
@@ -79,7 +78,10 @@ def objects(
     boxes = _in_image(kept.corners, letterbox)
     encoded: list[Mask | None] = [None] * len(boxes)
     if masks and output.prototypes is not None:
-        windows = _windows(kept.coefficients, boxes, output.prototypes, letterbox)
+        if refine is None:
+            windows = _windows(kept.coefficients, boxes, output.prototypes, letterbox)
+        else:
+            windows = _refined(*refine(kept, output.prototypes), letterbox)
         encoded[:] = encode_all(windows, letterbox.rows.image, letterbox.columns.image)
     return [
         Detection(name=names[label][:MAX_LABEL], score=min(score, 1.0), box=Box(*box), mask=mask, label=label)
@@ -99,7 +101,7 @@ def _is_dense(output: Output, classes: int) -> bool:
     raise OutputError(f"an output of {output.predictions.shape} from a model of {classes} classes")
 
 
-def _candidates(output: Output, classes: int, criteria: Criteria) -> _Candidates:
+def _candidates(output: Output, classes: int, criteria: Criteria) -> Candidates:
     """Return what is sure enough and of a class that is reported, best first."""
     found = _dense(output, classes, criteria) if _is_dense(output, classes) else _ended(output, classes, criteria)
     if np.isnan(found.corners).any() or np.isnan(found.coefficients).any():
@@ -109,7 +111,7 @@ def _candidates(output: Output, classes: int, criteria: Criteria) -> _Candidates
     return found[np.argsort(-found.scores, kind="stable")[:MAX_CANDIDATES]]
 
 
-def _dense(output: Output, classes: int, criteria: Criteria) -> _Candidates:
+def _dense(output: Output, classes: int, criteria: Criteria) -> Candidates:
     scores = output.predictions[PLACES : PLACES + classes]
     sure = _sure(scores.max(axis=0), criteria)
     chosen = np.ascontiguousarray(output.predictions[:, sure].T, np.float32)
@@ -117,7 +119,7 @@ def _dense(output: Output, classes: int, criteria: Criteria) -> _Candidates:
     best = np.take_along_axis(chosen, PLACES + labels[:, None], axis=1)[:, 0]
     centres, halves = chosen[:, :2], chosen[:, 2:PLACES] / 2
     corners = np.concatenate([centres - halves, centres + halves], axis=1)
-    return _Candidates(corners, best, labels, chosen[:, PLACES + classes :])
+    return Candidates(corners, best, labels, chosen[:, PLACES + classes :])
 
 
 def _sure(scores: Floats, criteria: Criteria) -> NDArray[np.intp]:
@@ -127,15 +129,15 @@ def _sure(scores: Floats, criteria: Criteria) -> NDArray[np.intp]:
     return np.flatnonzero(scores > criteria.confidence)
 
 
-def _ended(output: Output, classes: int, criteria: Criteria) -> _Candidates:
+def _ended(output: Output, classes: int, criteria: Criteria) -> Candidates:
     rows = np.asarray(output.predictions[_sure(output.predictions[:, PLACES], criteria)], np.float32)
     labels = rows[:, PLACES + 1].astype(np.int64)
     if np.any((labels < 0) | (labels >= classes)):
         raise OutputError(f"a class beyond the {classes} that the model has")
-    return _Candidates(rows[:, :PLACES], rows[:, PLACES], labels, rows[:, ENDED:])
+    return Candidates(rows[:, :PLACES], rows[:, PLACES], labels, rows[:, ENDED:])
 
 
-def _apart(found: _Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArray[np.int64]:
+def _apart(found: Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArray[np.int64]:
     """Return which objects, best first, are not MOSTLY covered by better ones of their class."""
     height, width = prototypes.shape[1:]
     scale = np.array([width / letterbox.columns.input, height / letterbox.rows.input] * 2, np.float32)
@@ -167,3 +169,11 @@ def _windows(coefficients: Floats, boxes: Floats, prototypes: Floats, letterbox:
         small = np.einsum("c,chw->hw", weights, prototypes[:, high, wide])  # see above
         logits = across.apply(down.apply(small).T)
         yield Window(top, left, (logits > 0).T)
+
+
+def _refined(seen: CloseUps, odds: Floats, letterbox: Letterbox) -> Iterator[Window]:
+    """Return masks in the image's own resolution: the odds of close-ups, interpolated, above zero."""
+    for (left, top, right, bottom), small in zip(seen.windows.tolist(), odds, strict=True):
+        upper, down = Taps.within(letterbox.rows, top, bottom, len(small))
+        first, across = Taps.within(letterbox.columns, left, right, len(small))
+        yield Window(upper, first, (across.apply(down.apply(small).T) > 0).T)

@@ -1,5 +1,6 @@
 """Linear interpolation along one axis, from places in a model's output to pixels of the image. Pure."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -26,6 +27,21 @@ class Taps:
     def of(cls, axis: Axis, size: int) -> "Taps":
         """Find all of the image's pixels among `size` places; the image's padding has no say."""
         return _taps(axis, size)
+
+    @classmethod
+    def within(cls, axis: Axis, first: int, last: int, size: int) -> "tuple[int, Taps]":
+        """Find the image's pixels that lie between two places of the model's input among `size` places of that window.
+
+        Also return the first of these pixels.
+        """
+        ratio = axis.image / axis.content
+        begin, end = (
+            min(max(math.ceil((place - axis.before) * ratio - 0.5), 0), axis.image) for place in (first, last)
+        )
+        inputs = (np.arange(begin, end) + 0.5) / ratio + axis.before
+        places = np.clip((inputs - first) * (size / (last - first)) - 0.5, 0, size - 1)
+        before = places.astype(np.int64)
+        return begin, cls(before, (places - before).astype(np.float32)[:, None])
 
     def cut(self, begin: int, end: int) -> tuple[slice, "Taps"]:
         """Return which places the pixels from `begin` to `end` need, and the taps of those pixels among them."""

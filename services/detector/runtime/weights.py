@@ -12,6 +12,8 @@ from ultralytics.models import YOLO
 from ultralytics.utils.torch_utils import select_device
 
 from services.detector.model import ModelError, first_line
+from services.detector.runtime.refinement.network import RefinerNetwork
+from services.detector.runtime.refinement.torch_refiner import network_in
 
 SEGMENT: Final = "segment"
 TASKS: Final = (SEGMENT, "detect")
@@ -23,7 +25,11 @@ DEFAULT_SIDE: Final = 640
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """A loaded checkpoint. digest: of the file's content. longest: the input's longer side in training, in pixels."""
+    """A loaded checkpoint.
+
+    digest: of the file's content. longest: the input's longer side in training, in pixels. refiner: of its masks, if
+    the file has one.
+    """
 
     path: Path
     digest: str
@@ -32,6 +38,7 @@ class Weights:
     segments: bool
     longest: int
     stride: int
+    refiner: RefinerNetwork | None
 
 
 def load_weights(model: str, option: str = "--model") -> Weights:
@@ -51,13 +58,14 @@ def load_weights(model: str, option: str = "--model") -> Weights:
         names = {int(label): str(name) for label, name in yolo.model.names.items()}
         stride = max(32, int(yolo.model.stride.max()))
         longest = _longest(yolo)
+        refiner = network_in(yolo.ckpt or {}, len(names))
     except Exception as error:
         raise ModelError(
             f"{option} {model}: not a model that can be used: {first_line(error).removeprefix(SHOUTED)}"
         ) from error
     if yolo.task not in TASKS:
         raise ModelError(f"{option} {model}: a model for {yolo.task!r}, not for one of {', '.join(TASKS)}")
-    return Weights(path, digest, yolo, names, yolo.task == SEGMENT, longest, stride)
+    return Weights(path, digest, yolo, names, yolo.task == SEGMENT, longest, stride, refiner)
 
 
 def _longest(yolo: Any) -> int:

@@ -29,8 +29,8 @@ one command:
 
 - Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}: {coarse_epochs} epochs at half
   the size, {epochs} at the whole and {polish_epochs} more with the learning rate raised once again.
-- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering included, with
-  {workers} workers on device {device}.
+{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering
+  included, with {workers} workers on device {device}.
 - Python {python}, {versions}.
 
 ## On scenes that it was not trained on
@@ -48,7 +48,7 @@ By visible size, in pixels, over all classes:
 | size | objects | mask mAP50 | mask mAP50-95 |
 |---|---|---|---|
 {size_rows}
-
+{unrefined}
 At a confidence of {confidence:.2f}, the detector's default, the list of classes was right in {exact:.1%} of these
 pictures: it had every class with an object of which at least {visibility:.0%} is visible, on at least {required:.1%}
 of the picture, and none without an object that is visible on more than {visible:.2%} of it. That default was chosen
@@ -78,18 +78,31 @@ often missed, and trolleys, posts or bare walls are sometimes taken for forklift
 Licence: AGPL-3.0-or-later, as the project and the architecture's definition in Ultralytics are.
 """
 
+_REFINER: Final = """\
+- Masks are made finer by a small network in the same file, trained for {refiner_epochs} epochs on {objects} objects
+  that the model found in {refiner_images} images of further scenes.
+"""
+
+_UNREFINED: Final = """
+As the model makes them, without that network, masks have an mAP50 of {map50:.3f} and an mAP50-95 of {map50_95:.3f}.
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What the evaluation of a run's weights found; `lists` at `CONFIDENCE`."""
+    """What the evaluation of a run's weights found; `lists` at `CONFIDENCE`.
+
+    unrefined: of all masks as they are without a refiner, where there is one.
+    """
 
     masks: MaskFigures
     lists: ListFigures
     near: NearFigures
+    unrefined: Precision | None = None
 
 
-def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> str:
-    """Describe a run's weights as Markdown."""
+def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, refined: int = 0) -> str:
+    """Describe a run's weights as Markdown. refined: of how many objects a refiner of masks learned, if it did."""
     masks, lists, near = figures.masks, figures.lists, figures.near
     seeds = held_out_seeds(settings.seed, settings.holdout)
     return _CARD.format(
@@ -118,6 +131,8 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> 
         pictures=near.pictures,
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
+        refiner=_REFINER.format(objects=refined, **settings.model_dump()) if refined else "",
+        unrefined=_unrefined(figures.unrefined),
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
         **settings.model_dump(exclude={"device"}),
     )
@@ -126,6 +141,12 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort) -> 
 def _command(settings: TrainingSettings) -> str:
     options = settings.model_dump(include=DECISIVE, exclude_defaults=True)
     return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {value}" for name, value in options.items())])
+
+
+def _unrefined(precision: Precision | None) -> str:
+    if precision is None or precision.map50 is None or precision.map50_95 is None:
+        return ""
+    return _UNREFINED.format(map50=precision.map50, map50_95=precision.map50_95)
 
 
 def _near_row(near: NearFigures, name: str) -> str:

@@ -75,12 +75,18 @@ def _write_scene(job: tuple[Path, str, int, int]) -> None:
 
 def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[Label]]]:
     """`count` pictures (RGB) of the scene of `seed` with their labels."""
+    for image, truths in pictures_of(seed, count):
+        yield image, labels_of(truths)
+
+
+def pictures_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], tuple[SeenObject, ...]]]:
+    """`count` pictures (RGB) of the scene of `seed` with all that is seen in them."""
     scene, rng = generate(seed), np.random.default_rng([seed, 2])
     clearance = Clearance.of(scene)
     for _ in range(count):
         view = draw_view(scene, clearance, rng)
-        labels = labels_of(truth_of(scene, view.rendering, view.pose, view.camera))
-        yield expose(view.rendering.color, Sensor.draw(rng), rng), labels
+        truths = truth_of(scene, view.rendering, view.pose, view.camera)
+        yield expose(view.rendering.color, Sensor.draw(rng), rng), truths
 
 
 def labels_of(objects: Iterable[SeenObject]) -> list[Label]:

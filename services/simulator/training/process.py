@@ -7,14 +7,15 @@ from rich.console import Console
 
 from services.simulator import bars
 from services.simulator.training.evaluation.predictor import PredictorLoader
+from services.simulator.training.refining.refinement import Refinement
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
 
 
-async def run(settings: TrainingSettings, load: PredictorLoader) -> None:
+async def run(settings: TrainingSettings, load: PredictorLoader, refinement: Refinement) -> None:
     """Train. Interrupted, the next run with the same settings goes on from the last checkpoint.
 
-    load: loads the weights as a detector would, to evaluate them.
+    load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
 
     Raises:
         TrainingError: the work directory belongs to a run with other settings.
@@ -28,7 +29,7 @@ async def run(settings: TrainingSettings, load: PredictorLoader) -> None:
             report(stage, done, total)
 
         try:
-            await asyncio.to_thread(train, settings, progress, load)
+            await asyncio.to_thread(train, settings, progress, load, refinement)
         finally:
             cancelled.set()  # the thread notices where it next reports
     Console().print(f"wrote {settings.output} and its card beside it", markup=False, highlight=False, soft_wrap=True)

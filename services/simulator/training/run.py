@@ -9,13 +9,15 @@ from services.simulator.training.card import Figures, model_card
 from services.simulator.training.dataset import VIEWS, holdout_seed, write_dataset
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.errors import TrainingError
-from services.simulator.training.evaluation.held_out import scored
+from services.simulator.training.evaluation.held_out import HeldOutScore, scored
 from services.simulator.training.evaluation.near import near_figures
 from services.simulator.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, PredictorLoader
 from services.simulator.training.evaluation.scenes import held_out_seeds, held_out_views
 from services.simulator.training.fitting import device_name, epochs_done, fit
 from services.simulator.training.metering import effort_so_far, metered
 from services.simulator.training.progress import Progress
+from services.simulator.training.refining.refinement import Refinement
+from services.simulator.training.refining.run import refine
 from services.simulator.training.settings import DECISIVE, TrainingSettings
 from services.simulator.training.stages import stages_of
 from services.simulator.training.weights import write_weights
@@ -24,10 +26,10 @@ DRIVES: Final = 20
 FRAMES_PER_DRIVE: Final = 24
 
 
-def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader) -> None:
+def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader, refinement: Refinement) -> None:
     """Make `settings.output` and the model card beside it, going on where an earlier run was interrupted.
 
-    load: loads the weights as a detector would, to evaluate them.
+    load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
 
     Raises TrainingError, before anything is rendered, when the work directory belongs to a run with other settings or
     what it holds is no checkpoint, when the device is not there, and when the output cannot be written.
@@ -45,27 +47,41 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader)
             holdout=settings.holdout,
             workers=settings.workers,
         )
-        write_weights(fit(settings, dataset, progress), settings.output, settings.imgsz)
+        checkpoint, unrefined = fit(settings, dataset, progress), work_dir / "unrefined.pt"
+        write_weights(checkpoint, unrefined, settings.imgsz)
+        refined = refine(settings, unrefined, refinement, progress)
+        write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
     with metered(record):
-        figures = evaluate(settings, progress, load)
-    settings.output.with_suffix(".md").write_text(model_card(settings, figures, effort_so_far(record)))
+        figures = evaluate(settings, progress, load, unrefined if refined.kept else None)
+    card = model_card(settings, figures, effort_so_far(record), refined.objects)
+    settings.output.with_suffix(".md").write_text(card)
 
 
-def evaluate(settings: TrainingSettings, progress: Progress, load: PredictorLoader) -> Figures:
-    """Find out how well the weights at `settings.output` do on scenes that they were not trained on."""
-    load_at = partial(load, settings.output, device=device_name(settings), folder=settings.work_dir / "ultralytics")
+def evaluate(
+    settings: TrainingSettings, progress: Progress, load: PredictorLoader, unrefined: Path | None = None
+) -> Figures:
+    """Find out how well the weights at `settings.output` do on scenes that they were not trained on.
+
+    unrefined: the same without what refines their masks, if there is such a thing.
+    """
+    load_at = partial(load, device=device_name(settings), folder=settings.work_dir / "ultralytics")
     seeds = held_out_seeds(settings.seed, settings.holdout)
-    views = held_out_views(settings.work_dir, seeds, settings.workers, progress)
-    predict = load_at(confidence=LOWEST_CONFIDENCE)
-    score = scored(views, predict, lambda done: progress("evaluate", done, len(seeds)))
+
+    def score(weights: Path, stage: str) -> HeldOutScore:
+        views = held_out_views(settings.work_dir, seeds, settings.workers, progress)
+        predict = load_at(weights, confidence=LOWEST_CONFIDENCE)
+        return scored(views, predict, lambda done: progress(stage, done, len(seeds)))
+
+    found = score(settings.output, "evaluate")
+    before = None if unrefined is None else score(unrefined, "evaluate unrefined").masks.figures().overall
     drives = min(DRIVES, settings.holdout)
     near = near_figures(
-        load_at(confidence=CONFIDENCE),
+        load_at(settings.output, confidence=CONFIDENCE),
         [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
         FRAMES_PER_DRIVE,
         lambda done: progress("drive", done, drives),
     )
-    return Figures(score.masks.figures(), score.lists.figures(CONFIDENCE), near)
+    return Figures(found.masks.figures(), found.lists.figures(CONFIDENCE), near, before)
 
 
 def _claim(work_dir: Path, settings: TrainingSettings) -> None:

@@ -6,7 +6,18 @@ from typing import Final
 from pydantic import BaseModel, Field, PositiveInt
 
 WEIGHTS_FOLDER = Path(__file__).parents[2] / "detector" / "weights"
-DECISIVE: Final = {"seed", "images", "holdout", "coarse_epochs", "epochs", "polish_epochs", "imgsz", "batch"}
+DECISIVE: Final = {
+    "seed",
+    "images",
+    "holdout",
+    "coarse_epochs",
+    "epochs",
+    "polish_epochs",
+    "refiner_images",
+    "refiner_epochs",
+    "imgsz",
+    "batch",
+}
 """What the weights and their figures depend on, wherever they are made."""
 
 
@@ -27,6 +38,10 @@ class TrainingSettings(BaseModel):
     polish_epochs: int = Field(
         default=3, ge=0, description="last passes at the whole size, the learning rate raised once more to fall slowly"
     )
+    refiner_images: int = Field(
+        default=6000, ge=0, description="images of further scenes that masks are refined in, 0 for no refiner of masks"
+    )
+    refiner_epochs: PositiveInt = Field(default=6, description="passes of the refiner over what was found in these")
     imgsz: PositiveInt = Field(default=640, multiple_of=32, description="longer side of the model's input in pixels")
     batch: PositiveInt = Field(default=8, description="images per step")
     workers: PositiveInt = Field(default=2, description="processes that render, and threads that train without a GPU")

@@ -3,6 +3,7 @@
 import io
 import re
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,8 +13,8 @@ from services.simulator.training.fitting import ARCHITECTURE
 _ABSOLUTE_PATH: Final = re.compile(rb"(?<![\w:/.-])(?:/[\w.+-]+){2,}|[A-Za-z]:\\[\w.+-]+")
 
 
-def write_weights(checkpoint: Path, output: Path, imgsz: int) -> None:
-    """Strip `checkpoint`, which this command wrote, and put its averaged model at `output`.
+def write_weights(checkpoint: Path, output: Path, imgsz: int, more: Mapping[str, Any] | None = None) -> None:
+    """Strip `checkpoint`, which this command wrote, and put its averaged model at `output`, with `more` beside it.
 
     Raises TrainingError when a path of this machine would get into the file.
     """
@@ -26,7 +27,8 @@ def write_weights(checkpoint: Path, output: Path, imgsz: int) -> None:
     model.args, model.criterion, model.pt_path = dict(arguments), None, None
     model.yaml["yaml_file"] = ARCHITECTURE
     buffer = io.BytesIO()
-    torch.save({"epoch": -1, "model": model, "ema": None, "optimizer": None, "train_args": arguments}, buffer)
+    kept = {"epoch": -1, "model": model, "ema": None, "optimizer": None, "train_args": arguments, **(more or {})}
+    torch.save(kept, buffer)
     content = buffer.getvalue()
     if found := embedded_paths(content):
         raise TrainingError(f"the weights would name paths of this machine: {', '.join(found)}")

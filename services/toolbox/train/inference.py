@@ -17,6 +17,7 @@ from schemas.keys import CameraKey
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
 from services.detector.runtime.loading import load, tracking
 from services.detector.runtime.pipeline import Pipeline
+from services.detector.runtime.refinement.refiner import Refiner
 from services.detector.settings import DetectorSettings
 from services.simulator.training.evaluation.precision import MAX_DETECTIONS
 from services.simulator.training.evaluation.predictor import Predictor
@@ -36,12 +37,11 @@ def open_weights(weights: Path, *, confidence: float, device: str | None, folder
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
-    settings = _settings(weights, device, confidence=confidence, max_detections=MAX_DETECTIONS)
-    model = _loaded(settings, folder)
+    model = open_model(weights, device, folder=folder, confidence=confidence, max_detections=MAX_DETECTIONS)
 
     def predict(image: NDArray[np.uint8]) -> Sequence[Detection]:
         (outcome,) = model.run([Request(CAMERA, framed(image), masks=True)])
-        return _objects(weights, outcome)
+        return objects_of(weights, outcome)
 
     return predict
 
@@ -68,7 +68,7 @@ def open_follower(weights: Path, *, device: str | None, folder: Path) -> Follow:
             (outcome,) = await model.infer([request])
             if following is not None and isinstance(outcome, Found):
                 outcome = await following.follow(request, outcome)
-            found.append(_objects(weights, outcome))
+            found.append(objects_of(weights, outcome))
         return found
 
     return follow
@@ -80,8 +80,19 @@ def _settings(weights: Path, device: str | None, **more: float) -> DetectorSetti
     )
 
 
-def _loaded(settings: DetectorSettings, folder: Path) -> Pipeline:
-    model = load(settings, folder)
+def open_model(
+    weights: Path, device: str | None, *, folder: Path, refiner: Refiner | None = None, **more: float
+) -> Pipeline:
+    """Load `weights` as a detector does, for one thread. refiner: instead of that of the weights.
+
+    Raises:
+        ModelError: no model, or none that finds masks of the simulated world's classes.
+    """
+    return _loaded(_settings(weights, device, **more), folder, refiner)
+
+
+def _loaded(settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
+    model = load(settings, folder, refiner)
     if not model.segments:
         raise ModelError(f"{settings.model}: a model that finds no masks")
     if unknown := sorted(set(model.facts.names.values()).difference(CLASSES)):
@@ -90,7 +101,12 @@ def _loaded(settings: DetectorSettings, folder: Path) -> Pipeline:
     return model
 
 
-def _objects(weights: Path, outcome: Outcome) -> Sequence[Detection]:
+def objects_of(weights: Path, outcome: Outcome) -> Sequence[Detection]:
+    """Return what was found.
+
+    Raises:
+        ModelError: it could not be looked for.
+    """
     if isinstance(outcome, Failed):
         raise ModelError(f"{weights}: {outcome.reason}: {outcome.error}") from outcome.error
     return outcome.objects

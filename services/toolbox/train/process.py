@@ -3,6 +3,7 @@
 from services.simulator.training import process
 from services.simulator.training.settings import TrainingSettings
 from services.toolbox.train.inference import open_weights
+from services.toolbox.train.refinement import REFINEMENT
 
 
 async def run(settings: TrainingSettings) -> None:
@@ -11,4 +12,4 @@ async def run(settings: TrainingSettings) -> None:
     Raises:
         TrainingError: the work directory belongs to a run with other settings.
     """
-    await process.run(settings, open_weights)
+    await process.run(settings, open_weights, REFINEMENT)

@@ -110,7 +110,7 @@ def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Ex
 
     from services.detector.runtime.weights import Weights  # noqa: PLC0415
 
-    weights = Weights(SHIPPED_MODEL, "d" * 64, None, {}, segments=True, longest=640, stride=32)
+    weights = Weights(SHIPPED_MODEL, "d" * 64, None, {}, segments=True, longest=640, stride=32, refiner=None)
 
     def export(kind: str, exporter: Exporter) -> Path:
         monkeypatch.setattr(models, "YOLO", exporter)

@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pycocotools import mask as coco
 
+from schemas.detections import Detection, Mask
 from schemas.keys import CameraKey
 from services.detector.model import Found, ModelError, Request
 from services.detector.runtime.loading import load, load_all
+from services.detector.runtime.pipeline import Pipeline
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from tests.services.detector.requests import frame_of
+from tests.services.detector.views import near_view
 
 
 def settings(folder: Path, **fields: object) -> DetectorSettings:
@@ -88,6 +92,48 @@ def test_a_model_of_another_task(tmp_path: Path, model_folder: Path) -> None:
     assert "a model for 'pose', not for one of segment, detect" in refusal(
         model_folder, model=str(tmp_path / "pose.pt")
     )
+
+
+def test_a_refiner_of_other_masks_is_no_part_of_a_model(tmp_path: Path, model_folder: Path) -> None:
+    import torch  # noqa: PLC0415 - as above
+
+    load(settings(model_folder), model_folder / "ultralytics").close()
+    weights = torch.load(SHIPPED_MODEL, weights_only=False)
+    torch.save({**weights, "mask_refiner": {"of_features.0.weight": torch.ones(8)}}, tmp_path / "other.pt")
+    reason = refusal(model_folder, model=str(tmp_path / "other.pt"))
+    assert reason.endswith("other.pt: not a model that can be used: its mask_refiner is none for 3 classes")
+
+
+def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_are_not(
+    tmp_path: Path, model_folder: Path
+) -> None:
+    import torch  # noqa: PLC0415 - as above
+
+    refined = load(settings(model_folder), model_folder / "ultralytics")
+    weights = torch.load(SHIPPED_MODEL, weights_only=False)
+    torch.save({name: value for name, value in weights.items() if name != "mask_refiner"}, tmp_path / "coarse.pt")
+    coarse = load(settings(model_folder, model=str(tmp_path / "coarse.pt")), model_folder / "ultralytics")
+    fine, rough = ({each.box: each for each in objects_in(model)} for model in (refined, coarse))
+    assert fine.keys() == rough.keys()
+    assert any(fine[box].mask != rough[box].mask for box in fine)
+    assert all(iou(fine[box].mask, rough[box].mask) > 0.3 for box in fine)
+
+
+def objects_in(model: Pipeline) -> list[Detection]:
+    """Return what a model finds in a view that has something near in it."""
+    (outcome,) = model.run([Request(CameraKey("r1", "front"), frame_of(near_view()), masks=True)])
+    model.close()
+    assert isinstance(outcome, Found)
+    assert outcome.objects
+    return outcome.objects
+
+
+def iou(one: Mask | None, other: Mask | None) -> float:
+    """Return how well two masks lie on each other."""
+    assert one is not None
+    assert other is not None
+    some, others = ([{"size": list(each.size), "counts": each.counts}] for each in (one, other))
+    return float(coco.iou(some, others, [0])[0, 0])
 
 
 async def test_a_detection_model_finds_boxes_and_says_what_will_be_silent(tmp_path: Path, model_folder: Path) -> None:

@@ -1,9 +1,11 @@
 import asyncio
 import logging
+import threading
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from schemas.header import MAX_LABEL
@@ -12,8 +14,11 @@ from services.detector.account import FAILED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.pipeline import Pipeline
+from services.detector.runtime.postprocess import Output
+from services.detector.runtime.refinement.closeups import SIDE, CloseUps
+from services.geometry.masks import decode
 from tests.services.detector.requests import request
-from tests.services.detector.runtime.engines import FACTS, BrightEngine
+from tests.services.detector.runtime.engines import FACTS, BrightEngine, output
 
 DETECTION = replace(FACTS, segments=False)
 BLANK = np.zeros((1, 32, 32, 3), np.uint8)
@@ -147,3 +152,73 @@ async def test_cancelled_callers_do_not_hold_up_those_after_them() -> None:
     cancelled.cancel()
     (outcome,) = await model.infer([grey(204)])
     assert round(score(outcome), 2) == 0.8
+
+
+class MaskEngine:
+    """Finds one box in the middle of each image, with a mask that fills it."""
+
+    def run(self, images: NDArray[np.uint8]) -> list[Output]:
+        """See `Engine.run`."""
+        height, width = images.shape[1:3]
+        ones = np.ones((1, height // 4, width // 4), np.float32)
+        return [output([(width / 2, height / 2, 16, 16)], [(0.9, 0)], ones, [[1]]) for _ in images]
+
+
+class LeftRefiner:
+    """Finds that only the left half of each close-up is the object, if it is not broken."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        self.shown: list[CloseUps] = []
+        self.threads: set[str] = set()
+        self._error = error
+
+    def run(self, seen: CloseUps) -> NDArray[np.float32]:
+        """See `Refiner.run`."""
+        self.shown.append(seen)
+        self.threads.add(threading.current_thread().name)
+        if self._error is not None:
+            raise self._error
+        odds = np.full((len(seen.labels), SIDE, SIDE), -1, np.float32)
+        odds[:, :, : SIDE // 2] = 1
+        return odds
+
+
+def refining(refiner: LeftRefiner) -> Pipeline:
+    return Pipeline(FACTS, MaskEngine(), Criteria(), blank=BLANK, refiner=refiner)
+
+
+async def test_masks_are_refined_in_the_colours_of_the_image() -> None:
+    refiner = LeftRefiner()
+    pixels = np.zeros((64, 64, 3), np.uint8)
+    pixels[..., 0] = 200  # blue
+    (outcome,) = await refining(refiner).infer([request(pixels, masks=True)])
+    (found,) = _objects(outcome)
+    assert found.mask is not None
+    window = decode(found.mask)
+    assert (window.left, window.top, window.pixels.shape) == (20, 20, (24, 12))
+    assert window.pixels.all()
+    assert refiner.shown[0].pixels[0, 0, 0, :3].tolist() == [0, 0, 200]
+
+
+async def test_nothing_is_refined_where_nobody_wants_masks() -> None:
+    refiner = LeftRefiner()
+    (outcome,) = await refining(refiner).infer([grey(100, 64)])
+    assert len(_objects(outcome)) == 1
+    assert not refiner.shown
+
+
+async def test_a_refiner_takes_turns_with_the_engine_on_its_thread() -> None:
+    refiner = LeftRefiner()
+    model = refining(refiner)
+    await asyncio.gather(*(model.infer([replace(grey(100, 64), masks=True)]) for _ in range(4)))
+    assert len(refiner.shown) == 4
+    assert len(refiner.threads) == 1
+    assert refiner.threads.pop().startswith("model")
+
+
+async def test_an_image_whose_masks_cannot_be_refined_fails_alone() -> None:
+    model = refining(LeftRefiner(RuntimeError("no good")))
+    failed, found = await model.infer([replace(grey(100, 64), masks=True), grey(100, 64)])
+    assert isinstance(failed, Failed)
+    assert (failed.reason, str(failed.error)) == (FAILED, "no good")
+    assert len(_objects(found)) == 1

@@ -4,9 +4,11 @@ from numpy.typing import NDArray
 from pycocotools import mask as coco
 
 from schemas.detections import Detection
+from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.postprocess import Output, OutputError, objects
+from services.detector.runtime.refinement.closeups import SIDE, CloseUps
 from tests.services.detector.runtime.engines import FACTS, STRIDE, output
 
 CRITERIA = Criteria(confidence=0.3, iou=0.5)
@@ -150,3 +152,40 @@ def test_a_model_that_suppresses_doubles_itself() -> None:
 def test_another_models_output_is_refused(predictions: NDArray[np.float32]) -> None:
     with pytest.raises(OutputError):
         found(Output(predictions, None))
+
+
+@pytest.mark.parametrize(("height", "width"), [(64, 64), (128, 128), (96, 128), (60, 64)])
+def test_refined_masks_lie_where_their_close_ups_are(height: int, width: int) -> None:
+    letterbox = Letterbox.fit(height, width, 64, STRIDE)
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
+
+    def refine(candidates: Candidates, prototypes: NDArray[np.float32]) -> tuple[CloseUps, NDArray[np.float32]]:
+        assert candidates.corners.tolist() == [[16, 32, 24, 40]]
+        assert prototypes.shape == (1, 16, 16)
+        odds = np.full((1, SIDE, SIDE), -1, np.float32)
+        odds[0, : SIDE // 2] = 1  # the upper half
+        return looks((12, 28, 28, 44)), odds
+
+    (seen,) = objects(of, letterbox, CRITERIA, FACTS.names, masks=True, refine=refine)
+    expected = np.zeros((height, width), np.uint8)
+    scale = width / 64
+    top = (64 - height / scale) / 2 // 1  # the padding above
+    expected[round((28 - top) * scale) : round((36 - top) * scale), round(12 * scale) : round(28 * scale)] = 1
+    assert np.array_equal(pixels(seen), expected)
+
+
+def test_nothing_is_refined_for_nobody() -> None:
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
+
+    def refine(*_: object) -> tuple[CloseUps, NDArray[np.float32]]:
+        raise AssertionError
+
+    (seen,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=False, refine=refine)
+    assert seen.mask is None
+
+
+def looks(*windows: tuple[int, int, int, int]) -> CloseUps:
+    """Return close-ups of which nobody looks at more than the windows."""
+    count = len(windows)
+    pixels, features = np.zeros((count, SIDE, SIDE, 6), np.uint8), np.zeros((count, 32, 32, 1), np.float16)
+    return CloseUps(pixels, features, np.zeros(count, np.int64), np.array(windows))

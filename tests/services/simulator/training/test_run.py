@@ -1,21 +1,51 @@
 """A whole run, as small as it can be: real rendering, real Ultralytics."""
 
+import re
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
+from numpy.typing import NDArray
 
+from services.detector.runtime.refinement.closeups import stretched
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.errors import TrainingError
 from services.simulator.training.fitting import epochs_done
+from services.simulator.training.refining.refinement import Look, Looks
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
 from services.simulator.training.stages import Stage, stages_of
 from services.simulator.training.weights import embedded_paths
 from services.simulator.world import CLASSES
 from services.toolbox.train.inference import open_weights
+from services.toolbox.train.refinement import REFINEMENT as OWN
 
 BATCHES = 2
+
+
+def open_everywhere(_weights: Path, _folder: Path) -> Look:
+    """Look at a picture as if the model had found something of each class in every part of it, however little it knows.
+
+    The masks are full, and the features what is bright.
+    """
+    places = np.array([(x, y, x + 80, y + 80) for x in range(0, 640, 80) for y in range(0, 480, 80)])
+
+    def look(image: NDArray[np.uint8]) -> Looks:
+        squares = np.array([stretched(image[y:below, x:right]) for x, y, right, below in places.tolist()])
+        count = len(places)
+        labels = np.tile(np.arange(len(CLASSES)), count)
+        pixels = np.concatenate([squares, np.full_like(squares, 255)], axis=-1).repeat(len(CLASSES), axis=0)
+        masks = np.ones(pixels.shape[:3], np.bool_)
+        features = pixels[:, ::2, ::2, :1].astype(np.float16)
+        return Looks(pixels, features, labels, places.repeat(len(CLASSES), axis=0), masks)
+
+    return look
+
+
+REFINEMENT = replace(OWN, open=open_everywhere)
 
 
 class Interrupted(Exception):  # noqa: N818 - what an interruption is, not an error
@@ -34,6 +64,9 @@ class Recorder:
         if (stage, done) == self._interrupt_at:
             raise Interrupted
 
+    def totals(self, stage: str) -> set[int]:
+        return {total for reported, _, total in self.reports if reported == stage}
+
     def of(self, stage: str) -> list[int]:
         return [done for reported, done, _ in self.reports if reported == stage]
 
@@ -46,6 +79,8 @@ def small(folder: Path) -> TrainingSettings:
         coarse_epochs=1,
         epochs=2,
         polish_epochs=1,
+        refiner_images=4,
+        refiner_epochs=2,
         imgsz=64,
         batch=2,
         workers=1,
@@ -64,7 +99,7 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> TrainingSettings:
     """Stop a run in its second epoch."""
     settings = small(tmp_path_factory.mktemp("training"))
     with pytest.raises(Interrupted):
-        train(settings, Recorder(interrupt_at=("train fine", BATCHES + 1)), open_weights)
+        train(settings, Recorder(interrupt_at=("train fine", BATCHES + 1)), open_weights, REFINEMENT)
     assert epochs_done(fine(settings).checkpoint(settings.work_dir)) == 1
     assert not settings.output.exists()
     return settings
@@ -74,7 +109,7 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> TrainingSettings:
 def resumed(interrupted: TrainingSettings) -> Recorder:
     """Take the run up again and let it end."""
     recorder = Recorder()
-    train(interrupted, recorder, open_weights)
+    train(interrupted, recorder, open_weights, REFINEMENT)
     return recorder
 
 
@@ -83,9 +118,11 @@ def test_a_run_goes_on_after_the_last_whole_epoch(resumed: Recorder) -> None:
     assert resumed.of("train fine") == [BATCHES + 1, 2 * BATCHES]
     assert resumed.of("train polish") == [1, BATCHES]
     assert resumed.of("render")[-1] == 3
+    assert resumed.of("look") == [0, 1, 2]
+    assert resumed.of("train refiner")[-1] == resumed.totals("train refiner").pop()
     stage, done, total = resumed.reports[-1]
     assert (stage, done) == ("drive", total)
-    assert resumed.of("evaluate") == [1]
+    assert resumed.of("evaluate") == resumed.of("evaluate unrefined") == [1]
 
 
 @pytest.mark.usefixtures("resumed")
@@ -96,6 +133,7 @@ def test_the_weights_are_a_segmentation_model_in_half_precision(interrupted: Tra
     assert model.overrides["imgsz"] == 64
     assert model.ckpt["optimizer"] is None
     assert model.ckpt["ema"] is None
+    assert {value.dtype for value in model.ckpt["mask_refiner"].values()} == {torch.float16, torch.int64}
     assert interrupted.output.stat().st_size < 8_000_000
 
 
@@ -113,9 +151,10 @@ def test_nothing_in_the_weights_says_where_they_were_made(interrupted: TrainingS
 def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
     card = interrupted.output.with_suffix(".md").read_text()
     assert (
-        "fleetsight train --seed 3 --images 4 --holdout 1 --coarse-epochs 1 --polish-epochs 1 --imgsz 64 --batch 2"
-        in card
+        "fleetsight train --seed 3 --images 4 --holdout 1 --coarse-epochs 1 --polish-epochs 1 --refiner-images 4 "
+        "--refiner-epochs 2 --imgsz 64 --batch 2" in card
     )
+    assert re.search(r"trained for 2 epochs on \d{2,} objects\n  that the model found in 4 images", card)
     assert "1 epochs at half\n  the size, 2 at the whole and 1 more" in card
     assert "no photograph" in card
     assert str(interrupted.work_dir) not in card
@@ -129,20 +168,20 @@ def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
 def test_a_run_that_is_done_is_not_trained_again(interrupted: TrainingSettings) -> None:
     recorder = Recorder(interrupt_at=("evaluate", 1))
     with pytest.raises(Interrupted):
-        train(interrupted, recorder, open_weights)
-    assert recorder.of("train coarse") == recorder.of("train fine") == []
+        train(interrupted, recorder, open_weights, REFINEMENT)
+    assert recorder.of("train coarse") == recorder.of("train fine") == recorder.of("train refiner") == []
 
 
 def test_a_work_directory_belongs_to_one_set_of_settings(interrupted: TrainingSettings) -> None:
     with pytest.raises(TrainingError, match="other settings"):
-        train(interrupted.model_copy(update={"seed": 4}), Recorder(), open_weights)
+        train(interrupted.model_copy(update={"seed": 4}), Recorder(), open_weights, REFINEMENT)
 
 
 def refusal(settings: TrainingSettings) -> str:
     """Return why a run does not begin."""
     recorder = Recorder()
     with pytest.raises(TrainingError) as refused:
-        train(settings, recorder, open_weights)
+        train(settings, recorder, open_weights, REFINEMENT)
     assert recorder.reports == []
     return str(refused.value)
 

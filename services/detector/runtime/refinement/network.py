@@ -1,0 +1,83 @@
+"""The network that refines masks: a U-Net (Ronneberger et al., 2015) of four sizes for close-ups of single objects."""
+
+from typing import Any, Final
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import interpolate
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from services.detector.runtime.refinement.closeups import CHANNELS
+
+WIDTHS: Final = (12, 24, 48, 64)
+"""Channels at the whole size, at a half, a quarter and an eighth."""
+
+COARSE: Final = 3
+"""The channel with the coarse mask's odds, which the network adds to."""
+
+STEEPNESS: Final = 8.0
+"""Log odds of what the coarse mask is sure of."""
+
+
+class Layer(nn.Sequential):
+    """A convolution by 3 x 3, what normalises it, and what leaves out its negative values."""
+
+    def __init__(self, before: int, after: int, stride: int = 1) -> None:
+        convolution = nn.Conv2d(before, after, 3, stride=stride, padding=1, bias=False)
+        super().__init__(convolution, nn.BatchNorm2d(after), nn.ReLU(inplace=True))
+
+    def fuse(self) -> None:
+        """Make one of the convolution and what normalises it, once nothing is to be learned any more."""
+        convolution: Any = self[0]
+        normalising: Any = self[1]
+        self[0], self[1] = fuse_conv_bn_eval(convolution, normalising), nn.Identity()
+
+
+class RefinerNetwork(nn.Module):
+    """Refines the masks of a model with so many classes and prototypes.
+
+    What the model made of a place, its prototypes and the class, is added where the network has seen least yet.
+    """
+
+    def __init__(self, classes: int, prototypes: int) -> None:
+        super().__init__()
+        whole, half, quarter, eighth = WIDTHS
+        self.of_class = nn.Embedding(classes, half)
+        self.of_features = nn.Sequential(nn.BatchNorm2d(prototypes), nn.Conv2d(prototypes, half, 3, padding=1))
+        self.down_half = nn.Conv2d(CHANNELS, half, 3, stride=2, padding=1)
+        self.at_half = nn.Sequential(nn.BatchNorm2d(half), nn.ReLU(inplace=True), Layer(half, half))
+        self.at_quarter = nn.Sequential(Layer(half, quarter, 2), Layer(quarter, quarter))
+        self.at_eighth = nn.Sequential(Layer(quarter, eighth, 2), Layer(eighth, eighth), Layer(eighth, eighth))
+        self.up_quarter, self.back_quarter = nn.Conv2d(eighth, quarter, 1), Layer(quarter, quarter)
+        self.up_half, self.back_half = nn.Conv2d(quarter, half, 1), Layer(half, half)
+        self.up_whole, self.back_whole = nn.Conv2d(half, whole, 1), Layer(CHANNELS + whole, whole)
+        self.out = nn.Conv2d(whole, 1, 3, padding=1)
+        nn.init.zeros_(self.out.weight)
+        assert self.out.bias is not None  # noqa: S101 - what nn.Conv2d makes unless told otherwise
+        nn.init.zeros_(self.out.bias)
+
+    def forward(self, close_ups: Tensor, features: Tensor, labels: Tensor) -> Tensor:
+        """Return the log odds of the objects' masks, n x side x side; the side is a multiple of 8.
+
+        close_ups: n x side x side x CHANNELS, bytes. features: n x side / 2 x side / 2 x prototypes. labels: n.
+        """
+        seen = close_ups.permute(0, 3, 1, 2).float().div_(255).sub_(0.5)
+        made_of_it = self.of_features(features.permute(0, 3, 1, 2).float()) + self.of_class(labels)[:, :, None, None]
+        half = self.at_half(self.down_half(seen) + made_of_it)
+        quarter = self.at_quarter(half)
+        found = self.at_eighth(quarter)
+        found = self.back_quarter(_twice(self.up_quarter(found)) + quarter)
+        found = self.back_half(_twice(self.up_half(found)) + half)
+        found = self.back_whole(torch.cat([_twice(self.up_whole(found)), seen], dim=1))
+        odds: Tensor = self.out(found)[:, 0] + STEEPNESS * seen[:, COARSE]
+        return odds
+
+    def fuse(self) -> None:
+        """Become a fifth quicker, and of no more use for training."""
+        for module in list(self.modules()):
+            if isinstance(module, Layer):
+                module.fuse()
+
+
+def _twice(planes: Tensor) -> Tensor:
+    return interpolate(planes, scale_factor=2.0, mode="bilinear", align_corners=False)

@@ -1,0 +1,34 @@
+"""From weights to what refines their masks."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from services.simulator.training.progress import Progress
+from services.simulator.training.refining.fitting import BATCH, fit_refiner
+from services.simulator.training.refining.refinement import Refinement
+from services.simulator.training.refining.samples import Samples, refining_seeds, write_samples
+from services.simulator.training.settings import TrainingSettings
+from services.simulator.world import CLASSES
+
+
+@dataclass(frozen=True, slots=True)
+class Refined:
+    """A trained refiner as weights have it, and of how many objects it learned; nothing, and of none, without one."""
+
+    kept: Mapping[str, Any]
+    objects: int
+
+
+def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> Refined:
+    """Train what refines the masks of `weights`, unless they find too little to learn from."""
+    seeds = refining_seeds(settings.seed, settings.images, settings.refiner_images)
+    folder = settings.work_dir / "close-ups"
+    files = write_samples(folder, refinement, weights, seeds, workers=settings.workers, progress=progress)
+    samples = Samples.read(files) if files else None
+    if samples is None or len(samples.labels) < BATCH:
+        return Refined({}, 0)
+    network = refinement.network(len(CLASSES), samples.features.shape[-1])
+    fit_refiner(network, samples, settings=settings, progress=progress)
+    return Refined(refinement.kept(network), len(samples.labels))

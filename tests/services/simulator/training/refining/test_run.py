@@ -1,0 +1,33 @@
+from pathlib import Path
+
+import numpy as np
+
+from services.simulator.training.refining.refinement import Look, Looks, Refinement
+from services.simulator.training.refining.run import Refined, refine
+from services.simulator.training.settings import TrainingSettings
+
+
+def open_blind(_weights: Path, _folder: Path) -> Look:
+    """See nothing anywhere."""
+    shapes = ((0, 8, 8, 6), (0, 4, 4, 1), (0,), (0, 4), (0, 8, 8))
+    kinds = (np.uint8, np.float16, np.int64, np.int64, np.bool_)
+    return lambda _image: Looks(*(np.zeros(shape, kind) for shape, kind in zip(shapes, kinds, strict=True)))
+
+
+def unused(*_: object) -> dict[str, object]:
+    raise AssertionError
+
+
+def test_of_too_little_nothing_is_learned(tmp_path: Path) -> None:
+    blind = Refinement(open=open_blind, network=unused, stretched=unused, kept=unused)  # type: ignore[arg-type]
+    settings = TrainingSettings(images=2, refiner_images=2, workers=1, work_dir=tmp_path)
+    reports: list[tuple[str, int, int]] = []
+    found = refine(settings, Path("x.pt"), blind, lambda *report: reports.append((*report,)))
+    assert found == Refined({}, 0)
+    assert reports == [("look", 0, 1), ("look", 1, 1)]
+
+
+def test_no_pictures_no_refiner(tmp_path: Path) -> None:
+    blind = Refinement(open=open_blind, network=unused, stretched=unused, kept=unused)  # type: ignore[arg-type]
+    settings = TrainingSettings(refiner_images=0, workers=1, work_dir=tmp_path)
+    assert refine(settings, Path("x.pt"), blind, lambda *_: None) == Refined({}, 0)

@@ -1,0 +1,138 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.detector.runtime.refinement.closeups import SIDE, stretched
+from services.simulator.training.dataset import VIEWS, holdout_seed, training_seed
+from services.simulator.training.refining.refinement import Look, Looks, Refinement
+from services.simulator.training.refining.samples import Samples, matched, refining_seeds, write_samples
+from services.simulator.world import CLASSES, Camera, Drive, SeenObject, generate, render, truth_of
+
+Picture = NDArray[np.uint8]
+WINDOW = 40
+
+
+def ignored(_stage: str, _done: int, _total: int) -> None:
+    """Take progress reports."""
+
+
+@pytest.fixture(scope="module")
+def truths() -> tuple[SeenObject, ...]:
+    """See what is on a drive through a scene."""
+    scene = generate(700)
+    pose, camera = Drive.plan(scene).pose(0.8), Camera()
+    return truth_of(scene, render(scene, pose, camera), pose, camera)
+
+
+def found(truth: SeenObject, **other: int) -> Looks:
+    """Return what a perfect model would show of an object, or of its place as something else."""
+    rows, columns = truth.mask.shape
+    window = np.array([[truth.left, truth.top, truth.left + columns, truth.top + rows]])
+    mask = stretched(np.where(truth.mask, np.uint8(255), np.uint8(0))) > 127
+    label = other.get("label", CLASSES.index(truth.name))
+    pixels = np.full((1, SIDE, SIDE, 6), label, np.uint8)
+    return Looks(pixels, np.zeros((1, 32, 32, 4), np.float16), np.array([label]), window, mask[None])
+
+
+def clear(truths: tuple[SeenObject, ...]) -> SeenObject:
+    """Return the largest object that is all in view."""
+    return max((each for each in truths if each.visibility > 0.9), key=lambda each: each.pixels)
+
+
+def test_a_close_up_of_an_object_is_learned_with_its_true_mask(truths: tuple[SeenObject, ...]) -> None:
+    truth = clear(truths)
+    samples = matched(found(truth), truths, stretched)
+    assert samples.labels.tolist() == [CLASSES.index(truth.name)]
+    assert np.array_equal(samples.targets[0], stretched(np.where(truth.mask, np.uint8(255), np.uint8(0))))
+    assert samples.features.shape == (1, 32, 32, 4)
+
+
+def test_what_is_of_another_class_or_none_is_not_learned(truths: tuple[SeenObject, ...]) -> None:
+    truth = clear(truths)
+    other = (CLASSES.index(truth.name) + 1) % len(CLASSES)
+    assert not len(matched(found(truth, label=other), (truth,), stretched).labels)
+    assert not len(matched(found(truth), (), stretched).labels)
+
+
+def test_what_is_mostly_hidden_is_not_learned(truths: tuple[SeenObject, ...]) -> None:
+    hidden = min((each for each in truths if each.image_share > 0.001), key=lambda each: each.visibility)
+    assert hidden.visibility < 0.3
+    assert not len(matched(found(hidden), truths, stretched).labels)
+
+
+def test_the_object_is_the_one_that_the_coarse_mask_is_of(truths: tuple[SeenObject, ...]) -> None:
+    boxes = [each for each in truths if each.name == "box" and each.visibility > 0.9 and each.image_share > 0.001]
+    assert len(boxes) > 2
+    for truth in boxes:
+        (target,) = matched(found(truth), truths, stretched).targets
+        assert np.array_equal(target > 127, found(truth).masks[0])
+
+
+def open_corner(_weights: Path, folder: Path) -> Look:
+    """Look at the upper left corner of every picture, and note that."""
+
+    def look(image: Picture) -> Looks:
+        with (folder / "looks").open("a") as log:
+            log.write(f"{image.shape}\n")
+        window = image[:WINDOW, :WINDOW, :1]
+        pixels, features = (
+            np.repeat(stretched(window)[None, ..., None], 6, axis=-1),
+            np.ones((1, 32, 32, 2), np.float16),
+        )
+        return Looks(
+            pixels, features, np.array([0]), np.array([[0, 0, WINDOW, WINDOW]]), np.ones((1, SIDE, SIDE), bool)
+        )
+
+    return look
+
+
+def nothing(*_: object) -> dict[str, object]:
+    raise AssertionError
+
+
+REFINEMENT = Refinement(open=open_corner, network=nothing, stretched=stretched, kept=nothing)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[list[int]], list[Path]]:
+    return lambda seeds: write_samples(tmp_path, REFINEMENT, Path("x.pt"), seeds, workers=1, progress=ignored)
+
+
+def test_each_scene_is_looked_at_once(write: Callable[[list[int]], list[Path]], tmp_path: Path) -> None:
+    files = write([700, 701])
+    assert (tmp_path / "looks").read_text().splitlines() == ["(480, 640, 3)"] * (2 * VIEWS)
+    assert write([700, 701, 702])[:2] == files
+    assert len((tmp_path / "looks").read_text().splitlines()) == 3 * VIEWS
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    parts = [
+        Samples(
+            rng.integers(0, 256, (count, 8, 8, 6), np.uint8),
+            rng.random((count, 4, 4, 2)).astype(np.float16),
+            rng.integers(0, 3, count),
+            rng.integers(0, 256, (count, 8, 8), np.uint8),
+        )
+        for count in (2, 0, 3)
+    ]
+    files = [tmp_path / f"{n}.npz" for n in range(3)]
+    for part, file in zip(parts, files, strict=True):
+        part.write(file)
+    read, joined = Samples.read(files), Samples.joined(parts)
+    for name in ("pixels", "features", "labels", "targets"):
+        expected = np.concatenate([getattr(part, name) for part in parts])
+        assert np.array_equal(getattr(read, name), expected)
+        assert np.array_equal(getattr(joined, name), expected)
+        assert getattr(read, name).dtype == expected.dtype
+    assert sorted(tmp_path.iterdir()) == files
+
+
+def test_scenes_to_refine_in_are_no_others_scenes() -> None:
+    seeds = refining_seeds(1, 6001, 3)
+    assert seeds == [training_seed(1, 3001), training_seed(1, 3002)]
+    assert holdout_seed(1, 0) > seeds[-1]
+    assert refining_seeds(1, 6001, 0) == []
