@@ -41,6 +41,12 @@ class DetectorSettings(SharingSettings, BusSettings):
     classes: Annotated[
         list[str], Field(description="names of the classes to report; all that the model knows unless given")
     ] = []
+    refine: Annotated[
+        bool,
+        Field(
+            description="make masks finer with the network that weights may have for that; --no-refine takes less time"
+        ),
+    ] = True
     runtime: Annotated[
         Literal["auto", "torch", "onnx", "openvino", "tensorrt"],
         Field(description="what computes; auto takes the fastest that is installed, by measuring once a week"),

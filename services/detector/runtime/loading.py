@@ -85,7 +85,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
     on_gpu = device.type == "cuda"
-    if refiner is None and weights.refiner is not None:
+    if refiner is None and settings.refine and weights.refiner is not None:
         refiner = TorchRefiner(weights.refiner, device)
     try:
         runtime, engine, reference = _engines(settings, weights, device, longest, folder)

@@ -81,7 +81,7 @@ def objects(
         if refine is None:
             windows = _windows(kept.coefficients, boxes, output.prototypes, letterbox)
         else:
-            windows = _refined(*refine(kept, output.prototypes), letterbox)
+            windows = _fitted(boxes, _refined(*refine(kept, output.prototypes), letterbox))
         encoded[:] = encode_all(windows, letterbox.rows.image, letterbox.columns.image)
     return [
         Detection(name=names[label][:MAX_LABEL], score=min(score, 1.0), box=Box(*box), mask=mask, label=label)
@@ -169,6 +169,16 @@ def _windows(coefficients: Floats, boxes: Floats, prototypes: Floats, letterbox:
         small = np.einsum("c,chw->hw", weights, prototypes[:, high, wide])  # see above
         logits = across.apply(down.apply(small).T)
         yield Window(top, left, (logits > 0).T)
+
+
+def _fitted(boxes: Floats, windows: Iterator[Window]) -> Iterator[Window]:
+    """Pass masks on, of which there may be too many for all at once, and put each box around what its mask has."""
+    for box, window in zip(boxes, windows, strict=True):
+        rows, columns = np.flatnonzero(window.pixels.any(axis=1)), np.flatnonzero(window.pixels.any(axis=0))
+        if rows.size:
+            box[0::2] = window.left + columns[0], window.left + columns[-1] + 1
+            box[1::2] = window.top + rows[0], window.top + rows[-1] + 1
+        yield window
 
 
 def _refined(seen: CloseUps, odds: Floats, letterbox: Letterbox) -> Iterator[Window]:

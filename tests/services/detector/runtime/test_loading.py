@@ -113,10 +113,13 @@ def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_ar
     weights = torch.load(SHIPPED_MODEL, weights_only=False)
     torch.save({name: value for name, value in weights.items() if name != "mask_refiner"}, tmp_path / "coarse.pt")
     coarse = load(settings(model_folder, model=str(tmp_path / "coarse.pt")), model_folder / "ultralytics")
-    fine, rough = ({each.box: each for each in objects_in(model)} for model in (refined, coarse))
-    assert fine.keys() == rough.keys()
-    assert any(fine[box].mask != rough[box].mask for box in fine)
-    assert all(iou(fine[box].mask, rough[box].mask) > 0.3 for box in fine)
+    unrefined = load(settings(model_folder, refine=False), model_folder / "ultralytics")
+    fine, rough = objects_in(refined), objects_in(coarse)
+    assert objects_in(unrefined) == rough
+    assert [(each.name, each.score) for each in fine] == [(each.name, each.score) for each in rough]
+    for one, other in zip(fine, rough, strict=True):
+        assert one.mask != other.mask
+        assert iou(one.mask, other.mask) > 0.3
 
 
 def objects_in(model: Pipeline) -> list[Detection]:

@@ -172,6 +172,16 @@ def test_refined_masks_lie_where_their_close_ups_are(height: int, width: int) ->
     top = (64 - height / scale) / 2 // 1  # the padding above
     expected[round((28 - top) * scale) : round((36 - top) * scale), round(12 * scale) : round(28 * scale)] = 1
     assert np.array_equal(pixels(seen), expected)
+    rows, columns = np.nonzero(expected)
+    assert corners(seen) == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+
+
+def test_an_object_of_whose_mask_nothing_is_left_keeps_its_box() -> None:
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
+    nothing = looks((12, 28, 28, 44)), np.full((1, SIDE, SIDE), -1, np.float32)
+    (seen,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True, refine=lambda *_: nothing)
+    assert not pixels(seen).any()
+    assert corners(seen) == (16, 32, 24, 40)
 
 
 def test_nothing_is_refined_for_nobody() -> None:
