@@ -29,9 +29,21 @@ def run(main: Callable[[], Awaitable[int | None]]) -> int:
     with asyncio.Runner() as runner:
         code = runner.run(_until_signalled(main))
     signal.signal(signal.SIGINT, on_interrupt)
-    if code is None:
-        return 0
-    _flush(sys.stdout)
+    return 0 if code is None else written(code)
+
+
+def written(code: int) -> int:
+    """Return an exit code once what was printed is written; EXIT_FAILED, and on stderr why, where it cannot be.
+
+    Whoever reads no further has read enough.
+    """
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return code
+    except OSError as error:
+        sys.stderr.write(f"fleetsight: what was printed is lost: {error.strerror}\n")
+        return EXIT_FAILED
     return code
 
 

@@ -4,6 +4,8 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -71,6 +73,19 @@ def test_the_exit_code_is_what_main_returns(result: int | None, code: int) -> No
         return result
 
     assert process.run(main) == code
+
+
+def test_a_result_that_cannot_be_written_is_a_failure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def main() -> int:
+        sys.stdout.write("found")
+        return 0
+
+    with suppress(OSError), Path("/dev/full").open("w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert process.run(main) == process.EXIT_FAILED
+    assert capsys.readouterr().err == "fleetsight: what was printed is lost: No space left on device\n"
 
 
 PRINTING = """
