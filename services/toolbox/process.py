@@ -16,6 +16,9 @@ EXIT_FAILED: Final = 1
 EXIT_USAGE: Final = 2
 DEADLINE_S: Final = 2.5
 FLUSH_S: Final = 1.0
+ECHO_S: Final = 0.1
+"""A signal that comes so soon after the first is the same one: `timeout` sends each to its child, and to its group."""
+
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -51,21 +54,23 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | N
     """Return the exit code of `main`, or None if a signal ended it."""
     loop = asyncio.get_running_loop()
     work = asyncio.ensure_future(main())
-    signalled = asyncio.Event()
+    signalled_s: float | None = None
 
     def stop(number: signal.Signals) -> None:
-        if signalled.is_set():
+        nonlocal signalled_s
+        if signalled_s is None:
+            signalled_s = loop.time()
+            loop.call_later(DEADLINE_S, _give_up, f"not done {DEADLINE_S} s after {number.name}")
+            work.cancel()
+        elif loop.time() - signalled_s > ECHO_S:
             _give_up(f"second {number.name}")
-        signalled.set()
-        loop.call_later(DEADLINE_S, _give_up, f"not done {DEADLINE_S} s after {number.name}")
-        work.cancel()
 
     for number in SIGNALS:
         loop.add_signal_handler(number, stop, number)
     try:
         return await work or 0
     except asyncio.CancelledError:
-        if not signalled.is_set():
+        if signalled_s is None:
             raise
         return None
     finally:

@@ -28,6 +28,15 @@ PATIENT = """
         finally:
             print("cleaned up", flush=True)
 """
+SLOW = """
+    async def main():
+        try:
+            print("ready", flush=True)
+            await asyncio.sleep(60)
+        finally:
+            await asyncio.sleep(0.3)
+            print("cleaned up", flush=True)
+"""
 STUBBORN = """
     async def main():
         print("ready", flush=True)
@@ -65,6 +74,17 @@ def test_a_second_signal_does_not_wait() -> None:
         time.sleep(0.2)
         child.send_signal(signal.SIGINT)
     assert child.returncode == process.EXIT_FAILED
+
+
+def test_a_signal_that_arrives_twice_is_one() -> None:
+    with spawn(SLOW) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        for _ in range(3):
+            child.send_signal(signal.SIGTERM)
+            time.sleep(0.02)
+        assert child.stdout.read() == "cleaned up\n"
+    assert child.returncode == 0
 
 
 @pytest.mark.parametrize(("result", "code"), [(None, 0), (0, 0), (3, 3)])
