@@ -36,5 +36,10 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     received_ns: Nanoseconds
 
 
+def is_newer(header: Header, last: Header | None) -> bool:
+    """Return whether a frame is newer than the last of its stream that was taken, or of another gateway process."""
+    return last is None or header.boot_id != last.boot_id or header.seq > last.seq
+
+
 Spans = dict[Annotated[str, msgspec.Meta(max_length=32)], Count]
 """Time spent per stage, in nanoseconds, each on the clock of the machine that spent it."""

@@ -101,8 +101,10 @@ class Sharing:
                     await self._news_or_time()
                     self._follow_plan(group)
         ending = [*self._tasks.values(), *self._ending.values()]
-        for task in ending:
+        for task in self._tasks.values():
             task.cancel()
+        if ending:  # the group would cancel them once more, in the middle of what they still publish
+            await asyncio.wait(ending)
 
     async def _news_or_time(self) -> None:
         with suppress(TimeoutError):

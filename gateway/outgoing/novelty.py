@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable
 from typing import Final, Generic, Protocol, TypeVar
 
 from schemas import codec
-from schemas.header import Header
+from schemas.header import Header, is_newer
 from schemas.keys import CameraKey, RobotStreamKey
 
 MAX_REMEMBERED: Final = 1_024
@@ -54,9 +54,8 @@ class NewerFrames:
 
     def is_new(self, result: Framed) -> bool:
         """Whether it is of a newer frame, or of another gateway process."""
-        header, last = result.header, self._last
-        codec.check_identity(header, self._camera)
-        return last is None or header.boot_id != last.boot_id or header.seq > last.seq
+        codec.check_identity(result.header, self._camera)
+        return is_newer(result.header, self._last)
 
     def remember(self, result: Framed) -> None:
         """Take note of its frame."""

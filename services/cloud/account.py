@@ -5,7 +5,7 @@ from typing import Final
 from bus.sharing.tally import Tally
 
 REPLACED: Final = "replaced by newer detections"
-DOUBLE: Final = "the same detections again"
+DOUBLE: Final = "the same detections again, or older ones"
 MALFORMED: Final = "malformed detections"
 MALFORMED_POINTS: Final = "malformed points"
 MALFORMED_INFO: Final = "malformed camera info"

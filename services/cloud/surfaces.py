@@ -168,7 +168,7 @@ def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
     for number, each in enumerate(LEVELS):
         at = np.where(below, each, 1 - each) * (counts - 1)
         height = heights[rows, at.astype(np.intp)]
-        found[:, number + 1] = np.where((height < -LEAST_HEIGHT_M) == below, height, np.nan)
+        found[:, number + 1] = np.where(np.where(below, -height, height) > LEAST_HEIGHT_M, height, np.nan)
     return found.T
 
 

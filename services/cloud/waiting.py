@@ -6,7 +6,7 @@ from typing import Final
 
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
-from schemas.header import Header
+from schemas.header import Header, is_newer
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
@@ -49,7 +49,7 @@ class Waiting:
         self._target = target
         self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns, budget=budget)
         self._waiting: deque[tuple[Detections, float]] = deque()
-        self._newest: tuple[str, int] | None = None
+        self._newest: Header | None = None
         self.tree = TransformTree(budget=budget)
         self.info: CameraInfo | None = None
 
@@ -59,15 +59,14 @@ class Waiting:
         return self._waiting[0][1] + PATIENCE_S if self._waiting else None
 
     def detections(self, found: Detections, now_s: float) -> None:
-        """Take detections."""
-        identity = (found.header.boot_id, found.header.seq)
-        if identity == self._newest:
+        """Take detections that are newer than the last; of two workers at a take-over one may be behind the other."""
+        if not is_newer(found.header, self._newest):
             self._account.dropped[DOUBLE] += 1
             return
         if len(self._waiting) >= MAX_WAITING:
             self._drop(1)
         self._waiting.append((found, now_s))
-        self._newest = identity
+        self._newest = found.header
 
     def points(self, cloud: PointCloud) -> None:
         """Take points; they are kept for the detections of their instant, of which they have none without a stamp."""

@@ -3,10 +3,10 @@
 from typing import Final
 
 from bus.sharing.tally import Tally
-from schemas.header import Header
+from schemas.header import Header, is_newer
 from schemas.keys import CameraKey
 
-DOUBLE: Final = "the same detections again"
+DOUBLE: Final = "the same detections again, or older ones"
 REPLACED: Final = "replaced by newer detections"
 UNJOINED: Final = "no depth image of the same instant"
 FAILED: Final = "failed while measuring"
@@ -19,13 +19,16 @@ class Account(Tally):
 
     def __init__(self, camera: CameraKey) -> None:
         super().__init__(camera)
-        self._last: tuple[str, int] | None = None
+        self._last: Header | None = None
 
     def is_new(self, header: Header) -> bool:
-        """Return whether an image is another one than the last; the same one again is counted as dropped."""
-        last, self._last = self._last, (header.boot_id, header.seq)
-        self.dropped[DOUBLE] += last == self._last
-        return last != self._last
+        """Return whether an image is newer than the last; of two workers at a take-over one may be behind the other."""
+        new = is_newer(header, self._last)
+        if new:
+            self._last = header
+        else:
+            self.dropped[DOUBLE] += 1
+        return new
 
     def malformed(self, what: str) -> None:
         """Note a message that cannot be read."""

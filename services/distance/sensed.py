@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-import numpy as np
-
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
 from schemas.header import Header
@@ -77,8 +75,6 @@ class Sensed:
 
     def _lookup(self, target: str, source: str, stamp_ns: int) -> tuple[Transform | str, bool]:
         """Return a transform or why it is not known, and whether it may become known."""
-        if target == source:
-            return np.identity(4), False
         try:
             return self.transforms.lookup(target, source, stamp_ns), False
         except TransformError as error:

@@ -14,6 +14,7 @@ from services.geometry.camera import CameraModel
 from services.geometry.depth import Depth, read_depth
 from services.geometry.errors import CalibrationError, GeometryError
 from services.geometry.registration import Registration, is_registered
+from services.geometry.transforms import frame_name
 
 Transform = NDArray[Any]
 
@@ -62,7 +63,8 @@ class Views:
         """
         image = read_depth(of.depth, nearest_m=self._limits.nearest_m, farthest_m=self._limits.farthest_m)
         size = (of.detections.height, of.detections.width)
-        alike = image.shape == size and of.depth.header.frame_id == of.detections.header.frame_id
+        frames = {frame_name(each.header.frame_id) for each in (of.depth, of.detections)}
+        alike = image.shape == size and len(frames) == 1
         infos = (of.info or of.depth_info, of.depth_info or of.info) if alike else (of.info, of.depth_info)
         color, depth = self._camera(infos[0], size), self._camera(infos[1], image.shape)
         if isinstance(color, CameraModel) and isinstance(depth, CameraModel):

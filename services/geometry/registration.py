@@ -64,28 +64,30 @@ class Registration:
             CalibrationError: the image is not of the depth camera's size.
         """
         self._depth.check_size(*depth_m.shape)
-        made = np.full((self._color.height, self._color.width), np.inf, np.float32)
+        across, down = self._splat
+        drawn = np.full((self._color.height + down - 1, self._color.width + across - 1), np.inf, np.float32)
         at_once = max(1, AT_ONCE // depth_m.shape[1])
         for top in range(0, len(depth_m), at_once):
-            self._draw(made, depth_m, slice(top, top + at_once))
+            self._draw(drawn, depth_m, slice(top, top + at_once))
+        made = drawn[down - 1 :, across - 1 :]
         made[np.isinf(made)] = np.nan
         return made
 
-    def _draw(self, made: Floats, depth_m: Floats, some: slice) -> None:
-        """Draw some rows of depth."""
+    def _draw(self, drawn: Floats, depth_m: Floats, some: slice) -> None:
+        """Draw some rows of depth, also on what is so little left of the picture or above it that it reaches in."""
         x, y, z = (
             direction[some] * depth_m[some] + offset
             for direction, offset in zip(self._directions, self._offset, strict=True)
         )
         columns, rows = self._color.pixels_of(x, y, z)
         across, down = self._splat
-        columns, rows = columns - np.float32((across - 2) / 2), rows - np.float32((down - 2) / 2)
+        columns, rows = columns + np.float32(across / 2), rows + np.float32(down / 2)
         with np.errstate(invalid="ignore"):
-            inside = (columns >= 0) & (columns < made.shape[1]) & (rows >= 0) & (rows < made.shape[0])
+            inside = (columns >= 0) & (columns < drawn.shape[1]) & (rows >= 0) & (rows < drawn.shape[0])
         columns, rows, z = columns[inside].astype(np.intp), rows[inside].astype(np.intp), z[inside]
         for row in range(down):
             for column in range(across):
-                _put(made, columns + column, rows + row, z)
+                _put(drawn, columns + column, rows + row, z)
 
 
 def _splat(finer: float) -> int:

@@ -83,7 +83,7 @@ class TransformTree:
 
     def add(self, transform: Transform, *, static: bool) -> None:
         """Take one transform; one that means nothing is counted in `rejected`."""
-        parent, child = _name(transform.frame_id), _name(transform.child_frame_id)
+        parent, child = frame_name(transform.frame_id), frame_name(transform.child_frame_id)
         reason = _fault(parent, child, transform)
         if reason is None and child not in self._edges and len(self._edges) >= MAX_FRAMES:
             reason = TOO_MANY
@@ -112,12 +112,15 @@ class TransformTree:
     def lookup(self, target: str, source: str, stamp_ns: int) -> Numbers:
         """Return the 4 x 4 transform that moves points of the source frame into the target frame at a stamp.
 
-        Between two stamps it is interpolated, beyond them it is not known.
+        Between two stamps it is interpolated, beyond them it is not known. A frame is where it is itself, whatever is
+        known of it.
 
         Raises:
             TransformError: why it is not known; the subclasses tell apart what may become known.
         """
-        target, source = _name(target), _name(source)
+        target, source = frame_name(target), frame_name(source)
+        if target == source:
+            return np.identity(4)
         for name in (target, source):
             self._check_known(name)
         (ups, looping), (downs, looping_too) = self._ancestry(source), self._ancestry(target)
@@ -184,7 +187,7 @@ class TransformTree:
             self._samples -= count
 
 
-def _name(frame_id: str) -> str:
+def frame_name(frame_id: str) -> str:
     """Return a frame's name without the slash that ROS once put before it."""
     return frame_id.removeprefix("/")
 

@@ -22,14 +22,20 @@ PROG = "fleetsight"
 
 def main(argv: Sequence[str]) -> int:
     """Run the subcommand that `argv` names and return the exit code: 0 done, 1 failed, 2 called wrongly."""
-    arguments = list(argv)
+    try:
+        return _run_named(list(argv))
+    except BrokenPipeError:  # whoever reads what is printed has read enough
+        return 0
+
+
+def _run_named(arguments: list[str]) -> int:
     name = arguments.pop(0) if arguments else ""
     if name in HELP_OPTIONS:
         sys.stdout.write(overview())
-        return 0
+        return process.written(0)
     if name == "--version":
         sys.stdout.write(f"{PROG} {importlib.metadata.version(PROG)}\n")
-        return 0
+        return process.written(0)
     command = next((command for command in COMMANDS if command.name == name), None)
     if command is None:
         near = meant(name, [command.name for command in COMMANDS])
@@ -73,6 +79,8 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
         reason = f"{error.name} is not installed; it comes with pip install -c constraints.txt '.[{command.extra}]'"
     except UsageError as error:
         reason = str(error)
+    except SystemExit:  # help was asked for, and printed
+        return process.written(0)
     sys.stderr.write(f"{prog}: {printable(reason)}\n")
     return process.EXIT_USAGE
 

@@ -5,7 +5,9 @@ import os
 import queue
 import sys
 import threading
+import time
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from logging.handlers import QueueHandler
 from types import TracebackType
@@ -78,18 +80,22 @@ class RateLimit:
 
 
 class RateLimitFilter(logging.Filter):
-    """Applies a RateLimit to warnings and errors; an event's source is its logger, its text and its first argument."""
+    """Applies a RateLimit to warnings and errors; an event's source is its logger, its text and its first argument.
 
-    def __init__(self, limit: RateLimit) -> None:
+    clock: seconds; it must be steady, for by one that is set back nothing would be written until it was there again.
+    """
+
+    def __init__(self, limit: RateLimit, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
         self._limit = limit
+        self._clock = clock
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether the record is written, with the count of those held back before it."""
         if record.levelno < logging.WARNING:
             return True
         first = str(record.args[0]) if isinstance(record.args, tuple) and record.args else ""
-        admitted = self._limit.admit((record.name, record.msg, first), record.created)
+        admitted = self._limit.admit((record.name, record.msg, first), self._clock())
         if admitted is None:
             return False
         if more := str(admitted):

@@ -16,6 +16,9 @@ EXIT_FAILED: Final = 1
 EXIT_USAGE: Final = 2
 DEADLINE_S: Final = 2.5
 FLUSH_S: Final = 1.0
+ECHO_S: Final = 0.1
+"""A signal that comes so soon after the first is the same one: `timeout` sends each to its child, and to its group."""
+
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -29,9 +32,21 @@ def run(main: Callable[[], Awaitable[int | None]]) -> int:
     with asyncio.Runner() as runner:
         code = runner.run(_until_signalled(main))
     signal.signal(signal.SIGINT, on_interrupt)
-    if code is None:
-        return 0
-    _flush(sys.stdout)
+    return 0 if code is None else written(code)
+
+
+def written(code: int) -> int:
+    """Return an exit code once what was printed is written; EXIT_FAILED, and on stderr why, where it cannot be.
+
+    Whoever reads no further has read enough.
+    """
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return code
+    except OSError as error:
+        sys.stderr.write(f"fleetsight: what was printed is lost: {error.strerror}\n")
+        return EXIT_FAILED
     return code
 
 
@@ -39,21 +54,23 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | N
     """Return the exit code of `main`, or None if a signal ended it."""
     loop = asyncio.get_running_loop()
     work = asyncio.ensure_future(main())
-    signalled = asyncio.Event()
+    signalled_s: float | None = None
 
     def stop(number: signal.Signals) -> None:
-        if signalled.is_set():
+        nonlocal signalled_s
+        if signalled_s is None:
+            signalled_s = loop.time()
+            loop.call_later(DEADLINE_S, _give_up, f"not done {DEADLINE_S} s after {number.name}")
+            work.cancel()
+        elif loop.time() - signalled_s > ECHO_S:
             _give_up(f"second {number.name}")
-        signalled.set()
-        loop.call_later(DEADLINE_S, _give_up, f"not done {DEADLINE_S} s after {number.name}")
-        work.cancel()
 
     for number in SIGNALS:
         loop.add_signal_handler(number, stop, number)
     try:
         return await work or 0
     except asyncio.CancelledError:
-        if not signalled.is_set():
+        if signalled_s is None:
             raise
         return None
     finally:

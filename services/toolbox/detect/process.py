@@ -11,7 +11,7 @@ from typing import Final
 
 import msgspec
 
-from bus import Bus, NotServedError, RefusedError, RequestError, open_bus
+from bus import MAX_REQUEST_BYTES, Bus, NotServedError, RefusedError, RequestError, open_bus
 from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
@@ -64,8 +64,12 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
     Zenoh (1.10) would always ask the same of several that serve one key, so each worker serves one of its own.
 
     Raises:
+        StillError: the image is too large to be sent.
         RequestError: none answers, or the image is refused.
     """
+    if len(image) > MAX_REQUEST_BYTES:
+        limit = f"at most {MAX_REQUEST_BYTES} are sent to a worker"
+        raise StillError(f"a file of {len(image)} bytes, {limit}; --local looks at it here")
     async with open_bus(settings) as bus:
         workers = await _workers(bus, settings.timeout_s)
         seen = f"no detector worker was seen within {settings.timeout_s:g} s"

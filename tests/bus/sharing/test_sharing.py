@@ -11,7 +11,8 @@ from bus.shared_demand import SharedDemand
 from bus.sharing import Sharing, SharingSettings
 from bus.sharing.sharing import say_unwanted
 from schemas.keys import CameraKey, Stream
-from tests.contract.test_sharing import CAMERAS, A, Worker, cameras
+from schemas.worker_keys import Serves
+from tests.contract.test_sharing import CAMERAS, A, B, Worker, cameras
 from tests.contract.waiting import until
 
 
@@ -77,6 +78,35 @@ async def test_a_camera_that_blinks_twice_while_its_work_ends_is_served_once() -
             await until(lambda: begun == 2)
         task.cancel()
     assert most == 1
+
+
+async def test_who_leaves_ends_each_camera_in_order_whenever_it_was_taken_over() -> None:
+    network, begun, ended = FakeNetwork(), set[CameraKey](), set[CameraKey]()
+
+    async def serve(camera: CameraKey, _: Callable[[], None]) -> None:
+        begun.add(camera)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            await asyncio.sleep(0.3)
+            ended.add(camera)
+
+    async with (
+        network.open_bus() as ours,
+        network.open_bus() as theirs,
+        cameras(theirs),
+        AsyncExitStack() as stack,
+        asyncio.TaskGroup() as group,
+    ):
+        task = group.create_task(Sharing(ours, [A], Stream.COLOR, serve, join_s=0).run())
+        await until(lambda: begun == set(CAMERAS))
+        await stack.enter_async_context(theirs.announce(str(B)))
+        await asyncio.sleep(0.1)
+        task.cancel()
+        for camera in CAMERAS:
+            await asyncio.sleep(0.05)
+            await stack.enter_async_context(theirs.announce(str(Serves("detector", "b", camera))))
+    assert ended == set(CAMERAS)
 
 
 async def test_another_worker_of_the_same_name_is_warned_of(caplog: pytest.LogCaptureFixture) -> None:

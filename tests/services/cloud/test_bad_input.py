@@ -20,7 +20,7 @@ from services.cloud.worker import Worker
 from services.geometry.joining import FLUSHED
 from services.geometry.memory_budget import CROWDED
 from tests.contract.waiting import receive, until
-from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, found, load_when, placed, registered
+from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, about, found, load_when, placed, registered
 
 HOUR_NS = 3_600 * 10**9
 STREAMS = (Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)
@@ -97,8 +97,10 @@ async def test_points_from_the_future_are_joined_with_nothing_and_do_not_stay_in
 
 async def test_a_clock_that_jumps_back_starts_over() -> None:
     async with working() as rig, wanted(rig) as camera:
-        for seq in (100, 101, 3, 4):
-            made = await camera.cut(registered(seq), found(seq))
+        for seq, instant in enumerate((100, 101, 3, 4)):
+            points = registered(instant)
+            seen = msgspec.structs.replace(found(0), header=about(seq, stamp_ns=points.header.stamp_ns))
+            made = await camera.cut(points, seen)
             assert (made.header.seq, len(made.objects)) == (seq, 1)
 
 

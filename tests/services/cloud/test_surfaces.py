@@ -70,6 +70,13 @@ def test_a_box_that_rises_above_the_camera_has_no_top_that_is_seen() -> None:
     assert not -1.0 < 1 / faces.forms[0, 2, 2] < 0.2  # none, or beyond its ends
 
 
+def test_what_begins_at_the_cameras_own_height_has_no_underside_that_is_seen() -> None:
+    y, z = np.meshgrid(np.linspace(-0.2, 0.2, 9), np.linspace(0, 0.3, 7))
+    directions = np.stack([np.ones(y.size), y.ravel(), z.ravel()])[:, None]
+    faces = fit_faces(directions, np.full((1, y.size), 0.5), np.ones((1, y.size)))
+    assert faces.inverse_depth(directions.transpose(1, 0, 2)) == pytest.approx(0.5)
+
+
 def test_a_face_that_is_taken_to_be_nearer_hides_less() -> None:
     directions, inverse = seen(Cuboid((3.0, 0.4), (0.8, 0.8, 0.9), 0.3))
     faces = fit_faces(directions, inverse, np.ones(inverse.shape))

@@ -156,6 +156,7 @@ def test_where_the_target_is_or_why_not() -> None:
     assert known.from_points is not None
     assert known.from_points[:3, 3] == pytest.approx([0.2, 0, 0])
     assert target_of("", at(5, "lens"), TransformTree()).unknown == ""
+    assert target_of("lens", at(5, "/lens"), TransformTree()).from_points == pytest.approx(SAME)
     future = tree(("base_link", "lens", 1_000, 0.2), ("base_link", "lens", 2_000, 0.2))
     assert "before the stamp" in target_of("base_link", at(9_000, "lens"), future).unknown
 

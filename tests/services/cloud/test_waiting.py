@@ -149,6 +149,25 @@ def test_the_same_detections_again_are_counted() -> None:
     assert rig.account.dropped[DOUBLE] == 1
 
 
+def test_detections_of_a_worker_that_is_behind_another_take_no_newer_ones_place() -> None:
+    rig = Rig()
+    rig.found(2, 1100)
+    rig.found(1, 1000)
+    rig.points(1000, 1100)
+    assert rig.took() == (2, 1100)
+    assert rig.took() is None
+    assert (rig.account.dropped[DOUBLE], rig.account.dropped[REPLACED]) == (1, 0)
+
+
+def test_detections_of_another_gateway_process_count_anew() -> None:
+    rig = Rig()
+    rig.points(1000)
+    rig.found(7, 900)
+    other = found(0, 1000)
+    rig.waiting.detections(msgspec.structs.replace(other, header=msgspec.structs.replace(other.header, boot_id="b")), 0)
+    assert rig.took() == (0, 1000)
+
+
 def test_a_transform_that_may_still_come_is_waited_for() -> None:
     rig = Rig(target="base_link")
     rig.waiting.transforms(moved("base_link", "lens", 0), static=True)

@@ -29,6 +29,15 @@ def test_depth_of_the_instant_and_what_else_is_known() -> None:
     assert isinstance(moment.instant.color_from_depth, np.ndarray)
 
 
+def test_a_slash_before_a_frames_name_makes_no_other_frame_of_it() -> None:
+    made = sensed("/camera")
+    keep(made, 1, frame_id="/camera")
+    moment = made.at(detections([], 1, frame_id="camera"))
+    assert isinstance(moment.instant, Instant)
+    assert isinstance(moment.instant.color_from_depth, np.ndarray)
+    assert isinstance(moment.frames[0].from_camera, np.ndarray)
+
+
 def test_no_depth_yet_or_none_of_the_instant() -> None:
     made = sensed()
     moment = made.at(detections([], 5))

@@ -8,7 +8,7 @@ from schemas.camera_info import CameraInfo
 from services.distance.views import NO_INFO, Instant, Limits, Views
 from services.geometry.camera import CameraModel
 from services.geometry.errors import DepthError, GeometryError
-from tests.services.distance.scenes import calibration, depth, detections, wall
+from tests.services.distance.scenes import FRAME, calibration, depth, detections, wall
 from tests.services.geometry.cameras import info
 
 HERE = np.identity(4)
@@ -29,11 +29,12 @@ def test_depth_of_the_colour_camera_is_taken_as_it_is() -> None:
     assert views.view(instant(depth(wall(2.0)), COLOR, COLOR))[1] is camera
 
 
+@pytest.mark.parametrize("frame_id", [FRAME, f"/{FRAME}"])
 @pytest.mark.parametrize(("color", "depth_info"), [(COLOR, None), (None, COLOR)])
 def test_one_calibration_is_enough_for_images_of_one_size_and_frame(
-    color: CameraInfo | None, depth_info: CameraInfo | None
+    color: CameraInfo | None, depth_info: CameraInfo | None, frame_id: str
 ) -> None:
-    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), color, depth_info))
+    image, camera = Views(Limits()).view(instant(depth(wall(2.0), frame_id=frame_id), color, depth_info))
     assert (image.metres() == 2).all()
     assert isinstance(camera, CameraModel)
 

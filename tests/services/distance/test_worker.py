@@ -16,6 +16,7 @@ from schemas import worker_keys
 from schemas.distances import Distances
 from schemas.keys import TF, TF_STATIC, CameraKey, Stream, StreamKey, Wanted
 from schemas.status import WorkerStatus
+from services.distance.account import DOUBLE
 from services.distance.camera import WAITED
 from services.geometry.joining import FLUSHED
 from tests.contract.waiting import receive
@@ -49,9 +50,9 @@ class Rig:
             await self.robot.until_wanted()
             yield distances
 
-    def frame(self, seq: int, z: float = 2.0) -> None:
-        self.robot.send(Stream.DEPTH, depth(wall(z), seq))
-        self.robot.send(Stream.DETECTIONS, detections(BOX, seq))
+    def frame(self, seq: int, z: float = 2.0, *, stamp_ns: int | None = None) -> None:
+        self.robot.send(Stream.DEPTH, depth(wall(z), seq, stamp_ns=stamp_ns))
+        self.robot.send(Stream.DETECTIONS, detections(BOX, seq, stamp_ns=stamp_ns))
 
 
 @pytest.fixture
@@ -133,18 +134,18 @@ async def test_each_way_in_which_nothing_is_known_is_said(rig: Rig) -> None:
         assert only(await receive(distances, Distances)) == (None, "no depth image arrived")
         rig.frame(5)
         await receive(distances, Distances)
-        rig.robot.send(Stream.DETECTIONS, detections(BOX, 2))
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 6, stamp_ns=stamp_of(2)))
         _, reason = only(await receive(distances, Distances))
         assert reason == "no depth image of its instant: the nearest is 0.099 s after it"
-        rig.robot.send(Stream.DETECTIONS, detections(BOX, 900))
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 7, stamp_ns=stamp_of(900)))
         _, reason = only(await receive(distances, Distances))
         assert reason == "no depth image of its instant: the nearest is 29.535 s before it"
-        odd = msgspec.structs.replace(depth(wall(2.0), 6), encoding="mono16")
+        odd = msgspec.structs.replace(depth(wall(2.0), 8), encoding="mono16")
         rig.robot.send(Stream.DEPTH, odd)
-        rig.robot.send(Stream.DETECTIONS, detections(BOX, 6))
+        rig.robot.send(Stream.DETECTIONS, detections(BOX, 8))
         assert only(await receive(distances, Distances)) == (None, "an image in mono16, which is no depth")
         rig.robot.send(Stream.DEPTH_INFO, calibration(lens=("odd", [])))
-        rig.frame(7)
+        rig.frame(9)
         assert "unknown distortion model 'odd'" in only(await receive(distances, Distances))[1]
 
 
@@ -196,8 +197,8 @@ async def test_a_camera_that_waits_for_its_robots_map_holds_up_no_other(rig: Rig
 
 async def test_a_clock_that_jumps_back_starts_over(rig: Rig) -> None:
     async with rig.wanted() as distances:
-        for seq, z in ((100, 2.0), (101, 2.0), (3, 4.0)):
-            rig.frame(seq, z)
+        for seq, (instant, z) in enumerate(((100, 2.0), (101, 2.0), (3, 4.0))):
+            rig.frame(seq, z, stamp_ns=stamp_of(instant))
             assert only(await receive(distances, Distances)) == (z, "")
     account = await load(rig.bus, lambda of: of.inferred == 3)
     assert account.dropped == {}
@@ -235,7 +236,18 @@ async def test_the_same_detections_of_two_workers_are_measured_once(rig: Rig) ->
         rig.frame(2)
         assert (await receive(distances, Distances)).header.seq == 2
         account = await load(rig.bus, lambda of: of.inferred == 2)
-    assert account.dropped["the same detections again"] == 1
+    assert account.dropped[DOUBLE] == 1
+
+
+async def test_detections_of_a_worker_that_is_behind_another_are_not_measured(rig: Rig) -> None:
+    async with rig.wanted() as distances:
+        for seq in (2, 1):
+            rig.frame(seq)
+            await asyncio.sleep(0.02)
+        rig.frame(3)
+        assert [(await receive(distances, Distances)).header.seq for _ in range(2)] == [2, 3]
+        account = await load(rig.bus, lambda of: of.inferred == 2)
+    assert account.dropped[DOUBLE] == 1
 
 
 async def test_depth_that_no_detections_came_for_is_counted(rig: Rig) -> None:

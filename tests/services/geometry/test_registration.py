@@ -54,6 +54,12 @@ def test_a_finer_camera_with_a_lens_has_no_holes(lens: tuple[str, list[float]]) 
     assert np.nanmax(np.abs(seen - 3)) == 0
 
 
+@pytest.mark.parametrize("focal", [160.0, 260.0])
+def test_a_finer_camera_that_sees_less_is_told_depth_up_to_every_border(focal: float) -> None:
+    fine = camera(height=144, width=192, focal=focal)
+    assert not np.isnan(Registration(camera(), fine, HERE).apply(wall(2.0))).any()
+
+
 def test_depth_becomes_that_along_the_other_axis() -> None:
     turned = matrix_of(np.zeros(3), np.array([0, np.sin(0.1), 0, np.cos(0.1)]))
     seen = Registration(camera(), camera(), turned).apply(wall(2.0))

@@ -107,6 +107,11 @@ def test_a_frame_that_nobody_spoke_of() -> None:
         tree(static=(said("base", "camera"),)).lookup("map", "camera", 0)
 
 
+def test_a_frame_is_where_it_is_itself_whatever_is_known_of_it() -> None:
+    for made in (tree(), tree(said("base", "camera", at=S))):
+        assert (made.lookup("camera", "/camera", 9 * S) == np.identity(4)).all()
+
+
 def test_frames_that_nothing_joins() -> None:
     with pytest.raises(UnconnectedError, match="no transform leads from camera to odom"):
         tree(said("odom", "wheel"), static=(said("base", "camera"),)).lookup("odom", "camera", 0)

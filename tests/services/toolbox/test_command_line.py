@@ -39,9 +39,7 @@ def test_without_a_command(argv: list[str], message: str, capsys: pytest.Capture
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
 def test_every_command_has_help_and_something_to_run(command: object, capsys: pytest.CaptureFixture[str]) -> None:
     name = getattr(command, "name", "")
-    with pytest.raises(SystemExit) as caught:
-        main([name, "--help"])
-    assert caught.value.code == 0
+    assert main([name, "--help"]) == 0
     assert f"usage: fleetsight {name}" in capsys.readouterr().out
 
 
@@ -71,6 +69,32 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(command: object) -> None:
     assert ended.returncode == process.EXIT_USAGE
     assert ended.stderr == f"fleetsight {name}: unrecognized arguments: --no-such-option\n"
     assert ended.stdout == ""
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("argv", [["--help"], ["--version"], ["distance", "--help"]], ids=" ".join)
+def test_a_reader_who_has_read_enough_is_no_failure(argv: list[str], unbuffered: str) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    ended = _printing(argv, writing, unbuffered)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("argv", [["--help"], ["--version"], ["distance", "--help"]], ids=" ".join)
+def test_what_could_not_be_written_is_a_failure(argv: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        ended = _printing(argv, full.fileno())
+    assert ended.returncode == process.EXIT_FAILED
+    assert ended.stderr == "fleetsight: what was printed is lost: No space left on device\n"
+
+
+def _printing(argv: list[str], to: int, unbuffered: str = "") -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "services.toolbox", *argv]
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    return subprocess.run(
+        command, stdout=to, stderr=subprocess.PIPE, text=True, check=False, timeout=60, env=environment
+    )
 
 
 def test_ctrl_c_before_there_is_anything_to_end_is_silent(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -50,20 +51,28 @@ def test_remembered_sources_are_bounded_and_the_oldest_goes_first() -> None:
     assert limit.admit(("a",), 1) == Admitted()
 
 
-def record(text: str, *args: object, level: int = logging.WARNING, at: float = 0) -> logging.LogRecord:
-    made = logging.LogRecord("name", level, "file", 1, text, args, None)
-    made.created = at
-    return made
+def record(text: str, *args: object, level: int = logging.WARNING) -> logging.LogRecord:
+    return logging.LogRecord("name", level, "file", 1, text, args, None)
 
 
 def test_the_first_argument_is_the_source_and_what_was_held_back_is_said() -> None:
-    held = RateLimitFilter(RateLimit(period_s=10))
+    times = iter((0, 0, 0, 10))
+    held = RateLimitFilter(RateLimit(period_s=10), lambda: next(times))
     assert held.filter(record("%s: bad image: %s", "r1", "x"))
     assert not held.filter(record("%s: bad image: %s", "r1", "y"))
     assert held.filter(record("%s: bad image: %s", "r2", "x"))
-    again = record("%s: bad image: %s", "r1", "z", at=10)
+    again = record("%s: bad image: %s", "r1", "z")
     assert held.filter(again)
     assert again.getMessage() == "r1: bad image: z (and 1 more like it)"
+
+
+def test_a_clock_that_is_set_back_holds_nothing_back() -> None:
+    held = RateLimitFilter(RateLimit(period_s=0.01))
+    before, after = record("%s: bad image", "r1"), record("%s: bad image", "r1")
+    after.created = before.created - 3_600
+    assert held.filter(before)
+    time.sleep(0.02)
+    assert held.filter(after)
 
 
 def test_information_is_never_held_back() -> None:

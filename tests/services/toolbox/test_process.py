@@ -4,6 +4,8 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -24,6 +26,15 @@ PATIENT = """
             print("ready", flush=True)
             await asyncio.sleep(60)
         finally:
+            print("cleaned up", flush=True)
+"""
+SLOW = """
+    async def main():
+        try:
+            print("ready", flush=True)
+            await asyncio.sleep(60)
+        finally:
+            await asyncio.sleep(0.3)
             print("cleaned up", flush=True)
 """
 STUBBORN = """
@@ -65,12 +76,36 @@ def test_a_second_signal_does_not_wait() -> None:
     assert child.returncode == process.EXIT_FAILED
 
 
+def test_a_signal_that_arrives_twice_is_one() -> None:
+    with spawn(SLOW) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        for _ in range(3):
+            child.send_signal(signal.SIGTERM)
+            time.sleep(0.02)
+        assert child.stdout.read() == "cleaned up\n"
+    assert child.returncode == 0
+
+
 @pytest.mark.parametrize(("result", "code"), [(None, 0), (0, 0), (3, 3)])
 def test_the_exit_code_is_what_main_returns(result: int | None, code: int) -> None:
     async def main() -> int | None:
         return result
 
     assert process.run(main) == code
+
+
+def test_a_result_that_cannot_be_written_is_a_failure(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def main() -> int:
+        sys.stdout.write("found")
+        return 0
+
+    with suppress(OSError), Path("/dev/full").open("w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert process.run(main) == process.EXIT_FAILED
+    assert capsys.readouterr().err == "fleetsight: what was printed is lost: No space left on device\n"
 
 
 PRINTING = """

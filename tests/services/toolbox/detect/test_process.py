@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bus import BusSettings, open_bus
+from bus import MAX_REQUEST_BYTES, BusSettings, open_bus
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
 from services.detector.model import Found, Outcome, Request
@@ -133,6 +133,16 @@ async def test_a_file_that_is_no_image_is_named_before_a_model_is_loaded(
     file.write_text("no image")
     assert await run(DetectSettings.model_validate({"image": file, "local": True})) == 1
     assert capsys.readouterr().err.startswith(f"fleetsight detect: {file}: not an image")
+
+
+async def test_an_image_that_is_too_large_to_be_sent_is_one_line(
+    image: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with image.open("ab") as file:
+        file.truncate(MAX_REQUEST_BYTES + 1)
+    assert await run(settings(image, "tcp/127.0.0.1:1")) == 1
+    said = f"{image}: a file of 16777217 bytes, at most 16777216 are sent to a worker; --local looks at it here"
+    assert capsys.readouterr().err == f"fleetsight detect: {said}\n"
 
 
 async def test_what_is_no_worker_is_not_asked(image: Path) -> None:
