@@ -85,6 +85,8 @@ class Places:
         self._tracks[of] = place
         if before != place and (there := self._marks.get(before)) is not None:
             there.pop(track, None)
+            if not there:
+                del self._marks[before]
         if len(self._tracks) > MOST:
             self._tracks.popitem(last=False)
 

@@ -73,6 +73,14 @@ def test_what_moved_to_where_something_else_was_leaves_nothing_behind() -> None:
     assert xy(places.marks(NOW + 2)) == [(9, 9), (1, 1)]
 
 
+def test_what_moves_far_takes_no_room_from_what_stands() -> None:
+    places = Places()
+    places.take(seen(at(1, 1)), NOW)
+    for number in range(MOST):
+        places.take(seen(at(10 + number, 5, track=1)), NOW + 1 + number)
+    assert xy(places.marks(NOW + MOST)) == [(9 + MOST, 5), (1, 1)]
+
+
 def test_two_objects_of_one_image_are_two() -> None:
     places = Places()
     places.take(seen(at(1, 1, track=1), at(1.1, 1, track=2)), NOW)
