@@ -42,18 +42,22 @@ class Age(msgspec.Struct, frozen=True, gc=False):
 
 
 class Row(msgspec.Struct, frozen=True, gc=False):
-    """One camera as an operator reads it. Fields are None until the first class list is there."""
+    """One camera as an operator reads it. Fields are None until the first class list is there.
+
+    stale_s: how old what it shows may be.
+    """
 
     key: CameraKey
     online: bool
     classes: tuple[ClassCount, ...] | None
     age: Age | None
     rate_hz: float
+    stale_s: float = STALE_S
 
     @property
     def stale(self) -> bool:
         """Whether what the row shows may no longer be so."""
-        return not self.online or self.age is None or self.age.seconds > STALE_S
+        return not self.online or self.age is None or self.age.seconds > self.stale_s
 
 
 @dataclass(slots=True)
@@ -248,6 +252,7 @@ class Fleet:
             classes=None if camera.classes is None else tuple(camera.classes),
             age=_age(camera, now_s),
             rate_hz=camera.rate_hz(now_s),
+            stale_s=self.inventory.limits.stale_ns / NS,
         )
 
     def lists_per_robot(self) -> Counter[str]:

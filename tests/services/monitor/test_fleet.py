@@ -218,6 +218,14 @@ def test_a_view_goes_stale(age_s: float, *, stale: bool) -> None:
     assert only(fleet, age_s).stale is stale
 
 
+def test_how_old_a_view_may_be_is_what_the_inventory_says() -> None:
+    fleet = Fleet(CLOCK, Limits(stale_ns=10 * S))
+    fleet.robot_presence("r1", alive=True)
+    fleet.camera_presence(FRONT, alive=True)
+    fleet.see(seen(), 0.0, 0)
+    assert (only(fleet, 10.0).stale, only(fleet, 10.1).stale) == (False, True)
+
+
 @pytest.mark.parametrize("lost", ["robot", "camera"])
 def test_a_lost_robot_or_camera_stays_on_screen_offline(lost: str) -> None:
     fleet = online_fleet()
