@@ -199,9 +199,10 @@ class Fleet:
 
     def measure(self, distances: Distances, received_ns: int) -> bool:
         """Take distances that arrived at `received_ns`; return False for a double."""
-        if not self.inventory.measure(distances, received_ns):
+        at_ns = received_ns - (self._lag_ns(distances.header, received_ns) or 0)
+        if not self.inventory.measure(distances, at_ns):
             return False
-        self.places.take(distances, received_ns)
+        self.places.take(distances, at_ns)
         return True
 
     def age_of(self, header: Header, arrived_ns: int, now_ns: int) -> Age:

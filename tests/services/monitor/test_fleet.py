@@ -313,6 +313,21 @@ def test_distances_say_where_things_are_and_doubles_say_it_once() -> None:
     assert (mark.x, mark.y, mark.seen_ns) == (1.0, 2.0, 5)
 
 
+def test_distances_are_of_when_their_frame_came_however_late_they_are() -> None:
+    fleet = online_fleet()
+    for seq in (0, 1):
+        fleet.see(seen(seq), 1.0, header().received_ns)
+    found = known("box", 2.0)
+    assert found.measured is not None
+    place = Place(frame_id="map", at=(1, 2, 0))
+    late = distances(msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=[place])))
+    now_ns = late.header.received_ns + round(STALE_S * S) + 1
+    assert fleet.measure(late, now_ns)
+    (entry,) = fleet.inventory.entries(now_ns)
+    (mark,) = fleet.places.marks(now_ns)
+    assert (entry.sighting.nearest_m, mark.seen_ns) == (None, late.header.received_ns)
+
+
 def test_a_second_opinion_is_of_when_its_frame_came_and_counts_as_no_class_list() -> None:
     fleet = online_fleet()
     for seq in (0, 1):
