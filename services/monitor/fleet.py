@@ -205,6 +205,11 @@ class Fleet:
         self.places.take(distances, at_ns)
         return True
 
+    def tick(self, now_ns: int) -> list[Change]:
+        """Let time pass; return what is not known any more."""
+        self.places.tick(now_ns)
+        return self.inventory.tick(now_ns)
+
     def age_of(self, header: Header, arrived_ns: int, now_ns: int) -> Age:
         """Return how old at `now_ns` what a frame shows is, of which something arrived at `arrived_ns`."""
         theirs_ns = self._theirs_ns(header.robot, now_ns)

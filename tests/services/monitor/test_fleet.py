@@ -5,7 +5,7 @@ import pytest
 
 from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
-from schemas.distances import Place
+from schemas.distances import ObjectDistance, Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
@@ -301,14 +301,18 @@ def test_a_frame_s_age_is_exact_where_the_clock_is_ours_and_else_since_it_came()
     assert fleet.age_of(about, now_ns - 1_000_000_000, now_ns) == Age(1.0, exact=False)
 
 
-def test_distances_say_where_things_are_and_doubles_say_it_once() -> None:
-    fleet = online_fleet()
-    place = Place(frame_id="map", at=(1.0, 2.0, 0.0))
+def placed() -> ObjectDistance:
+    """Return a box whose place in the map is known."""
     found = known("box", 2.0)
     assert found.measured is not None
-    found = msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=[place]))
-    assert fleet.measure(distances(found), 5)
-    assert not fleet.measure(distances(found), 9)
+    place = Place(frame_id="map", at=(1.0, 2.0, 0.0))
+    return msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=[place]))
+
+
+def test_distances_say_where_things_are_and_doubles_say_it_once() -> None:
+    fleet = online_fleet()
+    assert fleet.measure(distances(placed()), 5)
+    assert not fleet.measure(distances(placed()), 9)
     (mark,) = fleet.places.marks(9)
     assert (mark.x, mark.y, mark.seen_ns) == (1.0, 2.0, 5)
 
@@ -317,15 +321,20 @@ def test_distances_are_of_when_their_frame_came_however_late_they_are() -> None:
     fleet = online_fleet()
     for seq in (0, 1):
         fleet.see(seen(seq), 1.0, header().received_ns)
-    found = known("box", 2.0)
-    assert found.measured is not None
-    place = Place(frame_id="map", at=(1, 2, 0))
-    late = distances(msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=[place])))
+    late = distances(placed())
     now_ns = late.header.received_ns + round(STALE_S * S) + 1
     assert fleet.measure(late, now_ns)
     (entry,) = fleet.inventory.entries(now_ns)
     (mark,) = fleet.places.marks(now_ns)
     assert (entry.sighting.nearest_m, mark.seen_ns) == (None, late.header.received_ns)
+
+
+def test_where_things_are_is_as_old_as_before_when_the_clock_is_set_back() -> None:
+    fleet = online_fleet()
+    fleet.measure(distances(placed()), 9 * S)
+    assert (fleet.tick(10 * S), fleet.tick(5 * S)) == ([], [])
+    (mark,) = fleet.places.marks(5 * S)
+    assert mark.seen_ns == 4 * S
 
 
 def test_a_second_opinion_is_of_when_its_frame_came_and_counts_as_no_class_list() -> None:
