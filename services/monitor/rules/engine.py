@@ -252,13 +252,12 @@ class RuleEngine:
             subject.text = found.text
 
     def _subject(self, rule: str, place: Place) -> _Subject | None:
-        subjects = self._subjects[rule]
-        if place not in subjects:
+        if place not in self._subjects[rule]:
             if not self._has_room():
                 self._refused = True
                 return None
-            subjects[place] = _Subject()
-        return subjects[place]
+            self._subjects[rule][place] = _Subject()
+        return self._subjects[rule][place]
 
     def _has_room(self) -> bool:
         """Whether one more can be followed; once between two `due` what is remembered for its cooldown makes room."""

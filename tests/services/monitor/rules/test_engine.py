@@ -281,3 +281,11 @@ def test_subjects_are_bounded() -> None:
     assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
     assert [ruling.engine.has_room_again() for _ in range(2)] == [True, False]
     assert ruling.look(1, counts={"box": 3}, key=REAR) == ["2 raised"]
+
+
+def test_what_is_remembered_for_its_cooldown_makes_room_for_what_holds() -> None:
+    ruling = Ruling({**OVER, "cooldown_s": 60}, most=1)
+    assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
+    assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
+    assert ruling.look(2, counts={"box": 3}, key=REAR) == ["2 raised"]
+    assert ruling.look(3, counts={"box": 0}, key=REAR) == ["2 resolved"]
