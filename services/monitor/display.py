@@ -22,14 +22,14 @@ from services.monitor.fleet import Fleet, Row
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.speaking import Speaking
 from services.monitor.table import classes, line, notes_of, render
-from services.monitor.troubles import troubles
+from services.monitor.troubles import shortened, troubles
 from services.monitor.turns import in_turns
 
 FRAME_LINES: Final = 8
 """Lines of the picture beside the rows: title, head, rules and notes."""
 
 MAX_LINES: Final = 50
-"""Lines of changed cameras written at a time: thousands a second would help nobody."""
+"""Lines of changed cameras, and of problems, written at a time: thousands a second would help nobody."""
 
 FAREWELL_S: Final = 0.5
 """How long a terminal may take to be left as it was."""
@@ -58,7 +58,7 @@ async def _draw(
     try:
         await aside(live.start)
         while True:
-            wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in every_trouble()]
+            wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in shortened(every_trouble())]
             room = max(1, console.height - FRAME_LINES - len(wrong))
             rows = list(islice(fleet.rows(time.monotonic()), room))
             picture = Group(render(rows, [*notes_of(fleet.left_out), note], fleet.cameras - len(rows)), *wrong)
@@ -93,7 +93,7 @@ async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable
             states = ", ".join(f"{count} {state}" for state, count in rest.items())
             lines.append(f"and {rest.total()} more cameras changed: {states}")
         now_wrong = every_trouble()
-        lines += [each for each in now_wrong if each not in wrong]
+        lines += shortened([each for each in now_wrong if each not in wrong], MAX_LINES)
         wrong = set(now_wrong)
         if lines:
             await aside(partial(_write, to, "".join(f"{each}\n" for each in lines)))

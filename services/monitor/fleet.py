@@ -26,8 +26,9 @@ MAX_AGES: Final = 100_000
 MINUTE_NS: Final = 60 * NS
 DAY_NS: Final = 86_400 * NS
 LATE_NS: Final = 2 * NS
-LATE_LISTS: Final = 10
-"""After so many lists in a row that were longer than LATE_NS on their way it is no mere outage that held them up."""
+LATE_FOR_NS: Final = 10 * NS
+"""No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: what it held up
+comes at once. It is over when none came for as long."""
 
 MAX_LAG_NS: Final = 3_600 * NS
 """A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
@@ -41,18 +42,22 @@ class Age(msgspec.Struct, frozen=True, gc=False):
 
 
 class Row(msgspec.Struct, frozen=True, gc=False):
-    """One camera as an operator reads it. Fields are None until the first class list is there."""
+    """One camera as an operator reads it. Fields are None until the first class list is there.
+
+    stale_s: how old what it shows may be.
+    """
 
     key: CameraKey
     online: bool
     classes: tuple[ClassCount, ...] | None
     age: Age | None
     rate_hz: float
+    stale_s: float = STALE_S
 
     @property
     def stale(self) -> bool:
         """Whether what the row shows may no longer be so."""
-        return not self.online or self.age is None or self.age.seconds > STALE_S
+        return not self.online or self.age is None or self.age.seconds > self.stale_s
 
 
 @dataclass(slots=True)
@@ -61,7 +66,6 @@ class _Camera:
     arrived_s: float = 0.0
     lag_s: float | None = None
     lists: int = 0
-    late_lists: int = 0
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=64))
 
     def take(self, seen: Sequence[ClassCount]) -> bool:
@@ -110,7 +114,7 @@ class Fleet:
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
         self._namesakes = Namesakes()
-        self._late: dict[str, dict[CameraKey, int]] = {}
+        self._late: dict[str, dict[CameraKey, tuple[int, int]]] = {}
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
@@ -121,7 +125,7 @@ class Fleet:
         """Note that a camera came or went. One that went stays on the list."""
         self.inventory.camera_presence(key, alive=alive)
         self._camera(key)
-        self._late.get(key.robot, {}).pop(key, None)
+        self._note_in_time(key)
         self._changed.add(key)
 
     def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
@@ -173,18 +177,21 @@ class Fleet:
         camera.lag_s = None if lag_ns is None else lag_ns / 1e9
         if camera.lag_s is not None:
             self.ages_s.append(camera.lag_s)
-        is_late = (lag_ns or 0) > LATE_NS and (lag_ns or 0) - sum(seen.spans.values()) > LATE_NS
-        if is_late or camera.late_lists:
-            self._note_late(key, camera, received_ns if is_late else None)
+        if (lag_ns or 0) > LATE_NS and (lag_ns or 0) - sum(seen.spans.values()) > LATE_NS:
+            self._note_late(key, received_ns)
+        else:
+            self._note_in_time(key)
         return changes
 
-    def _note_late(self, key: CameraKey, camera: _Camera, late_ns: int | None) -> None:
-        """Note when a list came late, None for one that did not."""
-        camera.late_lists = 0 if late_ns is None else camera.late_lists + 1
-        if late_ns is None:
-            self._late.get(key.robot, {}).pop(key, None)
-        elif camera.late_lists >= LATE_LISTS:
-            self._late.setdefault(key.robot, {})[key] = late_ns
+    def _note_late(self, key: CameraKey, at_ns: int) -> None:
+        """Note that a list came late, and when the first did of those that came one after the other."""
+        late = self._late.setdefault(key.robot, {})
+        first_ns, newest_ns = late.get(key, (at_ns, at_ns))
+        late[key] = (first_ns if at_ns - newest_ns <= LATE_FOR_NS else at_ns, at_ns)
+
+    def _note_in_time(self, key: CameraKey) -> None:
+        if key.robot in self._late:
+            self._late[key.robot].pop(key, None)
 
     def opine(self, seen: ClassList, received_ns: int) -> bool:
         """Take a second opinion that arrived at `received_ns`; return False if it says nothing, see `Inventory`."""
@@ -192,10 +199,16 @@ class Fleet:
 
     def measure(self, distances: Distances, received_ns: int) -> bool:
         """Take distances that arrived at `received_ns`; return False for a double."""
-        if not self.inventory.measure(distances, received_ns):
+        at_ns = received_ns - (self._lag_ns(distances.header, received_ns) or 0)
+        if not self.inventory.measure(distances, at_ns):
             return False
-        self.places.take(distances, received_ns)
+        self.places.take(distances, at_ns)
         return True
+
+    def tick(self, now_ns: int) -> list[Change]:
+        """Let time pass; return what is not known any more."""
+        self.places.tick(now_ns)
+        return self.inventory.tick(now_ns)
 
     def age_of(self, header: Header, arrived_ns: int, now_ns: int) -> Age:
         """Return how old at `now_ns` what a frame shows is, of which something arrived at `arrived_ns`."""
@@ -209,8 +222,9 @@ class Fleet:
             yield NAMESAKES
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)
-        since_ns = self.heard_ns.get(robot, 0) - round(STALE_S * NS)
-        if any(at_ns >= since_ns for at_ns in self._late.get(robot, {}).values()):
+        since_ns = self.heard_ns.get(robot, 0) - LATE_FOR_NS
+        late = self._late.get(robot, {}).values()
+        if any(newest_ns >= since_ns and newest_ns - first_ns >= LATE_FOR_NS for first_ns, newest_ns in late):
             yield THIN_LINK
 
     def online(self) -> Iterator[GatewayStatus]:
@@ -244,6 +258,7 @@ class Fleet:
             classes=None if camera.classes is None else tuple(camera.classes),
             age=_age(camera, now_s),
             rate_hz=camera.rate_hz(now_s),
+            stale_s=self.inventory.limits.stale_ns / NS,
         )
 
     def lists_per_robot(self) -> Counter[str]:

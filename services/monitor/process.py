@@ -166,7 +166,7 @@ async def watch_fleet(
 async def _tick(fleet: Fleet, told: Told) -> None:
     while True:
         await asyncio.sleep(TICK_S)
-        told(fleet.inventory.tick(time.time_ns()))
+        told(fleet.tick(time.time_ns()))
 
 
 async def _receive(

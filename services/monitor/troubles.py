@@ -1,6 +1,6 @@
 """What keeps gateways from going on. Pure."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 from schemas.printing import printable
@@ -15,10 +15,14 @@ THIN_LINK: Final = "has class lists that come more than 2 s late; a thin link ne
 
 
 def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return a line for each thing that is wrong with a robot; no more than MAX_SHOWN, and one that counts the rest."""
-    every = [printable(f"{robot} {problem}") for robot in sorted(problems) for problem in problems[robot]]
-    rest = [f"and {len(every) - MAX_SHOWN} more problems"] if len(every) > MAX_SHOWN else []
-    return [*every[:MAX_SHOWN], *rest]
+    """Return a line for each thing that is wrong with a robot."""
+    return [printable(f"{robot} {problem}") for robot in sorted(problems) for problem in problems[robot]]
+
+
+def shortened(lines: Sequence[str], most: int = MAX_SHOWN) -> list[str]:
+    """Return no more lines than that, and one that counts the rest."""
+    rest = len(lines) - most
+    return [*lines[:most], *([f"and {rest} more problem{'s' if rest > 1 else ''}"] if rest > 0 else [])]
 
 
 def problems_of(gateway: GatewayStatus) -> Iterator[str]:

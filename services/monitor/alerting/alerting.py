@@ -78,7 +78,6 @@ class Alerting:
         """Look at a camera whose distances came."""
         camera = self._inventory.camera(key)
         if self._engine is not None and camera is not None:
-            self._unsteady.add(key)
             self._look(self._engine, camera, time.time_ns())
 
     def alerts(self) -> list[Alert]:
@@ -159,11 +158,12 @@ class Alerting:
         return (camera for key in keys if (camera := self._inventory.camera(key)) is not None)
 
     def _look(self, engine: RuleEngine, camera: CameraView, now_ns: int) -> None:
+        self._unsteady.discard(camera.key)
         if engine.concerns(camera.key):
             look = look_at(self._inventory, camera, now_ns)
             engine.look(look, now_ns)
-            if not look.nearest:  # else a distance may grow old without any news
-                self._unsteady.discard(camera.key)
+            if look.nearest:  # which may grow old without any news
+                self._unsteady.add(camera.key)
 
     def _tell(self, effect: Effect, engine: RuleEngine) -> None:
         alert, rule = effect.alert, effect.rule

@@ -10,7 +10,7 @@ from services.monitor.rules.model import RuleBook
 
 log = logging.getLogger(__name__)
 
-LOOK_S: Final = 1.0
+LOOK_S: Final = 0.5
 
 _Stamp = tuple[int, int, int]
 
@@ -22,6 +22,7 @@ class RuleFile:
         self.book = RuleBook()
         self.problem = ""
         self._path = path
+        self._seen: _Stamp | None = None
         self._stamp: _Stamp | None = None
 
     async def load(self) -> None:
@@ -33,7 +34,7 @@ class RuleFile:
         if self._path is None:
             return
         try:
-            await asyncio.to_thread(self._read, self._path)
+            await asyncio.to_thread(self._read, self._path, settled=False)
         except RuleFileError as error:
             raise error.of(self._path) from error
 
@@ -41,23 +42,28 @@ class RuleFile:
         """Keep `book` up to date, for ever."""
         while self._path is not None:
             await asyncio.sleep(LOOK_S)
-            try:
-                await asyncio.to_thread(self._read, self._path)
-            except RuleFileError as error:
-                problem = f"{self._path}: {error}; the rules stay as they were"
-                if problem != self.problem:
-                    log.error("%s", problem)  # noqa: TRY400 - it is no fault of ours
-                self.problem = problem
+            await self.look(self._path)
 
-    def _read(self, path: Path) -> None:
+    async def look(self, path: Path) -> None:
+        """Read the file if it is another one than before, and was that last time too: it may be half written."""
+        try:
+            await asyncio.to_thread(self._read, path, settled=True)
+        except RuleFileError as error:
+            problem = f"{path}: {error}; the rules stay as they were"
+            if problem != self.problem:
+                log.error("%s", problem)  # noqa: TRY400 - it is no fault of ours
+            self.problem = problem
+
+    def _read(self, path: Path, *, settled: bool) -> None:
         try:
             found = path.stat()
             stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
-            if stamp == self._stamp:
+            before, self._seen = self._seen, stamp
+            if stamp == self._stamp or (settled and stamp != before):
                 return
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            self._stamp = None
+            self._seen = self._stamp = None
             raise RuleFileError(None, getattr(error, "strerror", None) or str(error)) from error
         self._stamp = stamp
         self.book = load_rules(text)

@@ -68,7 +68,7 @@ class CameraView:
         if view is not self.speaker:
             if self.speaker is not None and at_ns - self.speaker.last_ns <= silent_ns:
                 return lost
-            moved = self._hand_over(self.speaker, view)
+            return [*lost, *self._hand_over(self.speaker, view)]
         return [*lost, *(self._change(name, view) for name in moved)]
 
     def opine(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> bool:
@@ -174,8 +174,8 @@ class CameraView:
             self.speaker = view
         return view
 
-    def _hand_over(self, old: View | None, new: View) -> list[str]:
-        """Have another model speak, which goes on with the sightings of the old one; return the classes that moved."""
+    def _hand_over(self, old: View | None, new: View) -> list[Change]:
+        """Have another model speak, which goes on with the sightings of the old one; return what changes by that."""
         self.speaker = new
         before = {} if old is None else {name: tracked for name, tracked in old.classes.items() if tracked.first_ns}
         moved = [
@@ -185,6 +185,11 @@ class CameraView:
         ]
         if old is not None:
             new.speak(moved, old.last_ns)
+        for name in moved:
+            tracked = new.classes[name]
+            tracked.came = name not in before or before[name].count.count == 0
+            if tracked.came:  # now, whatever this model counted before: the old one said otherwise
+                tracked.first_ns = tracked.count.since_ns
         for name, theirs in before.items():
             mine = new.classes.get(name)
             if mine is None or mine.count.count == 0:
@@ -193,16 +198,15 @@ class CameraView:
                 mine.first_ns = theirs.first_ns
         if old is not None:
             self.views.pop(old.model, None)
-        return moved
+        return [self._change(name, new) for name in moved]
 
     def _change(self, name: str, view: View) -> Change:
         tracked = view.classes[name]
         sighting = tracked.sighting(self.key, name, view.model)
         if sighting.count == 0:
             return Change(ChangeKind.VANISHED, sighting, closest_m=tracked.before_m)
-        appeared = tracked.first_ns == tracked.count.since_ns
-        kind = ChangeKind.APPEARED if appeared else ChangeKind.COUNTED
-        first_look = appeared and tracked.first_ns <= view.began_ns
+        kind = ChangeKind.APPEARED if tracked.came else ChangeKind.COUNTED
+        first_look = tracked.came and tracked.first_ns <= view.began_ns
         return Change(kind, sighting, first_look=first_look, closest_m=tracked.before_m)
 
 

@@ -25,12 +25,13 @@ REPLAY_NS: Final = NS
 class Tracked:
     """One class in a view: its settled count, and its sighting while there is one, or the last.
 
-    closest_m: the nearest that any came since the count last moved; before_m: the same until then. listed: the number
-    of the view's newest list that named it.
+    closest_m: the nearest that any came since the count last moved; before_m: the same until then. came: whether it
+    came into view when the count last moved. listed: the number of the view's newest list that named it.
     """
 
     __slots__ = (
         "before_m",
+        "came",
         "closest_m",
         "count",
         "first_ns",
@@ -52,22 +53,24 @@ class Tracked:
         self.nearest_ns = 0
         self.closest_m: float | None = None
         self.before_m: float | None = None
+        self.came = False
         self.listed = 0
 
     def advance(self, seen: ClassCount, worker: str, at_ns: int, debounce: Debounce) -> bool:
         """Take what a list says of the class; return whether the count moved."""
         if seen.count:
             self.score, self.worker, self.last_ns = seen.score, worker, at_ns
-        appears = self.count.count == 0
+        was_gone = self.count.count == 0
         if not self.count.advance(seen.count, at_ns, debounce):
             return False
-        if appears:
+        if was_gone:
             self.first_ns = self.count.since_ns
-        self.move()
+        self.move(came=was_gone)
         return True
 
-    def move(self) -> None:
-        """Begin a new nearest distance: the count moved."""
+    def move(self, *, came: bool) -> None:
+        """Note that the count moved, and begin a new nearest distance."""
+        self.came = came
         self.before_m, self.closest_m = self.closest_m, None
 
     def measure(self, nearest_m: float | None, at_ns: int) -> None:
@@ -164,7 +167,7 @@ class View:
             if tracked.count.count == 0 and tracked.first_ns == 0:
                 del self.classes[name]  # a flicker
             elif tracked.count.advance(0, at_ns, debounce):
-                tracked.move()
+                tracked.move(came=False)
                 moved.append(name)
         return moved
 

@@ -38,10 +38,10 @@ class LastPoses:
             self._known.popitem(last=False)
 
     def take_seen(self, poses: Mapping[str, Pose]) -> None:
-        """Take poses of any age: those that are newer than what is known."""
+        """Take poses of any age, none older than what is known: those that are newer, though a clock was set back."""
         for name, pose in poses.items():
             known = self._known.get(name)
-            if known is None or known.pose.at_ns < pose.at_ns:
+            if known is None or known.pose.at_ns != pose.at_ns:
                 self.take({name: pose}, pose.at_ns)
 
     def names(self, now_ns: int) -> set[str]:

@@ -3,7 +3,7 @@
 import math
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from schemas.distances import Distances, ObjectDistance
@@ -52,6 +52,21 @@ class Places:
         self._sought_ns: dict[str, int] = {}
         self._marks: OrderedDict[_Place, dict[int | None, Mark]] = OrderedDict()
         self._tracks: OrderedDict[tuple[str, str, int], _Place] = OrderedDict()
+        self._ticked_ns = 0
+
+    def tick(self, now_ns: int) -> None:
+        """Let time pass: where the clock was set back, what is known is as old as it was before."""
+        back_ns, self._ticked_ns = self._ticked_ns - now_ns, now_ns
+        if back_ns <= 0:
+            return
+        self._sought_ns.clear()
+        for name, pose in self.poses.items():
+            if pose.at_ns > now_ns:
+                self.poses[name] = replace(pose, at_ns=pose.at_ns - back_ns)
+        for here in self._marks.values():
+            for track, mark in here.items():
+                if mark.seen_ns > now_ns:
+                    here[track] = replace(mark, seen_ns=mark.seen_ns - back_ns)
 
     def take(self, distances: Distances, seen_ns: int) -> None:
         """Take where one image's objects are; those whose place in the map is not known are left out."""
@@ -85,6 +100,8 @@ class Places:
         self._tracks[of] = place
         if before != place and (there := self._marks.get(before)) is not None:
             there.pop(track, None)
+            if not there:
+                del self._marks[before]
         if len(self._tracks) > MOST:
             self._tracks.popitem(last=False)
 

@@ -1,7 +1,7 @@
 """Workers and gateways as rows of the health page. Pure: all of it is made of a snapshot."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from schemas.status import StreamStatus, WorkerStatus
@@ -20,17 +20,18 @@ class WorkerRates:
         self._last: dict[str, WorkerStatus] = {}
         self._rates: dict[str, float] = {}
 
-    def take(self, workers: Iterable[WorkerLine]) -> Mapping[str, float]:
-        """Take the newest accounts; return the rates by worker, of those that are known."""
-        for worker in workers:
-            before, now = self._last.get(worker.name), worker.status
-            if before is not None and now.sent_ns > before.sent_ns:
-                frames = inferred(now) - inferred(before)
-                self._rates[worker.name] = max(0.0, frames * NS / (now.sent_ns - before.sent_ns))
-            self._last[worker.name] = now
-            if not worker.online:
-                self._rates.pop(worker.name, None)
+    def take(self, workers: Sequence[WorkerLine]) -> Mapping[str, float]:
+        """Take the newest account of every worker there is; return the rates by worker, of those that are known."""
+        rates = {worker.name: self._rate_of(worker) for worker in workers if worker.online}
+        self._rates = {name: rate for name, rate in rates.items() if rate is not None}
+        self._last = {worker.name: worker.status for worker in workers}
         return self._rates
+
+    def _rate_of(self, worker: WorkerLine) -> float | None:
+        before, now = self._last.get(worker.name), worker.status
+        if before is None or now.sent_ns <= before.sent_ns:
+            return self._rates.get(worker.name)
+        return max(0.0, (inferred(now) - inferred(before)) * NS / (now.sent_ns - before.sent_ns))
 
 
 def inferred(status: WorkerStatus) -> int:

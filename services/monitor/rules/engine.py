@@ -61,6 +61,7 @@ class RuleEngine:
         self._effects: list[Effect] = []
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
         self._robots: dict[str, list[SilentRule]] = {}
+        self._unknown: set[tuple[str, str]] = set()
         self._full = False
         self._refused = False
 
@@ -124,6 +125,7 @@ class RuleEngine:
     def look(self, look: Look, now_ns: int) -> None:
         """Take what is known of one camera now."""
         robot, camera = look.key.robot, look.key.camera
+        (self._unknown.discard if look.speaks else self._unknown.add)((robot, camera))
         for rule in self._rules_of(robot, camera):
             for found in findings(rule, look):
                 self._find(rule, (robot, camera, found.name), found, now_ns)
@@ -171,8 +173,12 @@ class RuleEngine:
         local = _local(now_ns, self._book.timezone)
         applying = [rule for rule in self._book.rules if rule.name in self._waiting.ripe and rule.applies_at(local)]
         for rule in applying:
-            for place in list(self._waiting.ripe[rule.name]):
+            for place in [place for place in self._waiting.ripe[rule.name] if self._is_known(rule, place)]:
                 self._raise(rule, place, self._subjects[rule.name][place], now_ns)
+
+    def _is_known(self, rule: AnyRule, place: Place) -> bool:
+        """Whether what holds somewhere is known to hold now, and not only to have held when a camera spoke last."""
+        return isinstance(rule, SilentRule) or place[:2] not in self._unknown
 
     def _escalate_due(self, now_ns: int) -> None:
         for alert in [alert for alert, due_ns in self._escalations() if due_ns <= now_ns]:
@@ -246,13 +252,12 @@ class RuleEngine:
             subject.text = found.text
 
     def _subject(self, rule: str, place: Place) -> _Subject | None:
-        subjects = self._subjects[rule]
-        if place not in subjects:
+        if place not in self._subjects[rule]:
             if not self._has_room():
                 self._refused = True
                 return None
-            subjects[place] = _Subject()
-        return subjects[place]
+            self._subjects[rule][place] = _Subject()
+        return self._subjects[rule][place]
 
     def _has_room(self) -> bool:
         """Whether one more can be followed; once between two `due` what is remembered for its cooldown makes room."""

@@ -55,6 +55,18 @@ def load_rules(text: str) -> RuleBook:
 KINDS: Final = frozenset({"appears", "disappears", "over", "under", "nearer", "silent", "disagree"})
 """What pydantic puts into the place of a mistake to say which kind of rule it took it for."""
 
+MAPPING: Final = "write it as a mapping, like {a: b}"
+WORDS: Final = {
+    "union_tag_not_found": f"`when` is missing; it is one of {', '.join(sorted(KINDS))}",
+    "union_tag_invalid": f"`when` is one of {', '.join(sorted(KINDS))}",
+    "tuple_type": "write it as a list, like [a, b]",
+    "model_type": MAPPING,
+    "model_attributes_type": MAPPING,
+    "dict_type": MAPPING,
+    "time_parsing": "write times like '09:00', up to '23:59'",
+}
+"""What kinds of pydantic's mistakes are in words of a rule file; its own speak of Python."""
+
 
 class _Loader(yaml.SafeLoader):
     """Takes no aliases: ten lines of them can stand for gigabytes."""
@@ -95,19 +107,13 @@ def _line_of(node: Node | None, place: list[Any]) -> int:
 
 
 def _reason(place: list[Any], mistake: Any) -> str:
-    reason = mistake["msg"].removeprefix("Value error, ")
     name = _name_of(place)
     match mistake["type"]:
         case "missing":
             return f"{name} is missing"
         case "extra_forbidden":
             return f"{place[-1]!r} is not known here"
-        case "union_tag_not_found":
-            return f"{name}: `when` is missing; it is one of {', '.join(sorted(KINDS))}"
-        case "union_tag_invalid":
-            return f"{name}: `when` is one of {', '.join(sorted(KINDS))}"
-        case "tuple_type":
-            return f"{name}: write it as a list, like [a, b]"
+    reason = WORDS.get(mistake["type"], mistake["msg"].removeprefix("Value error, "))
     return f"{name}: {reason}" if name else reason
 
 

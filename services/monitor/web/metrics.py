@@ -50,7 +50,7 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in snapshot.robots))
     yield GaugeMetricFamily("fleetsight_cameras", "Cameras ever heard of.", len(snapshot.cameras))
     yield GaugeMetricFamily(
-        "fleetsight_unlabelled", "Robots and cameras over the limit for series of their own.", _over(snapshot)
+        "fleetsight_unlabelled", "Robots, cameras and workers without series of their own.", _over(snapshot)
     )
     yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
     yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)

@@ -5,11 +5,11 @@ import pytest
 
 from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
-from schemas.distances import Place
+from schemas.distances import ObjectDistance, Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
-from services.monitor.fleet import LATE_LISTS, LATE_NS, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.fleet import LATE_FOR_NS, LATE_NS, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import InventoryFullError, Limits
@@ -133,32 +133,71 @@ def test_two_gateways_under_one_name_are_a_problem_of_that_robot() -> None:
     assert (list(fleet.problems_of("r1")), list(fleet.problems_of("r2"))) == ([NAMESAKES], [])
 
 
-def test_lists_that_keep_coming_late_are_a_problem_until_one_is_in_time_or_none_come() -> None:
-    fleet = online_fleet()
+class Link:
+    """One of a robot, whose lists come when they do, after having been on their way for some time."""
 
-    def take(count: int, late_ns: int, spent_ns: int = 0) -> list[str]:
-        for _ in range(count):
-            message = msgspec.structs.replace(seen(fleet.class_lists), spans={"inference": spent_ns})
-            fleet.see(message, 10.0, message.header.received_ns + late_ns)
-            fleet.gateway_status(status(), message.header.received_ns + late_ns)
-        return list(fleet.problems_of("r1"))
+    def __init__(self) -> None:
+        self.fleet = online_fleet()
 
-    late_ns, wrong = LATE_NS + S, [THIN_LINK]
-    assert (take(LATE_LISTS - 1, late_ns), take(1, late_ns), take(1, 2 * late_ns)) == ([], wrong, wrong)
-    assert (take(1, LATE_NS), take(LATE_LISTS - 1, late_ns), take(1, late_ns)) == ([], [], wrong)
-    assert (take(1, late_ns, spent_ns=S), take(LATE_LISTS, late_ns)) == ([], wrong)
-    fleet.gateway_status(status(), fleet.heard_ns["r1"] + round(STALE_S * S) + 1)
-    assert list(fleet.problems_of("r1")) == []
-    assert take(1, late_ns) == wrong
-    other = CameraKey("r1", "rear")
-    for message in (seen(fleet.class_lists + more) for more in range(LATE_LISTS)):
-        about = msgspec.structs.replace(message.header, camera=other.camera)
-        fleet.see(msgspec.structs.replace(message, header=about), 10.0, about.received_ns + late_ns)
-    assert list(fleet.problems_of("r1")) == wrong
-    fleet.camera_presence(FRONT, alive=False)
-    assert list(fleet.problems_of("r1")) == wrong
-    fleet.camera_presence(other, alive=False)
-    assert list(fleet.problems_of("r1")) == []
+    def brings(self, at_s: float, *, late_s: float, spent_s: float = 0.0, camera: str = "front") -> list[str]:
+        """Take one list, and that the gateway was heard; return what is wrong with the robot then."""
+        at_ns = 1_000 * S + round(at_s * S)
+        about = header(camera=camera, seq=self.fleet.class_lists)
+        about = msgspec.structs.replace(about, boot_id="boot", received_ns=at_ns - round(late_s * S))
+        spans = {"inference": round(spent_s * S)}
+        self.fleet.see(msgspec.structs.replace(seen(), header=about, spans=spans), at_s, at_ns)
+        return self.hears(at_s)
+
+    def hears(self, at_s: float) -> list[str]:
+        """Take that the gateway was heard; return what is wrong with the robot then."""
+        self.fleet.gateway_status(status(), 1_000 * S + round(at_s * S))
+        return list(self.fleet.problems_of("r1"))
+
+
+LATE_S = LATE_NS / S + 1
+WRONG = [THIN_LINK]
+
+
+@pytest.mark.parametrize("period_s", [0.1, 1.0, 5.0])
+def test_lists_that_keep_coming_late_are_a_problem_that_stays_one(period_s: float) -> None:
+    link = Link()
+    enough = round(LATE_FOR_NS / S / period_s)
+    assert [link.brings(n * period_s, late_s=LATE_S) for n in range(enough)] == [[]] * enough
+    for n in range(enough, 3 * enough):
+        assert link.brings(n * period_s, late_s=LATE_S) == WRONG
+        assert link.hears((n + 0.9) * period_s) == WRONG
+
+
+def test_lists_are_late_no_more_when_one_is_in_time_or_none_come() -> None:
+    link = Link()
+    for at_s in range(12):
+        link.brings(at_s, late_s=LATE_S)
+    assert link.brings(12, late_s=LATE_NS / S) == []
+    assert [link.brings(at_s, late_s=LATE_S) for at_s in range(13, 24)] == [[]] * 10 + [WRONG]
+    assert (link.hears(23 + LATE_FOR_NS / S), link.hears(23.1 + LATE_FOR_NS / S)) == (WRONG, [])
+    assert link.brings(23.1 + LATE_FOR_NS / S, late_s=LATE_S) == []
+
+
+def test_what_the_worker_took_is_not_the_links() -> None:
+    link = Link()
+    assert [link.brings(at_s, late_s=LATE_S, spent_s=1) for at_s in range(20)] == [[]] * 20
+
+
+def test_lists_that_an_outage_held_up_are_no_problem_however_many_come_at_once() -> None:
+    link = Link()
+    assert [link.brings(0.001 * n, late_s=12 - 0.1 * n) for n in range(100)] == [[]] * 100
+
+
+def test_late_lists_are_one_problem_of_all_cameras_that_are_there() -> None:
+    link = Link()
+    for at_s in range(12):
+        link.brings(at_s, late_s=LATE_S)
+        link.brings(at_s, late_s=LATE_S, camera="rear")
+    assert link.hears(11) == WRONG
+    link.fleet.camera_presence(FRONT, alive=False)
+    assert link.hears(11) == WRONG
+    link.fleet.camera_presence(CameraKey("r1", "rear"), alive=False)
+    assert link.hears(11) == []
 
 
 def test_robots_on_this_machine_or_offline_are_not_elsewhere() -> None:
@@ -177,6 +216,14 @@ def test_a_view_goes_stale(age_s: float, *, stale: bool) -> None:
     message = seen()
     fleet.see(message, 0.0, message.header.received_ns)
     assert only(fleet, age_s).stale is stale
+
+
+def test_how_old_a_view_may_be_is_what_the_inventory_says() -> None:
+    fleet = Fleet(CLOCK, Limits(stale_ns=10 * S))
+    fleet.robot_presence("r1", alive=True)
+    fleet.camera_presence(FRONT, alive=True)
+    fleet.see(seen(), 0.0, 0)
+    assert (only(fleet, 10.0).stale, only(fleet, 10.1).stale) == (False, True)
 
 
 @pytest.mark.parametrize("lost", ["robot", "camera"])
@@ -254,16 +301,40 @@ def test_a_frame_s_age_is_exact_where_the_clock_is_ours_and_else_since_it_came()
     assert fleet.age_of(about, now_ns - 1_000_000_000, now_ns) == Age(1.0, exact=False)
 
 
-def test_distances_say_where_things_are_and_doubles_say_it_once() -> None:
-    fleet = online_fleet()
-    place = Place(frame_id="map", at=(1.0, 2.0, 0.0))
+def placed() -> ObjectDistance:
+    """Return a box whose place in the map is known."""
     found = known("box", 2.0)
     assert found.measured is not None
-    found = msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=[place]))
-    assert fleet.measure(distances(found), 5)
-    assert not fleet.measure(distances(found), 9)
+    place = Place(frame_id="map", at=(1.0, 2.0, 0.0))
+    return msgspec.structs.replace(found, measured=msgspec.structs.replace(found.measured, places=[place]))
+
+
+def test_distances_say_where_things_are_and_doubles_say_it_once() -> None:
+    fleet = online_fleet()
+    assert fleet.measure(distances(placed()), 5)
+    assert not fleet.measure(distances(placed()), 9)
     (mark,) = fleet.places.marks(9)
     assert (mark.x, mark.y, mark.seen_ns) == (1.0, 2.0, 5)
+
+
+def test_distances_are_of_when_their_frame_came_however_late_they_are() -> None:
+    fleet = online_fleet()
+    for seq in (0, 1):
+        fleet.see(seen(seq), 1.0, header().received_ns)
+    late = distances(placed())
+    now_ns = late.header.received_ns + round(STALE_S * S) + 1
+    assert fleet.measure(late, now_ns)
+    (entry,) = fleet.inventory.entries(now_ns)
+    (mark,) = fleet.places.marks(now_ns)
+    assert (entry.sighting.nearest_m, mark.seen_ns) == (None, late.header.received_ns)
+
+
+def test_where_things_are_is_as_old_as_before_when_the_clock_is_set_back() -> None:
+    fleet = online_fleet()
+    fleet.measure(distances(placed()), 9 * S)
+    assert (fleet.tick(10 * S), fleet.tick(5 * S)) == ([], [])
+    (mark,) = fleet.places.marks(5 * S)
+    assert mark.seen_ns == 4 * S
 
 
 def test_a_second_opinion_is_of_when_its_frame_came_and_counts_as_no_class_list() -> None:

@@ -19,6 +19,7 @@ from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
 from services.monitor.process import watch_fleet
+from services.monitor.troubles import MAX_SHOWN
 from tests.contract.waiting import until
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
@@ -188,6 +189,32 @@ async def test_without_a_terminal_it_is_said_that_a_camera_fell_silent_and_that_
     showing.cancel()
     await asyncio.wait([showing])
     assert states() == ["r1/front: online", "r1/front: silent", "r1/front: online"]
+
+
+async def test_without_a_terminal_each_robot_that_waits_is_named_however_many_wait_already(fleet: Fleet) -> None:
+    console = Console(file=io.StringIO(), force_terminal=False)
+    assert isinstance(console.file, io.StringIO)
+    written = console.file
+
+    def wait_for(robot: str, what: str) -> None:
+        fleet.robot_presence(robot, alive=True)
+        fleet.gateway_status(msgspec.structs.replace(GATEWAY, robot=robot, waiting_for=what), time.time_ns())
+
+    some = [f"r{number}" for number in range(MAX_SHOWN)]
+    for robot in some:
+        wait_for(robot, "its master")
+    showing = asyncio.create_task(show(fleet, console, 0.01, note="listening"))
+    await until(lambda: f"{some[-1]} waits" in written.getvalue())
+    for robot in ("s1", "s2"):
+        wait_for(robot, "its camera")
+        await until(lambda robot=robot: f"{robot} waits" in written.getvalue())  # type: ignore[misc]
+    showing.cancel()
+    await asyncio.wait([showing])
+    assert written.getvalue().splitlines()[1:] == [
+        *(f"{robot} waits for its master" for robot in some),
+        "s1 waits for its camera",
+        "s2 waits for its camera",
+    ]
 
 
 async def test_of_many_changes_at_once_some_are_printed_and_the_rest_counted(fleet: Fleet) -> None:

@@ -1,4 +1,4 @@
-"""Answers that are long lists, as they are sent: what `models` says of each item, encoded without making models."""
+"""Answers that are long lists, as they are sent: what `models` says of each item, most of it without making models."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,20 +9,25 @@ from fastapi import Response
 from services.monitor.export.settings import moment
 from services.monitor.inventory.inventory import Entry
 from services.monitor.snapshot import CameraLine, RobotLine
-from services.monitor.web.api.models import known_moment
+from services.monitor.web.api.models import Part, known_moment
 
 Body = dict[str, Any]
 """What an item of a list is in JSON, by the names that its model in `models` has there."""
 
 
-def page_response(now_ns: int, items: Sequence[Body], mark: str | None) -> Response:
-    """Return a Page of items; mark: its `next`."""
+def page_response(now_ns: int, items: Sequence[Body | msgspec.Raw], mark: str | None) -> Response:
+    """Return a Page of items, bodies or encoded already; mark: its `next`."""
     return Response(encoded({"now": moment(now_ns), "items": items, "next": mark}), media_type="application/json")
 
 
 def encoded(body: Body) -> bytes:
     """Return JSON."""
     return msgspec.json.encode(body)
+
+
+def encoded_answer(answer: Part) -> msgspec.Raw:
+    """Return an item of which a model was made, encoded: one by one, as all of a page at once takes long."""
+    return msgspec.Raw(answer.model_dump_json(by_alias=True).encode())
 
 
 def robot_body(line: RobotLine) -> Body:

@@ -6,12 +6,11 @@ from typing import Final
 from fastapi import APIRouter, Response
 
 from schemas.keys import CameraKey
-from services.monitor.export.settings import moment
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import WorkerLine
 from services.monitor.turns import in_turns
-from services.monitor.web.api.bodies import camera_body, page_response, robot_body, sighting_body
+from services.monitor.web.api.bodies import camera_body, encoded_answer, page_response, robot_body, sighting_body
 from services.monitor.web.api.models import (
     CameraAnswer,
     GatewayAnswer,
@@ -88,24 +87,22 @@ def _member_routes(monitor: Monitor) -> APIRouter:
 def _account_routes(monitor: Monitor) -> APIRouter:
     router = APIRouter()
 
-    @router.get("/gateways")
-    async def gateways(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[GatewayAnswer]:
+    @router.get("/gateways", response_model=Page[GatewayAnswer])
+    async def gateways(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
         """What each robot's gateway says of itself: every stream, its rates and drops."""
         glance, fleet = monitor.glance(), monitor.fleet
         known = [each for each in ([robot] if robot else glance.robots) if each in fleet.gateways]
         names, mark = page_of(known, _name_place, limit, after, 1)
-        answers = [
-            gateway_answer(
-                fleet.gateways[each],
-                glance.last_ns(each, glance.cameras_of(each)),
-                online=fleet.inventory.is_alive(each),
-            )
-            for each in names
-        ]
-        return Page(now=moment(glance.now_ns), items=answers, next=mark)
 
-    @router.get("/workers")
-    async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[WorkerAnswer]:
+        def answer(name: str) -> GatewayAnswer:
+            last_ns = glance.last_ns(name, glance.cameras_of(name))
+            return gateway_answer(fleet.gateways[name], last_ns, online=fleet.inventory.is_alive(name))
+
+        items = [encoded_answer(answer(each)) async for each in in_turns(names)]
+        return page_response(glance.now_ns, items, mark)
+
+    @router.get("/workers", response_model=Page[WorkerAnswer])
+    async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
         """Every worker: which cameras it looks after, and what became of their frames."""
         found, mark = page_of(
             monitor.workers().lines,
@@ -115,7 +112,8 @@ def _account_routes(monitor: Monitor) -> APIRouter:
             2,
             wanted=lambda each: service in ("", each.status.service),
         )
-        return Page(now=moment(time.time_ns()), items=[worker_answer(each) for each in found], next=mark)
+        items = [encoded_answer(worker_answer(each)) async for each in in_turns(found)]
+        return page_response(time.time_ns(), items, mark)
 
     return router
 

@@ -88,7 +88,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
         what: Literal["sightings", "alerts"] = "sightings",
         kind: Annotated[Literal["csv", "parquet"], Query(alias="format")] = "csv",
     ) -> FileResponse:
-        """All of it as a file, the oldest first; one at a time is made."""
+        """What the other two answer, whole and as a file, the oldest first; one at a time is made."""
         if exporting.locked():
             raise HTTPException(503, "another export is being made", {"Retry-After": "10"})
         async with exporting:

@@ -1,7 +1,7 @@
 """Parameters of a URL that a route does not read: refused, or a misspelt filter would answer with everything."""
 
-from collections.abc import Iterator
-from typing import Final
+from collections.abc import Iterator, Sequence
+from typing import Final, get_origin
 
 from fastapi import HTTPException, WebSocketException
 from fastapi.dependencies.models import Dependant
@@ -15,20 +15,27 @@ async def refuse_unknown(connection: HTTPConnection) -> None:
     """Be a dependency of every route.
 
     Raises:
-        HTTPException: there is a parameter that the route does not have.
+        HTTPException: there is a parameter that the route does not have, or twice one of which it reads the last alone.
         WebSocketException: the same of a WebSocket's route.
     """
-    known = sorted(_names(connection.scope["route"].dependant))
-    for name in connection.query_params:
+    known = dict(_parameters(connection.scope["route"].dependant))
+    given = connection.query_params
+    for name in given:
+        reason = ""
         if name not in known:
-            there = f"there are {', '.join(known)}" if known else "there are none here"
+            there = f"there are {', '.join(sorted(known))}" if known else "there are none here"
             reason = f"{name[:MAX_SHOWN]!r} is not a parameter: {there}"
-            if connection.scope["type"] == "websocket":
-                raise WebSocketException(WS_1008_POLICY_VIOLATION, reason)
+        elif len(given.getlist(name)) > 1 and not known[name]:
+            reason = f"{name!r} is given more than once"
+        if reason and connection.scope["type"] == "websocket":
+            raise WebSocketException(WS_1008_POLICY_VIOLATION, reason)
+        if reason:
             raise HTTPException(422, reason)
 
 
-def _names(of: Dependant) -> Iterator[str]:
-    yield from (parameter.alias for parameter in of.query_params)
+def _parameters(of: Dependant) -> Iterator[tuple[str, bool]]:
+    """Yield each parameter's name, and whether it may be there several times."""
+    for parameter in of.query_params:
+        yield parameter.alias, get_origin(parameter.field_info.annotation) is Sequence
     for each in of.dependencies:
-        yield from _names(each)
+        yield from _parameters(each)

@@ -11,12 +11,12 @@ from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.alerts import Action, Alert, AlertState
-from schemas.keys import ACTIONS, ALERTS, RobotStreamKey
-from services.monitor.alerting.alerting import OFFER_S, Alerting, look_at
+from schemas.keys import ACTIONS, ALERTS, CameraKey, RobotStreamKey
+from services.monitor.alerting.alerting import OFFER_S, SWEEP_S, Alerting, look_at
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
-from services.monitor.rules.engine import MAX_SUBJECTS, UnknownAlertError
+from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine, UnknownAlertError
 from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known
@@ -186,6 +186,26 @@ async def test_a_monitor_that_does_not_lead_raises_nothing(rig: Rig) -> None:
     assert rig.alerting.escalate("before").state is AlertState.ESCALATED
     await until(lambda: bool(rig.kept))
     assert rig.states() == [("too near", AlertState.ESCALATED)]
+
+
+async def test_a_camera_that_no_rule_is_about_is_looked_at_when_there_is_news(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[CameraKey] = []
+
+    def concerns(_: RuleEngine, key: CameraKey) -> bool:
+        asked.append(key)
+        return False
+
+    monkeypatch.setattr(RuleEngine, "concerns", concerns)
+    for _ in range(2):
+        rig.see(box=1)
+        rig.see(box=2)
+        await until(lambda: asked)
+        await asyncio.sleep(2 * SWEEP_S)
+        asked.clear()
+        await asyncio.sleep(2 * SWEEP_S)
+        assert asked == []
 
 
 def test_a_look_is_of_what_is_known_now() -> None:

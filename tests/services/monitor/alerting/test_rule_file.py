@@ -50,6 +50,33 @@ async def test_a_mistake_leaves_the_rules_as_they_were_and_is_shown(
         await asyncio.wait([watching])
 
 
+async def test_a_file_that_is_being_written_puts_no_rules_out_of_force(tmp_path: Path) -> None:
+    path = written(tmp_path / "rules.yaml", ONE)
+    file = RuleFile(path)
+    await file.load()
+    names: list[list[str]] = []
+    for text in ("", "rules:\n", ONE.replace("}]", "}, {name: b, when: silent}]")):
+        written(path, text)
+        await file.look(path)
+        names.append([rule.name for rule in file.book.rules])
+    assert (names, file.problem) == ([["a"]] * 3, "")
+    await file.look(path)
+    assert [rule.name for rule in file.book.rules] == ["a", "b"]
+
+
+async def test_a_file_that_is_back_as_it_was_is_no_problem_any_more(tmp_path: Path) -> None:
+    path = written(tmp_path / "rules.yaml", ONE)
+    file = RuleFile(path)
+    await file.load()
+    path.rename(tmp_path / "away")
+    await file.look(path)
+    assert file.problem
+    (tmp_path / "away").rename(path)
+    await file.look(path)
+    await file.look(path)
+    assert not file.problem
+
+
 async def test_a_monitor_does_not_begin_with_a_mistake(tmp_path: Path) -> None:
     for path in (written(tmp_path / "rules.yaml", "rules: 1\n"), tmp_path / "missing.yaml"):
         with pytest.raises(RuleFileError):

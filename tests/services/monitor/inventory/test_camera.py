@@ -104,6 +104,17 @@ def test_what_the_next_model_says_otherwise_is_so_since_the_last_word_of_the_one
     assert (pallet.kind, pallet.sighting.since_ns, pallet.first_look) == (ChangeKind.APPEARED, 3 * S, True)
 
 
+def test_what_came_after_the_last_word_of_a_model_appears_however_often_the_next_one_counted_it_since() -> None:
+    camera = Seeing()
+    for at_s in (1, 2, 3):
+        camera.see(at_s, "a")
+        camera.see(at_s, "b")
+    assert [camera.see(at_s, "b", box=count) for at_s, count in ((4, 1), (5, 1), (6, 2))] == [[]] * 3
+    (appeared,) = camera.changes(7, "b", {"box": 2})
+    assert (appeared.kind, appeared.sighting.count, appeared.first_look) == (ChangeKind.APPEARED, 2, False)
+    assert appeared.sighting.first_ns == appeared.sighting.since_ns == 6 * S
+
+
 def test_models_that_count_otherwise_disagree_about_what_both_know() -> None:
     camera = Seeing()
     for at_s in (1, 2):

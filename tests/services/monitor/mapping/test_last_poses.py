@@ -60,3 +60,10 @@ def test_a_pose_that_objects_told_is_taken_if_it_is_newer() -> None:
     last.take_seen({"r1": pose(2.0, NOW + 1)})
     assert shown(last, NOW + 1, {"r1"}, "r1") == [("r1", 2.0, True)]
     assert last.names(NOW + FORGET_NS) == {"r1"}
+
+
+def test_a_newer_pose_is_taken_though_the_clock_was_set_back() -> None:
+    last = LastPoses()
+    last.take_seen({"r1": pose(1.0, NOW)})
+    last.take_seen({"r1": pose(2.0, NOW - FORGET_NS)})
+    assert shown(last, NOW - FORGET_NS, {"r1"}) == [("r1", 2.0, True)]

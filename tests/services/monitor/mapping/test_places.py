@@ -73,6 +73,14 @@ def test_what_moved_to_where_something_else_was_leaves_nothing_behind() -> None:
     assert xy(places.marks(NOW + 2)) == [(9, 9), (1, 1)]
 
 
+def test_what_moves_far_takes_no_room_from_what_stands() -> None:
+    places = Places()
+    places.take(seen(at(1, 1)), NOW)
+    for number in range(MOST):
+        places.take(seen(at(10 + number, 5, track=1)), NOW + 1 + number)
+    assert xy(places.marks(NOW + MOST)) == [(9 + MOST, 5), (1, 1)]
+
+
 def test_two_objects_of_one_image_are_two() -> None:
     places = Places()
     places.take(seen(at(1, 1, track=1), at(1.1, 1, track=2)), NOW)
@@ -118,3 +126,19 @@ def test_where_robots_are_said_to_be_is_taken_unless_it_is_older() -> None:
     assert places.poses == {"r1": Pose(1.0, 2.0, 0.5, 7), "r2": Pose(3.0, 2.0, 0.5, 1)}
     places.stand({"r1": Pose(9.0, 2.0, 0.5, 8)})
     assert places.poses["r1"].x == 9.0
+
+
+def test_when_the_clock_is_set_back_what_is_known_is_as_old_as_before_and_what_is_newer_counts() -> None:
+    places = Places()
+    places.take(seen(at(1, 1)), NOW)
+    places.take(stands(3.0), NOW)
+    places.tick(NOW + RENEW_NS)
+    now_ns = NOW + RENEW_NS - FORGET_NS
+    places.tick(now_ns)
+    assert {now_ns - mark.seen_ns for mark in places.marks(now_ns)} == {RENEW_NS}
+    assert now_ns - places.poses["r1"].at_ns == RENEW_NS
+    places.take(seen(at(1.2, 1), robot="r2"), now_ns + 1)
+    places.take(stands(4.0), now_ns + 1)
+    assert (1, 1) not in xy(places.marks(now_ns + 1))
+    assert places.poses["r1"].x == 4.0
+    assert places.marks(NOW + RENEW_NS + 2) == []

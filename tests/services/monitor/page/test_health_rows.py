@@ -27,6 +27,13 @@ def test_a_rate_is_what_was_counted_between_two_accounts() -> None:
     assert rates.take([worker(frames=0, sent_ns=8 * S, online=False)]) == {}
 
 
+def test_a_worker_that_is_forgotten_is_forgotten_here_too() -> None:
+    rates = WorkerRates()
+    rates.take([worker(frames=10, sent_ns=5 * S)])
+    rates.take([])
+    assert rates.take([worker(frames=30, sent_ns=7 * S)]) == {}
+
+
 def test_a_worker_says_whom_it_serves_and_what_it_lost() -> None:
     row = worker_row(worker(cameras=MAX_SHOWN + 2, frames=100), 10.0, NOW)
     assert len(row["serves"]) == MAX_SHOWN

@@ -120,6 +120,32 @@ def test_it_must_hold_without_a_gap() -> None:
     assert ruling.due(3.5) == ["1 raised"]
 
 
+@pytest.mark.parametrize(
+    ("rule", "so", "not_so"),
+    [
+        (OVER, {"counts": {"box": 3}}, {"counts": {"box": 2}}),
+        ({"when": "appears", "class": "box"}, {"counts": {"box": 1}}, {"counts": {"box": 0}}),
+    ],
+)
+def test_what_is_not_known_any_more_is_raised_once_it_is(
+    rule: dict[str, Any], so: dict[str, Any], not_so: dict[str, Any]
+) -> None:
+    for back, states in ((so, ["1 raised"]), (not_so, [])):
+        ruling = Ruling({**rule, "for_s": 10})
+        ruling.changed(0, ChangeKind.APPEARED)
+        assert ruling.look(0, **so) == []
+        assert ruling.look(5, speaks=False, **so) == []
+        assert ruling.due(20) == []
+        assert ruling.look(30, **back) == states
+
+
+def test_what_was_in_view_of_a_robot_that_is_switched_off_is_not_raised_at_night() -> None:
+    ruling = Ruling({**OVER, "between": ["22:00", "06:00"]})
+    assert ruling.look(18 * 3_600, counts={"box": 3}) == []
+    assert ruling.look(19 * 3_600, speaks=False, counts={"box": 3}) == []
+    assert ruling.due(22 * 3_600) == []
+
+
 def test_robots_and_cameras_can_be_chosen() -> None:
     ruling = Ruling({**OVER, "robots": ["r*"], "cameras": ["rear"]})
     many: Any = {"counts": {"box": 3}}
@@ -255,3 +281,11 @@ def test_subjects_are_bounded() -> None:
     assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
     assert [ruling.engine.has_room_again() for _ in range(2)] == [True, False]
     assert ruling.look(1, counts={"box": 3}, key=REAR) == ["2 raised"]
+
+
+def test_what_is_remembered_for_its_cooldown_makes_room_for_what_holds() -> None:
+    ruling = Ruling({**OVER, "cooldown_s": 60}, most=1)
+    assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
+    assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
+    assert ruling.look(2, counts={"box": 3}, key=REAR) == ["2 raised"]
+    assert ruling.look(3, counts={"box": 0}, key=REAR) == ["2 resolved"]

@@ -202,6 +202,8 @@ SILENT = [
     ("rule", "alerts"),
     [
         ({"when": "over", "count": 1}, [(5, "raised"), (99, "resolved")]),
+        ({"when": "over", "count": 1, "for_s": 20}, []),
+        ({"when": "over", "count": 0, "for_s": 20}, [(99, "raised")]),
         ({"when": "disappears"}, []),
         ({"when": "disappears", "class": "pallet"}, [(10, "raised")]),
         ({"when": "under", "count": 1}, [(4, "raised"), (5, "resolved")]),

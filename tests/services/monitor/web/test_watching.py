@@ -81,6 +81,7 @@ async def test_a_flood_of_robots_is_no_flood_of_series(web: Web) -> None:
         text = (await program.get("/metrics")).text
         assert text.count("fleetsight_robot_online{") == MAX_LABELLED
         assert "fleetsight_unlabelled 7.0" in text
+        assert "# HELP fleetsight_unlabelled Robots, cameras and workers without series of their own." in text
 
 
 async def test_metrics_are_open_where_the_settings_say_so(tmp_path: Path) -> None:

@@ -1,3 +1,6 @@
+import pytest
+
+from services.monitor import turns
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.asking import Web
 
@@ -56,6 +59,21 @@ async def test_pages_are_whole_together(web: Web) -> None:
                 break
             after = {"after": page["next"]}
         assert found == [["r0", "r1"], ["r2", "r3"], ["r4"]]
+
+
+@pytest.mark.parametrize("what", ["robots", "cameras", "inventory", "gateways", "workers"])
+async def test_others_get_their_turn_while_a_list_is_made(web: Web, monkeypatch: pytest.MonkeyPatch, what: str) -> None:
+    fill(web.monitor.fleet)
+    paused: list[str] = []
+
+    async def pause() -> None:
+        paused.append(what)
+
+    monkeypatch.setattr(turns, "TURN_S", 0.0)
+    monkeypatch.setattr(turns, "pause", pause)
+    async with await web.program() as program:
+        items = (await program.get(f"/api/v1/{what}")).json()["items"]
+    assert len(paused) >= len(items) > 0
 
 
 async def test_every_parameter_is_bounded_and_every_error_is_one_line(web: Web) -> None:

@@ -83,9 +83,9 @@ async def refused(at: Served) -> None:
             async with live(at, **headers):
                 pass
         assert refusal.value.response.status_code == 403
-    async with live(at, Cookie=cookie, Origin=at.url) as browser:
-        await next_of(browser)
-    for query in ("&topic=odd", "&robot=" + "x" * 65, "&robt=r1"):
+    async with live(at, "&topic=cameras&topic=robots", Cookie=cookie, Origin=at.url) as browser:
+        assert set(await next_of(browser)) == {"now", "cameras", "robots"}
+    for query in ("&topic=odd", "&robot=" + "x" * 65, "&robt=r1", "&robot=r1&robot=r2"):
         with pytest.raises(websockets.InvalidStatus):
             async with live(at, query):
                 pass

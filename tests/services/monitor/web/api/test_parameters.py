@@ -7,6 +7,8 @@ async def test_a_parameter_that_a_route_does_not_have_is_refused_and_named(web: 
             ("cameras?robt=r1", "'robt' is not a parameter: there are after, limit, online, robot"),
             ("robots?limit=2&robot=r1", "'robot' is not a parameter: there are after, limit, online"),
             ("status?robot=r1", "'robot' is not a parameter: there are none here"),
+            ("cameras?robot=r1&robot=r2", "'robot' is given more than once"),
+            ("history/alerts?state=raised&since=2026-11-20T06:00Z&state=raised", "'state' is given more than once"),
         ):
             answer = await program.get(f"/api/v1/{query}")
             assert (answer.status_code, answer.json()) == (422, {"error": reason})
