@@ -5,29 +5,9 @@ import numpy as np
 import pytest
 import torch
 
-from services.detector.runtime.refinement.closeups import CHANNELS, FEATURES_SIDE, SIDE, CloseUps
-from services.detector.runtime.refinement.network import RefinerNetwork
+from services.detector.runtime.refinement.closeups import SIDE, CloseUps
 from services.detector.runtime.refinement.torch_refiner import AT_ONCE, KEY, TorchRefiner, kept, network_in
-
-CLASSES, PROTOTYPES = 3, 4
-
-
-def network() -> RefinerNetwork:
-    """Make one that adds something of its own."""
-    torch.manual_seed(1)
-    made = RefinerNetwork(CLASSES, PROTOTYPES)
-    torch.nn.init.normal_(made.out.weight)
-    return made
-
-
-def looks(count: int) -> CloseUps:
-    rng = np.random.default_rng(count)
-    return CloseUps(
-        rng.integers(0, 256, (count, SIDE, SIDE, CHANNELS), np.uint8),
-        rng.random((count, FEATURES_SIDE, FEATURES_SIDE, PROTOTYPES)).astype(np.float16),
-        rng.integers(0, CLASSES, count),
-        np.zeros((count, 4), np.int64),
-    )
+from tests.services.detector.runtime.refinement.looks import CLASSES, looks, network
 
 
 def saved(checkpoint: dict[str, Any]) -> dict[str, Any]:
