@@ -78,16 +78,17 @@ def _read(settings: DetectorSettings, folder: Path, option: str) -> _Read:
 
 
 def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
+    from services.detector.runtime.refinement.torch_refiner import TorchRefiner  # noqa: PLC0415 - it is heavy
     from services.detector.runtime.weights import device_of  # noqa: PLC0415 - it is heavy
 
     weights = read.weights
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
     on_gpu = device.type == "cuda"
+    if refiner is None and settings.refine and weights.refiner is not None:
+        refiner = TorchRefiner(weights.refiner, device)
     try:
         runtime, engine, reference = _engines(settings, weights, device, longest, folder)
-        if refiner is None and settings.refine:
-            refiner = _refiner(weights, runtime, device, _threads(settings))
         return Pipeline(
             Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
@@ -130,7 +131,7 @@ def _engines(
 
     from services.detector.runtime.torch_engine import TorchEngine  # noqa: PLC0415
 
-    threads = _threads(settings)
+    threads = settings.threads or len(os.sched_getaffinity(0))
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     reference = TorchEngine(weights.yolo.model, device)
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
@@ -146,22 +147,6 @@ def _engines(
         engine = make(runtime)
     engine.run(blank)
     return runtime, engine, reference
-
-
-def _threads(settings: DetectorSettings) -> int:
-    return settings.threads or len(os.sched_getaffinity(0))
-
-
-def _refiner(weights: "Weights", runtime: Runtime, device: "torch.device", threads: int) -> Refiner | None:
-    if weights.refiner is None:
-        return None
-    if runtime == "openvino":
-        from services.detector.runtime.refinement.openvino_refiner import OpenVinoRefiner  # noqa: PLC0415
-
-        return OpenVinoRefiner(weights.refiner, threads)
-    from services.detector.runtime.refinement.torch_refiner import TorchRefiner  # noqa: PLC0415
-
-    return TorchRefiner(weights.refiner, device)
 
 
 def _gpu(device: "torch.device") -> int | None:

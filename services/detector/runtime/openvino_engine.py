@@ -1,7 +1,6 @@
 """A model under OpenVINO, which reads ONNX files itself, and takes pixels as they are."""
 
 import sys
-import warnings
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,27 +25,16 @@ def hints(threads: int) -> dict[str, Any]:
     }
 
 
-def converted(network: Any, example: tuple[Any, ...]) -> Any:
-    """Return a network of torch, that takes what is like `example`, as a model of OpenVINO's."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it follows the network in a way that torch would rather be rid of
-        return openvino.convert_model(network, example_input=example)
-
-
-def request_of(model: Any, threads: int) -> Any:
-    """Return what computes a model."""
-    return openvino.Core().compile_model(model, DEVICE, hints(threads)).create_infer_request()
-
-
 class OpenVinoEngine:
     """Runs an ONNX file on the processor, in the precision that OpenVINO finds fastest there."""
 
     def __init__(self, path: Path, threads: int) -> None:
-        pixels = openvino.preprocess.PrePostProcessor(openvino.Core().read_model(path))
+        core = openvino.Core()
+        pixels = openvino.preprocess.PrePostProcessor(core.read_model(path))
         pixels.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
         pixels.input().model().set_layout(openvino.Layout("NCHW"))
         pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0)
-        self._request = request_of(pixels.build(), threads)
+        self._request = core.compile_model(pixels.build(), DEVICE, hints(threads)).create_infer_request()
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""

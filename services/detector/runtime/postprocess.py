@@ -13,7 +13,7 @@ from services.detector.masks import encode_all
 from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.refinement.closeups import CloseUps
+from services.detector.runtime.refinement.closeups import BOX, CloseUps, own_parts
 from services.detector.runtime.suppression import suppressed
 from services.detector.runtime.taps import Taps
 from services.geometry.masks import Window
@@ -30,6 +30,10 @@ ENDED: Final = 6
 MOSTLY: Final = 0.5
 """The share of a mask that surer objects of its class may cover at most: masks of things that there are do not overlap,
 whatever their boxes do, and what shows no more of its own is one of them again, or a part of it."""
+
+
+NOTHING: Final = np.float32(-10)
+"""Log odds of what is surely none of an object's."""
 
 
 class OutputError(ValueError):
@@ -183,7 +187,9 @@ def _fitted(boxes: Floats, windows: Iterator[Window]) -> Iterator[Window]:
 
 def _refined(seen: CloseUps, odds: Floats, letterbox: Letterbox) -> Iterator[Window]:
     """Return masks in the image's own resolution: the odds of close-ups, interpolated, above zero."""
-    for (left, top, right, bottom), small in zip(seen.windows.tolist(), odds, strict=True):
+    for pixels, (left, top, right, bottom), found in zip(seen.pixels, seen.windows.tolist(), odds, strict=True):
+        mask = found > 0
+        small = np.where(mask & ~own_parts(mask, pixels[..., BOX] > 0), NOTHING, found)
         upper, down = Taps.within(letterbox.rows, top, bottom, len(small))
         first, across = Taps.within(letterbox.columns, left, right, len(small))
         yield Window(upper, first, (across.apply(down.apply(small).T) > 0).T)

@@ -25,6 +25,12 @@ CONTEXT: Final = 0.25
 CHANNELS: Final = 6
 """Red, green, blue; the coarse mask's odds; where surer objects are; the box."""
 
+BOX: Final = 5
+"""The channel that is not 0 where the box is."""
+
+SMALL: Final = 0.05
+"""The share of a mask that is a small part of it; larger ones are what posts before an object leave of it."""
+
 SURE: Final = 0.25
 """Score from which on an object counts as one that may hide those behind it."""
 
@@ -62,8 +68,20 @@ def close_ups(image: Bytes, objects: Candidates, prototypes: Floats) -> CloseUps
         pixels[n, ..., :3] = stretched(image[_rectangle(windows[n])])
         pixels[n, ..., 3] = stretched(_byte((np.tanh(own / np.float32(4)) + np.float32(1)) / np.float32(2)))
         pixels[n, ..., 4] = stretched(_byte(surer))
-        pixels[n, ..., 5] = 255 * _inside(objects.corners[n], windows[n])
+        pixels[n, ..., BOX] = 255 * _inside(objects.corners[n], windows[n])
     return CloseUps(pixels, features, objects.labels, windows)
+
+
+def own_parts(mask: NDArray[np.bool_], inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Leave out small parts of a mask that lie apart from its object's box: they are of things that look alike.
+
+    mask, inside: SIDE x SIDE, the second where the box is.
+    """
+    _, parts = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)
+    own = np.bincount(parts.ravel()) >= SMALL * np.count_nonzero(mask)
+    own[parts[inside]] = True
+    own[0] = False  # what is no part
+    return np.asarray(own[parts], np.bool_)
 
 
 def stretched(window: Bytes) -> Bytes:

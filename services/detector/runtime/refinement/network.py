@@ -41,7 +41,6 @@ class RefinerNetwork(nn.Module):
 
     def __init__(self, classes: int, prototypes: int) -> None:
         super().__init__()
-        self.prototypes = prototypes
         whole, half, quarter, eighth = WIDTHS
         self.of_class = nn.Embedding(classes, half)
         self.of_features = nn.Sequential(nn.BatchNorm2d(prototypes), nn.Conv2d(prototypes, half, 3, padding=1))

@@ -8,7 +8,7 @@ from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.postprocess import Output, OutputError, objects
-from services.detector.runtime.refinement.closeups import SIDE, CloseUps
+from services.detector.runtime.refinement.closeups import BOX, SIDE, CloseUps
 from tests.services.detector.runtime.engines import FACTS, STRIDE, output
 
 CRITERIA = Criteria(confidence=0.3, iou=0.5)
@@ -176,6 +176,17 @@ def test_refined_masks_lie_where_their_close_ups_are(height: int, width: int) ->
     assert corners(seen) == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
 
 
+def test_what_lies_apart_from_an_objects_box_is_none_of_it() -> None:
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
+    seen, odds = looks((12, 28, 28, 44)), np.full((1, SIDE, SIDE), -1, np.float32)
+    seen.pixels[..., BOX] = 0
+    seen.pixels[0, 16:48, 16:48, BOX] = 255
+    odds[0, 16:48, 16:48] = odds[0, :8, 60:] = 1
+    (found,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True, refine=lambda *_: (seen, odds))
+    assert corners(found) == (16, 32, 24, 40)
+    assert pixels(found).sum() == 64
+
+
 def test_an_object_of_whose_mask_nothing_is_left_keeps_its_box() -> None:
     of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
     nothing = looks((12, 28, 28, 44)), np.full((1, SIDE, SIDE), -1, np.float32)
@@ -197,5 +208,5 @@ def test_nothing_is_refined_for_nobody() -> None:
 def looks(*windows: tuple[int, int, int, int]) -> CloseUps:
     """Return close-ups of which nobody looks at more than the windows."""
     count = len(windows)
-    pixels, features = np.zeros((count, SIDE, SIDE, 6), np.uint8), np.zeros((count, 32, 32, 1), np.float16)
+    pixels, features = np.full((count, SIDE, SIDE, 6), 255, np.uint8), np.zeros((count, 32, 32, 1), np.float16)
     return CloseUps(pixels, features, np.zeros(count, np.int64), np.array(windows))

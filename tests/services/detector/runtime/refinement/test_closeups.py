@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.runtime.candidates import Candidates
-from services.detector.runtime.refinement.closeups import FEATURES_SIDE, SIDE, CloseUps, close_ups, stretched
+from services.detector.runtime.refinement.closeups import FEATURES_SIDE, SIDE, CloseUps, close_ups, own_parts, stretched
 
 IMAGE = np.random.default_rng(1).integers(0, 256, (128, 256, 3), np.uint8)
 STEP = 4
@@ -102,3 +102,14 @@ def test_a_window_may_be_large_one_way_and_small_the_other() -> None:
     square = stretched(columns)
     assert square.shape == (SIDE, SIDE)
     assert np.all(np.abs(square[SIDE // 2].astype(int) - 100) <= 2)
+
+
+def test_small_parts_of_a_mask_are_an_objects_if_they_reach_into_its_box() -> None:
+    mask, inside = np.zeros((SIDE, SIDE), np.bool_), np.zeros((SIDE, SIDE), np.bool_)
+    inside[16:48, 16:48] = True
+    mask[20:30, 16:46] = mask[32:33, 40:60] = True  # within, and out of it
+    mask[50:60, 10:40] = True  # beside it, but large
+    expected = mask.copy()
+    mask[2:6, 2:6] = True  # beside it
+    assert np.array_equal(own_parts(mask, inside), expected)
+    assert not own_parts(np.zeros_like(mask), inside).any()
