@@ -31,7 +31,7 @@ def open_everywhere(_weights: Path, _folder: Path) -> Look:
 
     The masks are full, and the features what is bright.
     """
-    places = np.array([(x, y, x + 80, y + 80) for x in range(0, 640, 80) for y in range(0, 480, 80)])
+    places = np.array([(x, y, x + 80, y + 80) for x in range(0, 600, 20) for y in range(0, 440, 40)])
 
     def look(image: NDArray[np.uint8]) -> Looks:
         squares = np.array([stretched(image[y:below, x:right]) for x, y, right, below in places.tolist()])
@@ -39,7 +39,7 @@ def open_everywhere(_weights: Path, _folder: Path) -> Look:
         labels = np.tile(np.arange(len(CLASSES)), count)
         pixels = np.concatenate([squares, np.full_like(squares, 255)], axis=-1).repeat(len(CLASSES), axis=0)
         masks = np.ones(pixels.shape[:3], np.bool_)
-        features = pixels[:, ::2, ::2, :1].astype(np.float16)
+        features = pixels[:, ::2, ::2, :1].astype(np.float16).repeat(32, axis=-1)  # as many as the model has prototypes
         return Looks(pixels, features, labels, places.repeat(len(CLASSES), axis=0), masks)
 
     return look
