@@ -1,10 +1,13 @@
 """Opening a database: its tables are this version's, or it is refused in words before they are misread."""
 
 import asyncio
+import sqlite3
+import time
 from pathlib import Path
 from typing import Final
 
 from sqlalchemy import Connection, inspect, select
+from sqlalchemy.exc import OperationalError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from services.monitor.history.engine import file_of, name_of, private_file, translating
@@ -18,6 +21,11 @@ ALONE: Final = 0x666C656575
 
 BEGIN_ALONE: Final = {"sqlite": "BEGIN IMMEDIATE", "postgresql": f"SELECT pg_advisory_xact_lock({ALONE})"}
 
+PATIENCE_S: Final = 2.0
+"""How long a file may be busy at once, without SQLite's own wait."""
+
+RETRY_S: Final = 0.05
+
 
 async def connect(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
     """Return a connection to a database. create: make it, and the tables, where there are none.
@@ -30,7 +38,7 @@ async def connect(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
         async with translating():
             if (file := file_of(engine)) is not None:
                 await asyncio.to_thread(private_file if create else _check_there, file)
-            connection = await engine.connect()
+            connection = await _connected(engine)
         try:
             async with translating():
                 await connection.run_sync(_check_tables, create=create)
@@ -41,6 +49,19 @@ async def connect(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
     except HistoryError as error:
         raise type(error)(f"{name_of(engine)}: {error}") from error
     return connection
+
+
+async def _connected(engine: AsyncEngine) -> AsyncConnection:
+    """Connect, once others have that make a WAL database of the same new file: for these SQLite does not wait."""
+    began = time.monotonic()
+    while True:
+        try:
+            return await engine.connect()
+        except OperationalError as error:
+            busy = getattr(error.orig, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
+            if not busy or time.monotonic() - began > PATIENCE_S:
+                raise
+            await asyncio.sleep(RETRY_S)
 
 
 def _check_there(file: Path) -> None:

@@ -113,7 +113,7 @@ async def test_a_database_without_a_version_and_with_other_tables_is_refused(url
 
 
 async def test_several_that_open_an_empty_database_at_once_all_have_it(url: str) -> None:
-    stores = await asyncio.gather(*(Store.open(url) for _ in range(8)))
+    stores = await asyncio.gather(*(Store.open(url) for _ in range(24)))
     for store in stores:
         await store.close()
     assert await numbers(url) == [SCHEMA_VERSION]
