@@ -59,11 +59,13 @@ class Brown:
 
     d: tuple[float, ...]
     widest: float = field(init=False)
+    rising: Pair = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Find how far from the axis the model means something: as long as more distance means more."""
         radii = np.tan(np.linspace(0, _WIDEST, _GRID))
-        object.__setattr__(self, "widest", _rising(radii, radii * self._radial(radii**2)))
+        object.__setattr__(self, "rising", _rising(radii, radii * self._radial(radii**2)))
+        object.__setattr__(self, "widest", float(self.rising[0][-1]))
 
     def distort(self, x: Plane, y: Plane) -> Pair:
         """See `Distortion.distort`."""
@@ -76,8 +78,10 @@ class Brown:
         return bent_x, bent_y
 
     def undistort(self, x: Plane, y: Plane) -> Pair:
-        """See `Distortion.undistort`. Newton's method."""
-        found_x, found_y = x.copy(), y.copy()
+        """See `Distortion.undistort`. Newton's method, from where the distance to the axis alone would put points."""
+        bent = np.hypot(x, y)
+        factor = _ratio(_unbent(bent, self.rising), bent)
+        found_x, found_y = x * factor, y * factor
         for _ in range(_STEPS):
             bent_x, bent_y = self.distort(found_x, found_y)
             step_x, step_y = _solve(self._slope(found_x, found_y), bent_x - x, bent_y - y)
@@ -119,11 +123,13 @@ class Equidistant:
 
     k: tuple[float, ...]
     widest: float = field(init=False)
+    rising: Pair = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Find up to which angle the model means something: less than a right one, and while more means more."""
         angles = np.linspace(0, _WIDEST, _GRID)
-        object.__setattr__(self, "widest", _rising(angles, self._bend(angles)))
+        object.__setattr__(self, "rising", _rising(angles, self._bend(angles)))
+        object.__setattr__(self, "widest", float(self.rising[0][-1]))
 
     def distort(self, x: Plane, y: Plane) -> Pair:
         """See `Distortion.distort`."""
@@ -136,7 +142,7 @@ class Equidistant:
     def undistort(self, x: Plane, y: Plane) -> Pair:
         """See `Distortion.undistort`. Newton's method."""
         bent = np.hypot(x, y)
-        angles = np.minimum(bent, self.widest)
+        angles = _unbent(bent, self.rising)
         for _ in range(_STEPS):
             miss = self._bend(angles) - bent
             angles = np.clip(angles - miss / self._slope(angles), 0, self.widest)
@@ -190,10 +196,17 @@ def _brown(model: str, d: tuple[float, ...]) -> Brown:
     return Brown((*d, *(0.0 for _ in range(_BROWN)))[:_BROWN])
 
 
-def _rising(values: Plane, bent: Plane) -> float:
-    """Return the last of ascending values up to which the bent ones ascend too."""
+def _rising(values: Plane, bent: Plane) -> Pair:
+    """Return ascending values as far as the bent ones ascend too, and these."""
     falls = np.flatnonzero(~(np.diff(bent) > 0))
-    return float(values[falls[0] if len(falls) else -1])
+    end = falls[0] + 1 if len(falls) else len(values)
+    return values[:end], bent[:end]
+
+
+def _unbent(bent: Plane, rising: Pair) -> Plane:
+    """Return about which values are bent so, of those that rise: near where it begins Newton's method misses none."""
+    values, bends = rising
+    return np.asarray(np.interp(bent, bends, values))
 
 
 def _ratio(over: Plane, under: Plane) -> Plane:

@@ -67,6 +67,25 @@ def test_a_pixel_that_no_light_can_reach_looks_nowhere() -> None:
 
 
 @pytest.mark.parametrize(
+    ("model", "d"),
+    [
+        ("plumb_bob", [0.5, -0.3, 0.001, -0.002, 0.0]),
+        ("rational_polynomial", [0.5, -0.3, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0]),
+        ("equidistant", [0.5, -0.3, 0.0, 0.0]),
+    ],
+)
+def test_where_a_lens_spreads_and_then_folds_back_every_pixel_looks_somewhere(model: str, d: list[float]) -> None:
+    lens = distortion_of(model, d)
+    assert isinstance(lens, Brown | Equidistant)
+    most = lens.widest if isinstance(lens, Brown) else np.tan(lens.widest)
+    radii, around = np.meshgrid(np.linspace(0, 0.95 * most, 60), np.linspace(0, 2 * np.pi, 30))
+    x, y = radii * np.cos(around), radii * np.sin(around)
+    found_x, found_y = lens.undistort(*lens.distort(x, y))
+    assert found_x == pytest.approx(x, abs=1e-5)
+    assert found_y == pytest.approx(y, abs=1e-5)
+
+
+@pytest.mark.parametrize(
     ("model", "d", "reason"),
     [
         ("ftheta", [0.1], "unknown distortion model 'ftheta'"),
