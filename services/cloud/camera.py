@@ -164,6 +164,9 @@ class Camera:
     async def _answer(self, matched: Matched, publish: Callable[[ObjectClouds], None]) -> None:
         try:
             reason = await self._publish_clouds(matched, publish)
+        except asyncio.CancelledError:
+            self._account.dropped[UNWANTED] += 1
+            raise
         except Exception as error:  # noqa: BLE001 - whatever is wrong with an answer, it fails alone
             log.warning("%s: frame %d failed: %r", self._key, matched.detections.header.seq, error)
             reason = FAILED

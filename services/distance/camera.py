@@ -77,6 +77,9 @@ async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: as
         return
     try:
         await _measure(camera, seen, sample.received_ns, publisher, news)
+    except asyncio.CancelledError:
+        camera.account.dropped[UNWANTED] += 1
+        raise
     except Exception as error:  # noqa: BLE001 - whatever is wrong with an answer, it fails alone
         camera.account.dropped[FAILED] += 1
         log.warning("%s: frame %d failed: %r", camera.account.camera, seen.header.seq, error)

@@ -1,8 +1,9 @@
 import asyncio
 from collections.abc import AsyncIterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
+from typing import Any
 
 import pytest
 
@@ -11,6 +12,7 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import Stream
 from schemas.objects import ObjectClouds
+from schemas.status import UNWANTED
 from services.cloud.account import FAILED, TOO_MANY_POINTS, Account
 from services.cloud.camera import POINTS_WAITING, Camera
 from services.cloud.measuring import Limits
@@ -114,3 +116,24 @@ async def test_clouds_that_cannot_be_worked_out_are_said_to_have_failed() -> Non
         account = await answers(publisher, executor, 1)
     assert [each.unmeasured for each in publisher.taken] == [{0: "it failed"}]
     assert (account.done, account.load(serving=True).dropped) == (0, {FAILED: 1})
+
+
+class Stuck(Executor):
+    """Gets round to nothing."""
+
+    def __init__(self) -> None:
+        self.asked = asyncio.Event()
+
+    def submit(self, *_: object, **__: object) -> Future[Any]:
+        self.asked.set()
+        return Future()
+
+
+async def test_clouds_that_nobody_wants_any_more_while_they_are_worked_out_are_counted() -> None:
+    executor = Stuck()
+    async with at_work(Publisher(), executor) as (front, account):
+        front[Stream.POINTS].put(codec.encode(registered(1)))
+        front[Stream.DETECTIONS].put(codec.encode(found(1)))
+        async with asyncio.timeout(60):
+            await executor.asked.wait()
+    assert (account.done, account.load(serving=True).dropped) == (0, {UNWANTED: 1})

@@ -1,7 +1,7 @@
 import asyncio
 from collections.abc import Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
-from typing import NoReturn
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from typing import Any, NoReturn
 
 import pytest
 
@@ -12,6 +12,7 @@ from schemas import codec
 from schemas.detections import Detection
 from schemas.distances import Distances
 from schemas.keys import Stream
+from schemas.status import UNWANTED
 from services.distance.account import FAILED, Account
 from services.distance.camera import Camera, work
 from services.distance.picking import Criteria
@@ -44,6 +45,17 @@ class Faltering:
         self.taken.append(codec.decode(Distances, bytes(payload), codec.encoding(Distances)))
 
 
+class Stuck(Executor):
+    """Gets round to nothing. asked: set when it is to."""
+
+    def __init__(self, asked: asyncio.Event) -> None:
+        self._asked = asked
+
+    def submit(self, *_: object, **__: object) -> Future[Any]:
+        self._asked.set()
+        return Future()
+
+
 class Blind(Views):
     """Fails if it is to look at depth."""
 
@@ -57,9 +69,11 @@ async def answers(
     frames: int,
     objects: Sequence[Detection] = BOX,
     views: type[Views] = Views,
+    *,
+    done: asyncio.Event | None = None,
 ) -> Account:
-    """Return the account of a camera that is measured that often."""
-    network, account, done = FakeNetwork(), Account(FRONT), asyncio.Event()
+    """Return the account of a camera that is measured that often, until it is done."""
+    network, account, done = FakeNetwork(), Account(FRONT), done or asyncio.Event()
     camera = Camera(account, Sensed((), Joiner(DEPTH_IMAGE)), views(Limits()), Criteria(), "w1", executor)
     async with (
         network.open_bus() as theirs,
@@ -102,3 +116,9 @@ async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
         account = await answers(publisher, executor, 2, objects=(), views=Blind)
     assert [seen.objects for seen in publisher.taken] == [[]]
     assert account.done == 1
+
+
+async def test_an_answer_that_nobody_wants_any_more_while_it_is_worked_out_is_counted() -> None:
+    asked = asyncio.Event()
+    account = await answers(Faltering(), Stuck(asked), 1, done=asked)
+    assert (account.done, account.load(serving=True).dropped) == (0, {UNWANTED: 1})
