@@ -6,7 +6,8 @@ Lists of classes are published as soon as the model has answered; objects are fo
 import logging
 import time
 from asyncio import Event, Queue, Semaphore, Task, TaskGroup, sleep
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -87,6 +88,7 @@ class Inference:
         self._last: dict[CameraKey, Event] = {}
         self._calls = 0
         self._call_s = 0.0
+        self._at_work = 0
         self._busy_s = 0.0
         self._busy_since_s = 0.0
         self._done = 0
@@ -111,7 +113,7 @@ class Inference:
     def totals(self) -> Totals:
         """Return what became of all frames so far."""
         lost = sum(account.too_many for account in self._accounts.values())
-        running_s = time.monotonic() - self._busy_since_s if self._calls else 0.0
+        running_s = time.monotonic() - self._busy_since_s if self._at_work else 0.0
         return Totals(self._done, lost, self._busy_s + running_s)
 
     async def _take(self, group: TaskGroup) -> None:
@@ -151,18 +153,27 @@ class Inference:
 
     async def _call(self, requests: Sequence[Request]) -> Sequence[Outcome]:
         begun_s = time.monotonic()
-        if not self._calls:
-            self._busy_since_s = begun_s
         self._calls += 1
         try:
-            return await self._model.infer(requests)
+            with self._busy():
+                return await self._model.infer(requests)
         finally:
-            now_s = time.monotonic()
             self._calls -= 1
-            if not self._calls:
-                self._busy_s += now_s - self._busy_since_s
-            took_s = now_s - begun_s
+            took_s = time.monotonic() - begun_s
             self._call_s += (took_s - self._call_s) * (WEIGHT_OF_NEWEST if self._call_s else 1)
+
+    @contextmanager
+    def _busy(self) -> Iterator[None]:
+        """Count this time as spent on frames, once however much goes on at the same time."""
+        if not self._at_work:
+            self._busy_since_s = time.monotonic()
+        self._at_work += 1
+        try:
+            yield
+        finally:
+            self._at_work -= 1
+            if not self._at_work:
+                self._busy_s += time.monotonic() - self._busy_since_s
 
     async def _watch(self) -> None:
         """Raise ModelError once the model does not answer; a process that is stopped for a while is no such model."""
@@ -183,7 +194,8 @@ class Inference:
                 if found is not None:
                     sent.camera.publish_classes(self._detections(sent, found))
             self._room.release()
-            await self._seen.put(seen)
+            with self._busy():  # while objects before these are still followed there is no time for more frames
+                await self._seen.put(seen)
 
     async def _publish_objects(self) -> None:
         while True:

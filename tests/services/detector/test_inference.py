@@ -224,6 +224,29 @@ async def test_frames_wait_for_tracks_before_they_go_to_the_model_and_not_after(
     tracking.close()
 
 
+async def test_a_worker_whose_frames_wait_for_tracks_has_no_time_left(bus: Bus) -> None:
+    tracker = HeldUp()
+    tracking = Tracking(lambda: tracker)
+    rig = Rig(ToldModel(at_once=True), tracking=tracking)
+    async with (
+        rig.running(bus) as lists,
+        bus.subscribe(CAMERAS[0].stream(Stream.DETECTIONS), QUEUE(9)),
+    ):
+        await until(lambda: rig.cameras[CAMERAS[0]].wants_tracks)
+        for seq in range(3):
+            rig.post(CAMERAS[0], seq)
+            assert await result(lists) == ("c0", seq)
+        before_s = rig.inference.totals().busy_s
+        await asyncio.sleep(0.1)
+        assert rig.inference.totals().busy_s - before_s > 0.09
+        tracker.may_go_on.set()
+        await until(lambda: len(tracker.frames) == 3)
+        idle_s = rig.inference.totals().busy_s
+        await asyncio.sleep(0.02)
+        assert rig.inference.totals().busy_s == idle_s
+    tracking.close()
+
+
 async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
     rig = Rig(ToldModel())
     rig.model.broken = True
