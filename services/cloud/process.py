@@ -11,8 +11,11 @@ log = logging.getLogger(__name__)
 
 
 async def run(settings: CloudSettings) -> None:
-    """Run a worker until cancelled."""
-    with ThreadPoolExecutor(1, thread_name_prefix="cloud") as executor:
+    """Run a worker until cancelled. Leaving does not wait for what is being cut out: that may take seconds."""
+    executor = ThreadPoolExecutor(1, thread_name_prefix="cloud")
+    try:
         async with open_bus(settings) as bus:
             log.info("cloud worker %s is ready", settings.worker)
             await Worker(bus, settings, executor).run()
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
