@@ -32,8 +32,8 @@ NO_MASK: Final = "its detection has no mask: the model does not segment"
 class Limits:
     """What becomes of an object's points.
 
-    min_points: fewer are no object. max_points: of more, so many are kept. voxel_m: the edge of cubes of each of which
-    one point is kept, 0 to keep all.
+    min_points: fewer are no object. max_points: of more, so many are sent. voxel_m: the edge of cubes of each of which
+    one point is sent, 0 to send all.
     """
 
     min_points: int = 10
@@ -41,7 +41,7 @@ class Limits:
     voxel_m: float = 0.0
 
     def limited(self, points: Cutout) -> Cutout:
-        """Return those of the points that are kept."""
+        """Return those of the points that are sent."""
         if not self.voxel_m and len(points.at) <= self.max_points:
             return points
         return points.only(self._thinned(points.xyz))
@@ -65,8 +65,12 @@ def measure(
     level = Level.of(target.up(of.frame_id))
     unmeasured: dict[int, str] = {}
     masks = {index: Masked.of(window) for index, window in _masks(detections, unmeasured)}
-    found = dict(_found(masks, view, limits, unmeasured))
-    objects = objects_of(detections.objects, found, _shapes(found, masks, view, level), level, target) if found else []
+    sent: dict[int, Cutout] = {}
+    parts: list[tuple[Numbers, Boxes]] = []
+    for found in _found(masks, view, limits, unmeasured):
+        parts.append(_shapes({index: own for index, (own, _) in found.items()}, masks, view, level))
+        sent.update((index, kept) for index, (_, kept) in found.items())
+    objects = objects_of(detections.objects, sent, _joined(parts), level, target) if sent else []
     return ObjectClouds(
         header=msgspec.structs.replace(detections.header, stamp_ns=of.stamp_ns, frame_id=of.frame_id),
         objects=objects,
@@ -90,6 +94,16 @@ def _shapes(
     return centroids, Boxes.between(np.array(low), np.array(high), np.array(angles), level)
 
 
+def _joined(parts: Sequence[tuple[Numbers, Boxes]]) -> tuple[Numbers, Boxes]:
+    """Return the centroids and boxes of all parts, one after another."""
+    centroids, boxes = zip(*parts, strict=True)
+    return np.concatenate(centroids), Boxes(
+        centres=np.concatenate([each.centres for each in boxes]),
+        sizes=np.concatenate([each.sizes for each in boxes]),
+        along=np.concatenate([each.along for each in boxes]),
+    )
+
+
 def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple[int, Window]]:
     """Decode the masks; why there is none goes to `unmeasured`."""
     masks = {index: found.mask for index, found in enumerate(detections.objects) if found.mask is not None}
@@ -103,20 +117,26 @@ def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple
 
 def _found(
     masks: Mapping[int, Masked], view: View, limits: Limits, unmeasured: dict[int, str]
-) -> Iterator[tuple[int, Cutout]]:
-    """Yield the points that are each object's own; why there are none goes to `unmeasured`."""
+) -> Iterator[dict[int, tuple[Cutout, Cutout]]]:
+    """Yield the points that are each object's own, and those of them that are sent, of some objects at a time.
+
+    Why there are none goes to `unmeasured`.
+    """
     room = MAX_OBJECT_POINTS
     for group in _groups(zip(masks, view.within(list(masks.values())), strict=True), limits, unmeasured):
+        found: dict[int, tuple[Cutout, Cutout]] = {}
         for index, points in zip(group, _isolated(list(group.values())), strict=True):
             kept = limits.limited(points)
             try:
-                _check_enough(len(kept.at), limits, "that stand out from what is behind it")
+                _check_enough(len(points.at), limits, "that stand out from what is behind it")
                 _check_room(len(kept.at), room)
             except CloudError as error:
                 unmeasured[index] = str(error)
                 continue
             room -= len(kept.at)
-            yield index, kept
+            found[index] = points, kept
+        if found:
+            yield found
 
 
 def _groups(

@@ -211,3 +211,11 @@ def test_one_bad_object_fails_alone() -> None:
         assert bytes(one.xyz) == bytes(same.xyz)
         assert one.shape.centroid == pytest.approx(same.shape.centroid, abs=1e-4)
         assert one.shape.box.size == pytest.approx(same.shape.box.size, abs=1e-3)
+
+
+@pytest.mark.parametrize("limits", [{"voxel_m": 0.2}, {"voxel_m": 1.0}, {"max_points": 100}])
+def test_how_many_points_are_sent_changes_neither_what_is_an_object_nor_its_shape(limits: dict[str, Any]) -> None:
+    cloud, owners = scene()
+    few, all_ = (measured(cloud, of_boxes(owners), **each).objects for each in (limits, {}))
+    assert [each.count < 110 for each in few] == [True, True]
+    assert [each.shape for each in few] == [each.shape for each in all_]
