@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 MAX_LOOKUPS: Final = 64
+PATIENCE_S: Final = 1.5
+"""How long an address may keep silent before the next one has its turn: TCP asks again after a second, and whoever
+connects gives up after five. A machine in several networks has addresses that cannot be reached from here."""
 
 
 class Resolver:
@@ -35,11 +38,14 @@ class Resolver:
 
         """
         failed: list[OSError] = []
-        for address in await self._addresses(host):
+        addresses = await self._addresses(host)
+        for address in addresses:
+            deadline = asyncio.timeout(None if address is addresses[-1] else PATIENCE_S)
             try:
-                return await connect(address)
+                async with deadline:
+                    return await connect(address)
             except OSError as error:
-                failed.append(error)
+                failed.append(OSError(f"no answer from {address}") if deadline.expired() else error)
         raise failed[0]
 
     async def _addresses(self, host: str) -> list[str]:

@@ -62,6 +62,16 @@ async def unreachable(address: str) -> str:
     raise ConnectionRefusedError(address)
 
 
+async def silent_but_for_the_last(address: str) -> str:
+    if address != "127.0.0.1":
+        await asyncio.Event().wait()
+    return address
+
+
+async def silent_and_refusing(address: str) -> str:
+    return await unreachable(await silent_but_for_the_last(address))
+
+
 async def test_names_that_are_looked_up_for_long_keep_nobody_from_being_called(names: Names) -> None:
     async with peer(ok(encode(MethodResponse([1, "", "value"])))) as uri, XmlRpcClient(timeout=60) as client:
         lost = [asyncio.create_task(client.call(f"http://lost{n % 20}:1/", "getPid", "/a")) for n in range(40)]
@@ -80,6 +90,28 @@ async def test_addresses_are_tried_in_turn_and_each_once(names: Names) -> None:
     with pytest.raises(ConnectionRefusedError, match=r"127\.0\.0\.2"):
         await found.connect("robot", unreachable)
     assert names.asked == ["robot"] * 3
+
+
+async def test_an_address_that_keeps_silent_leaves_time_for_the_next(
+    names: Names, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(resolver, "PATIENCE_S", 0.01)
+    assert names.known["robot"][0] != "127.0.0.1"
+    async with asyncio.timeout(60):
+        assert await Resolver().connect("robot", silent_but_for_the_last) == "127.0.0.1"
+        with pytest.raises(OSError, match=r"no answer from 127\.0\.0\.2"):
+            await Resolver().connect("robot", silent_and_refusing)
+
+
+async def test_the_last_address_has_all_the_time_that_there_is(names: Names, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resolver, "PATIENCE_S", 0.0)
+
+    async def slow(address: str) -> str:
+        await asyncio.sleep(0.05)
+        return address
+
+    assert await Resolver().connect("robot", slow) == "127.0.0.1"
+    assert names.asked == ["robot"]
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "::1"])
