@@ -71,9 +71,10 @@ class MasterApi:
             raise StatusError(ERROR, str(error)) from error
 
     def _register_publisher(self, caller: str, topic: str, type_name: str, uri: str) -> tuple[str, Any]:
+        kind = _type(type_name)
         topic = self._join(caller, topic, uri)
         self._graph.publishers.add(topic, caller, uri)
-        self._graph.set_type(topic, _type(type_name), authoritative=True)
+        self._graph.set_type(topic, kind, authoritative=True)
         self._tell_subscribers([topic])
         return f"registered {caller} as publisher of {topic}", self._graph.subscribers.uris(topic)
 
@@ -86,9 +87,10 @@ class MasterApi:
         return "unregistered" if removed else f"{caller} is no publisher of {topic}", int(removed)
 
     def _register_subscriber(self, caller: str, topic: str, type_name: str, uri: str) -> tuple[str, Any]:
+        kind = _type(type_name)
         topic = self._join(caller, topic, uri)
         self._graph.subscribers.add(topic, caller, uri)
-        self._graph.set_type(topic, _type(type_name), authoritative=False)
+        self._graph.set_type(topic, kind, authoritative=False)
         return f"subscribed to {topic}", self._graph.publishers.uris(topic)
 
     def _unregister_subscriber(self, caller: str, topic: str, uri: str) -> tuple[str, Any]:
@@ -98,13 +100,14 @@ class MasterApi:
         return "unregistered" if removed else f"{caller} is no subscriber of {topic}", int(removed)
 
     def _register_service(self, caller: str, service: str, service_uri: str, uri: str) -> tuple[str, Any]:
+        service_uri = _uri(service_uri)
         service = self._join(caller, service, uri)
         for other in self._graph.services.nodes(service):
             self._graph.services.remove(service, other, self._graph.nodes.get(other, ""))
             self._graph.leave(other)
         self._graph.nodes[caller] = uri
         self._graph.services.add(service, caller, uri)
-        self._services[service] = (caller, _uri(service_uri))
+        self._services[service] = (caller, service_uri)
         return f"registered {caller} as provider of {service}", 1
 
     def _unregister_service(self, caller: str, service: str, service_uri: str) -> tuple[str, Any]:

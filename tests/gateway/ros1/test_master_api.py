@@ -46,6 +46,29 @@ def test_services(api: MasterApi) -> None:
         api.call("lookupNode", ("/x", "/b"))
 
 
+@pytest.mark.parametrize(
+    ("method", "what"),
+    [
+        ("registerPublisher", ("/chat", "no type")),
+        ("registerPublisher", ("/chat", ["a/A"])),
+        ("registerSubscriber", ("/chat", "no type")),
+        ("registerService", ("/chat", "no URI")),
+    ],
+)
+def test_who_is_refused_is_not_registered(
+    api: MasterApi, notifier: RecordingNotifier, method: str, what: tuple[Any, ...]
+) -> None:
+    api.call("registerSubscriber", ("/listener", "/else", "a/A", OTHER))
+    before = api.call("getSystemState", ("/x",))
+    with pytest.raises(StatusError):
+        api.call(method, ("/a", *what, URI))
+    with pytest.raises(StatusError):
+        api.call(method, ("/listener", *what, URI))
+    assert api.call("getSystemState", ("/x",)) == before
+    assert api.call("getPublishedTopics", ("/x", ""))[1] == []
+    assert notifier.calls == []
+
+
 def test_taking_a_name_tells_the_older_node_and_its_subscribers(api: MasterApi, notifier: RecordingNotifier) -> None:
     api.call("registerSubscriber", ("/listener", "/chat", "a/A", OTHER))
     api.call("registerPublisher", ("/a", "/chat", "a/A", URI))
