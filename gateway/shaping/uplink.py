@@ -8,6 +8,12 @@ from typing import Final, Generic, TypeVar
 BACKLOG_S: Final = 0.1
 """How much of the budget is ever handed over ahead of the link."""
 
+HELD_BYTES: Final = 640 << 10
+"""What a link holds at most of what goes without waiting: two batches of 64 KiB in Zenoh, half a MiB in the system.
+
+What is more than that is dropped there, and takes none of the budget later.
+"""
+
 ROUNDING: Final = 1.0
 """Bytes by which sums of fractions may be off."""
 
@@ -53,6 +59,7 @@ class Uplink(Generic[S, T]):
     def __init__(self, bytes_per_s: float) -> None:
         self._rate = bytes_per_s
         self._backlog = 0.0
+        self._charged = 0.0  # of the backlog, what went without waiting: the link sends it first
         self._at = 0.0
         self._waiting: dict[tuple[S, Moment | None], _Waiting[T]] = {}
         self._begun: dict[Hashable, int] = {}
@@ -61,9 +68,11 @@ class Uplink(Generic[S, T]):
         self._now = 0.0
 
     def charge(self, size: int, now: float) -> None:
-        """Count bytes that went without waiting."""
+        """Count bytes that went without waiting, as far as the link can hold them."""
         self._drain(now)
-        self._backlog += size
+        counted = max(0.0, min(size, HELD_BYTES - self._charged))
+        self._charged += counted
+        self._backlog += counted
 
     def offer(self, stream: S, item: T, size: int, moment: Moment | None = None) -> int:
         """Let an item wait; return how many of its stream that costs: older ones, or itself where it is too late."""
@@ -117,7 +126,9 @@ class Uplink(Generic[S, T]):
         return self._backlog
 
     def _drain(self, now: float) -> None:
-        self._backlog = max(0.0, self._backlog - self._rate * max(0.0, now - self._at))
+        sent = self._rate * max(0.0, now - self._at)
+        self._backlog = max(0.0, self._backlog - sent)
+        self._charged = max(0.0, self._charged - sent)
         self._at = max(self._at, now)
 
     def _next(self) -> tuple[S, Moment | None] | None:

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.shaping.uplink import BACKLOG_S, Moment, Uplink
+from gateway.shaping.uplink import BACKLOG_S, HELD_BYTES, Moment, Uplink
 
 RATE = 1_000_000.0
 FULL = int(RATE * BACKLOG_S)
@@ -100,6 +100,20 @@ def test_results_go_at_once_and_are_counted() -> None:
     assert uplink.release(0) == []
     assert uplink.next_release_s() == pytest.approx(BACKLOG_S / 2, abs=1e-5)
     assert uplink.release(BACKLOG_S / 2) == [("color", 1)]
+
+
+def test_results_that_no_link_can_hold_take_nothing_of_the_budget_afterwards() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    for second in range(600):
+        uplink.charge(2 * int(RATE), second)
+    uplink.offer("color", 1, FULL)
+    assert uplink.release(600) == [("color", 1)]
+    uplink.charge(5 * HELD_BYTES, 600)
+    uplink.offer("color", 2, FULL)
+    assert uplink.release(600) == []
+    free_s = 600 + (FULL + HELD_BYTES) / RATE
+    assert uplink.release(free_s - 0.001) == []
+    assert uplink.release(free_s) == [("color", 2)]
 
 
 def test_the_newest_waits_and_keeps_its_place() -> None:
