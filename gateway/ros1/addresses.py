@@ -52,7 +52,7 @@ def parse_offer(answer: Any) -> tuple[str, int]:
 
 
 def validate_host(text: str) -> str:
-    """Return a host's name or address.
+    """Return a host's name or address, without the brackets in which a URI has one of IPv6.
 
     Raises:
         InvalidNameError: it is neither.
@@ -60,4 +60,4 @@ def validate_host(text: str) -> str:
     """
     if not re.fullmatch(_HOST, text):
         raise InvalidNameError(f"{text!r} is neither a host's name nor an address")
-    return text
+    return text.strip("[]")

@@ -24,6 +24,10 @@ def test_hosts(text: str) -> None:
     assert validate_host(text) == text
 
 
+def test_an_address_in_brackets_as_uris_have_it_is_that_address() -> None:
+    assert validate_host("[fe80::1]") == "fe80::1"
+
+
 @pytest.mark.parametrize("text", ["", "bad host", "-a", "a/b", "http://robot", "a" * 254])
 def test_what_is_no_host(text: str) -> None:
     with pytest.raises(InvalidNameError, match="neither"):
