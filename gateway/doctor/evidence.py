@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from gateway.ros1.wire.tcpros import TopicType
+from gateway.translators import StreamKind, kind_of
 from schemas import codec
 from schemas.keys import SensorKey, Stream, StreamKey
 from schemas.status import GatewayStatus
@@ -109,12 +110,21 @@ class PublisherLook:
 
 @dataclass(frozen=True, slots=True)
 class StreamLook:
-    """One topic for one stream. type: what the master says, empty if nothing."""
+    """One topic for one stream.
+
+    type: what the master says, empty if nothing. special: what the stream carries where its key does not tell.
+    """
 
     key: SensorKey
     topic: str
     type: str = ""
     publishers: tuple[PublisherLook, ...] = ()
+    special: StreamKind | None = None
+
+    @property
+    def kind(self) -> StreamKind:
+        """What the stream carries."""
+        return self.special or kind_of(self.key)
 
     @property
     def name(self) -> str:

@@ -19,6 +19,7 @@ from gateway.ros1.wire.tcpros import (
     SubscriberEvent,
     TopicType,
 )
+from gateway.translators import StreamKind
 from schemas.keys import SensorKey
 
 MAX_MESSAGES: Final = 200
@@ -66,9 +67,9 @@ class Ear:
             self.stamps_ns.append(stamp_ns)
             self.lags_ns.append(now_ns - stamp_ns)
 
-    def heard(self, key: SensorKey, now_ns: int) -> Heard:
-        """Return all of it, what was kept as the stream would carry it."""
-        found = [translated(key, message, now_ns) for message in self.kept]
+    def heard(self, key: SensorKey, kind: StreamKind, now_ns: int) -> Heard:
+        """Return all of it, what was kept as the stream, which is of the kind, would carry it."""
+        found = [translated(key, kind, message, now_ns) for message in self.kept]
         return Heard(
             tuple(self.arrivals_s),
             self.size,

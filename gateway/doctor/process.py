@@ -70,7 +70,7 @@ async def _visit(settings: DoctorSettings) -> Evidence:
         found = planned(settings, master.graph)
         streams = {key: source.topic for key, source in found.streams.items()}
         further = beside(streams, master.graph, sim_time=master.sim_time)
-        looks = await visit.look_at_streams({**streams, **further}, master.graph)
+        looks = await visit.look_at_streams({**streams, **further}, master.graph, found.kind_of)
         return replace(
             evidence,
             streams=looks[: len(streams)],

@@ -6,7 +6,7 @@ from typing import Final
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.subscriber import Message
-from gateway.translators import kind_of
+from gateway.translators import StreamKind
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -39,9 +39,9 @@ def stamp_at(data: bytes | bytearray | memoryview, offset: int) -> int | None:
     return int(seconds) * 1_000_000_000 + int(rest)
 
 
-def translated(key: SensorKey, message: Message, now_ns: int) -> codec.Message | str:
-    """Return what the gateway would send of a message, or why it could not."""
-    kind, said = kind_of(key), message.publisher.type
+def translated(key: SensorKey, kind: StreamKind, message: Message, now_ns: int) -> codec.Message | str:
+    """Return what the gateway would send of a message on a stream of the kind, or why it could not."""
+    said = message.publisher.type
     try:
         name = said.name if said.name in kind.translators else ANY_TYPE.name
         begin = kind.translators.get(name)

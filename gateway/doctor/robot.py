@@ -3,7 +3,7 @@
 import asyncio
 import time
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -21,6 +21,7 @@ from gateway.ros1.errors import (
     UnreachableError,
 )
 from gateway.ros1.master import MasterClient
+from gateway.translators import StreamKind, kind_of
 from schemas.keys import SensorKey
 
 MAX_PUBLISHERS: Final = 16
@@ -61,24 +62,29 @@ class RobotVisit:
         self._master = master
         return MasterLook(uri, None, graph, remote, sim_time)
 
-    async def look_at_streams(self, streams: Mapping[SensorKey, str], graph: Graph) -> tuple[StreamLook, ...]:
-        """Look at all publishers of all these topics."""
-        looks = (self._look_at_stream(key, topic, graph) for key, topic in streams.items())
+    async def look_at_streams(
+        self,
+        streams: Mapping[SensorKey, str],
+        graph: Graph,
+        carried: Callable[[SensorKey], StreamKind] = kind_of,
+    ) -> tuple[StreamLook, ...]:
+        """Look at all publishers of all these topics. carried: tells what a stream carries."""
+        looks = (self._look_at_stream(key, topic, graph, carried(key)) for key, topic in streams.items())
         return tuple(await asyncio.gather(*looks))
 
-    async def _look_at_stream(self, key: SensorKey, topic: str, graph: Graph) -> StreamLook:
+    async def _look_at_stream(self, key: SensorKey, topic: str, graph: Graph, kind: StreamKind) -> StreamLook:
         nodes = graph.publishers.get(topic, ())[:MAX_PUBLISHERS]
-        publishers = await asyncio.gather(*(self._look_at_publisher(key, topic, node) for node in nodes))
-        return StreamLook(key, topic, graph.types.get(topic, ""), tuple(publishers))
+        publishers = await asyncio.gather(*(self._look_at_publisher(key, kind, topic, node) for node in nodes))
+        return StreamLook(key, topic, graph.types.get(topic, ""), tuple(publishers), kind)
 
-    async def _look_at_publisher(self, key: SensorKey, topic: str, node: str) -> PublisherLook:
+    async def _look_at_publisher(self, key: SensorKey, kind: StreamKind, topic: str, node: str) -> PublisherLook:
         try:
             host, port = _host_and_port(await self._registered(node))
         except (Ros1Error, ValueError) as error:
             return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error)))
         async with self._room:
             try:
-                return await self._listen(key, topic, node, (host, port))
+                return await self._listen(key, kind, topic, node, (host, port))
             except Ros1Error as error:
                 return PublisherLook(node, _trouble(error, host, port))
 
@@ -87,7 +93,9 @@ class RobotVisit:
             raise RuntimeError("the master is looked at first")
         return await self._master.lookup_node(node)
 
-    async def _listen(self, key: SensorKey, topic: str, node: str, slave: tuple[str, int]) -> PublisherLook:
+    async def _listen(
+        self, key: SensorKey, kind: StreamKind, topic: str, node: str, slave: tuple[str, int]
+    ) -> PublisherLook:
         address = await self._reached(*slave)
         if isinstance(address, Trouble):
             return PublisherLook(node, address)
@@ -106,7 +114,7 @@ class RobotVisit:
             return PublisherLook(node, _trouble(error, host, port, silence=_NO_HEADER))
         if ear.publisher is None:
             return PublisherLook(node, Trouble(Failure.SILENT, host, port, _NO_HEADER))
-        heard = ear.heard(key, time.time_ns())
+        heard = ear.heard(key, kind, time.time_ns())
         return PublisherLook(node, None, ear.publisher.type, ear.publisher.latching, heard)
 
     async def _reached(self, host: str, port: int) -> str | Trouble:

@@ -10,7 +10,6 @@ from gateway.doctor.stamps import check_sim_clock, check_stamps
 from gateway.ros1.errors import UnknownTypeError
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import ANY, TopicType
-from gateway.translators import kind_of
 from schemas.keys import StreamKey
 
 _START_RIGHT: Final = "start that node with ROS_IP set to its machine's address, and without ROS_HOSTNAME"
@@ -59,12 +58,12 @@ def _unpublished(stream: StreamLook, graph: Graph) -> Finding:
 
 
 def _carries(stream: StreamLook, type_name: str) -> bool:
-    translators = kind_of(stream.key).translators
+    translators = stream.kind.translators
     return type_name in {"", ANY} or ANY in translators or type_name in translators
 
 
 def _wrong_type(stream: StreamLook, type_name: str) -> Finding:
-    carried = " or ".join(kind_of(stream.key).translators)
+    carried = " or ".join(stream.kind.translators)
     return problem(
         Stage.SENSORS,
         stream.subject,
@@ -121,7 +120,7 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
 
 def _other_version(stream: StreamLook, found: TopicType) -> str:
     """Return our md5sum of the type where it is not the publisher's and the stream's translator needs it."""
-    if ANY in kind_of(stream.key).translators:
+    if ANY in stream.kind.translators:
         return ""
     try:
         ours = message_type(found.name)

@@ -1,10 +1,12 @@
 from gateway.doctor.listening import KEPT, KEPT_BYTES, MAX_MESSAGES, Ear
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import PublisherAccepted
+from gateway.translators import kind_of
 from schemas.camera_info import CameraInfo
 from schemas.keys import sensor_key
 from tests.gateway.sensing import STAMP_NS, camera_info
 
+KEY = sensor_key("r1", "front/info")
 INFO = message_type("sensor_msgs/CameraInfo")
 ACCEPTED = PublisherAccepted("/camera", INFO.topic_type, INFO.definition, latching=True)
 DATA = memoryview(camera_info().data)
@@ -15,7 +17,7 @@ def test_what_was_heard() -> None:
     ear.accepted(ACCEPTED)
     ear.hear(DATA, 1.0, STAMP_NS + 5)
     ear.hear(DATA, 1.5, STAMP_NS + 7)
-    heard = ear.heard(sensor_key("r1", "front/info"), 9)
+    heard = ear.heard(KEY, kind_of(KEY), 9)
     assert (heard.arrivals_s, heard.size, heard.rate_hz) == ((1.0, 1.5), len(DATA), 2.0)
     assert (heard.stamps_ns, heard.lags_ns) == ((STAMP_NS, STAMP_NS), (5, 7))
     assert isinstance(heard.message, CameraInfo)
@@ -25,9 +27,9 @@ def test_what_was_heard() -> None:
 def test_one_message_has_no_rate_and_none_is_nothing() -> None:
     ear = Ear("http://robot:1/")
     ear.accepted(ACCEPTED)
-    assert ear.heard(sensor_key("r1", "front/info"), 0).message is None
+    assert ear.heard(KEY, kind_of(KEY), 0).message is None
     ear.hear(DATA, 1.0, STAMP_NS)
-    assert ear.heard(sensor_key("r1", "front/info"), 0).rate_hz is None
+    assert ear.heard(KEY, kind_of(KEY), 0).rate_hz is None
 
 
 def test_what_is_kept_is_bounded() -> None:
@@ -44,7 +46,7 @@ def test_the_first_few_messages_are_kept() -> None:
     ear.accepted(ACCEPTED)
     for n in range(KEPT + 1):
         ear.hear(DATA, n / 10, STAMP_NS)
-    assert len(ear.heard(sensor_key("r1", "front/info"), 0).messages) == KEPT
+    assert len(ear.heard(KEY, kind_of(KEY), 0).messages) == KEPT
 
 
 def test_of_large_messages_only_the_first_is_kept() -> None:
@@ -59,6 +61,6 @@ def test_a_message_too_short_for_its_stamp_is_heard_all_the_same() -> None:
     ear = Ear("http://robot:1/")
     ear.accepted(ACCEPTED)
     ear.hear(memoryview(bytes(3)), 0.0, 0)
-    heard = ear.heard(sensor_key("r1", "front/info"), 0)
+    heard = ear.heard(KEY, kind_of(KEY), 0)
     assert (heard.arrivals_s, heard.stamps_ns, heard.message) == ((0.0,), (), None)
     assert "not a sensor_msgs/CameraInfo" in heard.unreadable

@@ -4,12 +4,14 @@ from gateway.doctor.reading import stamp_at, stamp_offset, translated
 from gateway.ros1.messages import message_type
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
+from gateway.translators import kind_of
 from schemas.camera_info import CameraInfo
 from schemas.keys import sensor_key
 from schemas.raw import RawMessage
 from tests.gateway.sensing import STAMP_NS, camera_info, point_cloud, received, text, tf
 
 INFO = sensor_key("r1", "front/info")
+MODE = sensor_key("r1", "ros/mode")
 
 
 @pytest.mark.parametrize(
@@ -42,23 +44,23 @@ def test_a_message_too_short_for_a_stamp(size: int, expected: int | None) -> Non
 
 
 def test_a_message_is_read_as_the_gateway_would() -> None:
-    found = translated(INFO, camera_info(), 7)
+    found = translated(INFO, kind_of(INFO), camera_info(), 7)
     assert isinstance(found, CameraInfo)
     assert (found.header.camera, found.header.stamp_ns, found.header.received_ns) == ("front", STAMP_NS, 7)
 
 
 def test_a_message_of_any_type_fits_an_envelope() -> None:
-    assert isinstance(translated(sensor_key("r1", "ros/mode"), text("x"), 0), RawMessage)
+    assert isinstance(translated(MODE, kind_of(MODE), text("x"), 0), RawMessage)
 
 
 def test_a_message_of_another_type_or_version_is_told_elsewhere() -> None:
-    assert translated(INFO, tf(), 0) == ""
+    assert translated(INFO, kind_of(INFO), tf(), 0) == ""
     old = PublisherAccepted("/camera", TopicType("sensor_msgs/CameraInfo", "0" * 32), "", latching=False)
-    assert translated(INFO, Message(camera_info().data, "http://robot:1/", old), 0) == ""
+    assert translated(INFO, kind_of(INFO), Message(camera_info().data, "http://robot:1/", old), 0) == ""
 
 
 @pytest.mark.parametrize(
     ("data", "why"), [(b"", "0 bytes are not a sensor_msgs/CameraInfo"), (bytes(1 << 17), "131072 bytes, at most")]
 )
 def test_a_message_that_cannot_be_read(data: bytes, why: str) -> None:
-    assert str(translated(INFO, received("sensor_msgs/CameraInfo", data), 0)).startswith(why)
+    assert str(translated(INFO, kind_of(INFO), received("sensor_msgs/CameraInfo", data), 0)).startswith(why)

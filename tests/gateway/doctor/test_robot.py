@@ -2,23 +2,33 @@
 
 import asyncio
 from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
 from typing import Any
 
 import pytest
 
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, MasterLook, PublisherLook, Trouble
+from gateway.doctor.finding import Severity
 from gateway.doctor.robot import RobotVisit
+from gateway.doctor.sensors import check_sensors
+from gateway.doctor.topics import planned
+from gateway.ros1.image import Image, encode_image
 from gateway.ros1.messages import message_type, new_message, serialise
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.wire.header import encode_header
 from gateway.ros1.wire.tcpros import message_prefix
 from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.settings import GatewaySettings
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.raw import Text
+from tests.gateway.doctor.seeing import evidence
 from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
 from tests.gateway.ros1.waiting import until
+from tests.gateway.sensing import camera_info, point_cloud
 from tests.integration.ros import free_port
 
 STRING = "std_msgs/String"
@@ -91,6 +101,36 @@ async def test_a_publisher_that_speaks_leaves_no_trace_at_the_master(client: Pol
     assert seen.heard.message.text == "hello"
     assert (seen.heard.size, seen.heard.stamps_ns) == (len(TEXT), ())
     assert len(seen.heard.arrivals_s) > 1
+
+
+async def test_streams_are_read_as_the_gateway_makes_them(client: PoliteClient, master: RosMaster) -> None:
+    rgb = new_message("sensor_msgs/PointField", name="rgb", offset=4, datatype=7, count=1)
+    info = camera_info(P=[2.0, 0, 3, 0, 0, 2, 3, 0, 0, 0, 1, 0])
+    picture = encode_image(Image(1, 1, 0, "lens", 1, 2, "mono8", is_bigendian=False, step=2, data=memoryview(b"ab")))
+    said = {
+        "/front/depth_registered/points": ("sensor_msgs/PointCloud2", bytes(point_cloud(fields=[rgb]).data)),
+        "/rear/image_rect_color": ("sensor_msgs/Image", picture),
+        "/rear/camera_info": ("sensor_msgs/CameraInfo", bytes(info.data)),
+    }
+    async with Node("/driver", master_uri=master.uri) as node, AsyncExitStack() as stack:
+        for topic, (name, message) in said.items():
+            publication = await stack.enter_async_context(node.advertise(topic, name, latch=True))
+            publication.publish(message)
+        await until(lambda: node.registered, "it is registered")
+        visiting = visit(client)
+        seen = await visiting.look_at_master(master.uri)
+        assert seen.graph is not None
+        found = planned(GatewaySettings(robot="r1", ros_host="robot"), seen.graph)
+        topics = {key: source.topic for key, source in found.streams.items()}
+        looks = await visiting.look_at_streams(topics, seen.graph, found.kind_of)
+    by_name = {each.name: each for each in looks}
+    assert by_name.keys() == {"front/color", "front/points", "rear/color", "rear/info"}
+    assert isinstance(by_name["front/color"].heard.message, ImageFrame)
+    calibration = by_name["rear/info"].heard.message
+    assert isinstance(calibration, CameraInfo)
+    assert (calibration.d, calibration.k[0]) == ([], 2.0)
+    said_of = [each for each in check_sensors(evidence(*looks)) if each.severity is Severity.PROBLEM]
+    assert said_of == []
 
 
 async def test_a_dead_publisher_delays_no_live_one(client: PoliteClient, master: RosMaster) -> None:
