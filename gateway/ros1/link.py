@@ -45,7 +45,9 @@ async def run_link(
             await link.first_event.wait()
     except (TimeoutError, OSError, UnicodeError) as error:  # UnicodeError: no host can be called so
         await link.abort()
-        raise UnreachableError(f"no TCPROS connection to {host}:{port}: {error!r}") from error
+        late = f"{'no header' if link.is_connected else 'no answer'} within {handshake_timeout:g} s"
+        reason = late if isinstance(error, TimeoutError) else repr(error)
+        raise UnreachableError(f"no TCPROS connection to {host}:{port}: {reason}") from error
     except BaseException:
         await link.abort()
         raise
@@ -75,6 +77,11 @@ class _Link(asyncio.BufferedProtocol):
         self._connection = connection
         self._on_event = on_event
         self._transport: asyncio.Transport | None = None
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether there ever was a connection."""
+        return self._transport is not None
 
     async def abort(self) -> None:
         """Close the socket at once; returns when it is closed."""

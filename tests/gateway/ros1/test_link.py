@@ -1,8 +1,9 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import struct
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from typing import TYPE_CHECKING
 
 import pytest
@@ -102,8 +103,18 @@ async def test_stream_that_ends_before_the_header_does(data: bytes) -> None:
 
 async def test_header_that_does_not_come_in_time() -> None:
     async with publisher(PUBLISHER_HEADER[:-1], hang=True) as address:
-        with pytest.raises(UnreachableError, match="no TCPROS connection"):
-            await receive(address, 0.05)
+        with pytest.raises(UnreachableError, match=r"no TCPROS connection to 127.0.0.1:\d+: no header within 1 s"):
+            await receive(address, 1.0)
+
+
+async def test_a_machine_that_does_not_answer() -> None:
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as full, ExitStack() as stack:
+        for _ in range(2):  # which is one more than are taken in while nobody accepts: the system drops what comes then
+            filling = stack.enter_context(socket.socket())
+            filling.settimeout(0)
+            filling.connect_ex(full.getsockname())
+        with pytest.raises(UnreachableError, match=r"no TCPROS connection to 127.0.0.1:\d+: no answer within 0.2 s"):
+            await receive(full.getsockname(), 0.2)
 
 
 async def test_nobody_listens() -> None:
