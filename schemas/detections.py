@@ -35,11 +35,13 @@ class Box(msgspec.Struct, frozen=True):
 class Mask(msgspec.Struct, frozen=True):
     """A COCO run-length mask in the image's own resolution, as pycocotools reads and writes it.
 
-    size: (height, width) in pixels. counts: the compressed runs.
+    size: (height, width) in pixels. counts: the compressed runs. quality: how good whoever made it expects it to be, as
+    IoU with the true mask, 0 if there is no such object; absent where that is not judged.
     """
 
     size: tuple[Side, Side]
     counts: Annotated[str, msgspec.Meta(max_length=1_000_000)]
+    quality: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
 
 
 class Detection(msgspec.Struct, frozen=True, kw_only=True):

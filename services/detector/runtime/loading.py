@@ -1,5 +1,6 @@
 """Settings to a model that is ready."""
 
+import logging
 import os
 from dataclasses import dataclass
 from functools import partial
@@ -20,6 +21,7 @@ from services.detector.runtime.exporting import exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
+from services.detector.runtime.refinement.closeups import blank_close_ups
 from services.detector.runtime.refinement.refiner import Refiner
 from services.detector.settings import DetectorSettings
 from services.detector.tracking import Tracking
@@ -27,7 +29,10 @@ from services.detector.tracking import Tracking
 if TYPE_CHECKING:
     import torch
 
+    from services.detector.runtime.refinement.network import RefinerNetwork
     from services.detector.runtime.weights import Weights
+
+log = logging.getLogger(__name__)
 
 
 def load_all(settings: DetectorSettings, folder: Path) -> Model:
@@ -35,7 +40,8 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
     read = _read(settings, folder, "--model")
     if settings.detection_model is None:
         return _ready(read, settings, folder)
-    read_boxes = _read(settings.model_copy(update={"model": settings.detection_model}), folder, "--detection-model")
+    boxes = {"model": settings.detection_model, "refine": False}
+    read_boxes = _read(settings.model_copy(update=boxes), folder, "--detection-model")
     model = _ready(read, settings, folder)
     try:
         return PairedModel(_ready(read_boxes, settings, folder), model)
@@ -69,7 +75,7 @@ def _read(settings: DetectorSettings, folder: Path, option: str) -> _Read:
     keep_offline(folder, download=settings.download)
     from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it is heavy
 
-    weights = load_weights(settings.model, option)
+    weights = load_weights(settings.model, option, refine=settings.refine)
     what = f"{option} {settings.model}"
     try:
         return _Read(weights, Criteria().tuned(_tuning(settings), weights.names), what)
@@ -78,17 +84,16 @@ def _read(settings: DetectorSettings, folder: Path, option: str) -> _Read:
 
 
 def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
-    from services.detector.runtime.refinement.torch_refiner import TorchRefiner  # noqa: PLC0415 - it is heavy
     from services.detector.runtime.weights import device_of  # noqa: PLC0415 - it is heavy
 
     weights = read.weights
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
     on_gpu = device.type == "cuda"
-    if refiner is None and settings.refine and weights.refiner is not None:
-        refiner = TorchRefiner(weights.refiner, device)
     try:
         runtime, engine, reference = _engines(settings, weights, device, longest, folder)
+        if refiner is None and weights.refiner is not None:
+            refiner = _refiner(weights.refiner, runtime, device, _threads(settings))
         return Pipeline(
             Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
@@ -131,7 +136,7 @@ def _engines(
 
     from services.detector.runtime.torch_engine import TorchEngine  # noqa: PLC0415
 
-    threads = settings.threads or len(os.sched_getaffinity(0))
+    threads = _threads(settings)
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     reference = TorchEngine(weights.yolo.model, device)
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
@@ -147,6 +152,45 @@ def _engines(
         engine = make(runtime)
     engine.run(blank)
     return runtime, engine, reference
+
+
+def _threads(settings: DetectorSettings) -> int:
+    return settings.threads or len(os.sched_getaffinity(0))
+
+
+def _refiner(network: "RefinerNetwork", runtime: Runtime, device: "torch.device", threads: int) -> Refiner:
+    """Return the refiner under the model's runtime if it works there, else under torch. Run once: see `load`."""
+    seen = blank_close_ups(1, network.prototypes)
+    under: Runtime = runtime if device.type == "cpu" else "torch"
+    try:
+        refiner = _refiner_under(under, network, device, threads)
+        refiner.run(seen)
+        log.info("masks are refined under %s", under)
+    except Exception as error:
+        if under == "torch":
+            raise
+        log.warning("masks are refined under torch: %s cannot: %s", under, first_line(error))
+        refiner = _refiner_under("torch", network, device, threads)
+        refiner.run(seen)
+    return refiner
+
+
+def _refiner_under(runtime: Runtime, network: "RefinerNetwork", device: "torch.device", threads: int) -> Refiner:
+    from services.detector.runtime.refinement import exporting  # noqa: PLC0415 - it is heavy
+
+    match runtime:
+        case "openvino":
+            from services.detector.runtime.refinement.openvino_refiner import OpenVinoRefiner  # noqa: PLC0415
+
+            return OpenVinoRefiner(exporting.onnx_of(network), threads)
+        case "onnx":
+            from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415
+
+            return OnnxRefiner(exporting.onnx_of(network), threads)
+        case _:
+            from services.detector.runtime.refinement.torch_refiner import TorchRefiner  # noqa: PLC0415
+
+            return TorchRefiner(network, device)
 
 
 def _gpu(device: "torch.device") -> int | None:

@@ -5,7 +5,7 @@ import logging
 import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -25,7 +25,7 @@ from services.detector.runtime.engine import Engine, OutOfMemoryError
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.postprocess import Output, objects
 from services.detector.runtime.refinement.closeups import CloseUps, close_ups
-from services.detector.runtime.refinement.refiner import Refiner
+from services.detector.runtime.refinement.refiner import Refined, Refiner
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +81,7 @@ class Pipeline:
         self._blank = blank
         self._reference = reference
         self._refiner = refiner
+        self._leaves_coarse = False
         self._stages = ThreadPoolExecutor(in_flight, thread_name_prefix="images")
         self._computing = ThreadPoolExecutor(1, thread_name_prefix="model")
         self._last: asyncio.Future[None] | None = None
@@ -194,9 +195,11 @@ class Pipeline:
         except Exception as error:  # noqa: BLE001 - the image has its answer whatever becomes of this
             found = f"cannot be checked against torch: {first_line(error)}"
         if found is not None:
-            remark = f"{self.name} under {self.facts.runtime} {found}"
-            log.warning("%s", remark)
-            self.remarks = (*self.remarks, remark)
+            self._remark(f"{self.name} under {self.facts.runtime} {found}")
+
+    def _remark(self, remark: str) -> None:
+        log.warning("%s", remark)
+        self.remarks = (*self.remarks, remark)
 
     def _difference(self, batch: NDArray[np.uint8], ours: Output, theirs: Output) -> str | None:
         height, width = batch.shape[1:3]
@@ -221,7 +224,22 @@ class Pipeline:
 
     def _refined(
         self, refiner: Refiner, image: NDArray[np.uint8], found: Candidates, prototypes: NDArray[np.float32]
-    ) -> tuple[CloseUps, NDArray[np.float32]]:
+    ) -> tuple[CloseUps, Refined] | None:
         """Look at objects closely. The refiner takes its turns with the engine: each has all processors to itself."""
         seen = close_ups(image, found, prototypes)
-        return seen, self._computing.submit(refiner.run, seen).result()
+        try:
+            refined = self._computing.submit(refiner.run, seen).result()
+            if not (np.isfinite(refined.odds).all() and np.isfinite(refined.qualities).all()):
+                raise ValueError("what is not a number")  # noqa: TRY301 - as if it had said so itself
+        except CancelledError:  # closed
+            raise
+        except Exception as error:  # noqa: BLE001 - what the model found is no worse for it
+            self._remark_unrefined(error)
+            return None
+        return seen, refined
+
+    def _remark_unrefined(self, error: Exception) -> None:
+        """Say it once: the next images will hardly fare better."""
+        if not self._leaves_coarse:
+            self._leaves_coarse = True
+            self._remark(f"{self.name} leaves masks coarse where refining them fails: {first_line(error)}")

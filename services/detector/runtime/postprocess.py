@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +15,7 @@ from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.refinement.closeups import BOX, CloseUps, own_parts
+from services.detector.runtime.refinement.refiner import Refined
 from services.detector.runtime.suppression import suppressed
 from services.detector.runtime.taps import Taps
 from services.geometry.masks import Window
@@ -53,8 +55,9 @@ class Output:
     prototypes: Floats | None
 
 
-Refine = Callable[[Candidates, Floats], tuple[CloseUps, Floats]]
-"""Looks at objects closely, best first, with the prototypes of their masks; also returns the log odds that it finds."""
+Refine = Callable[[Candidates, Floats], tuple[CloseUps, Refined] | None]
+"""Looks at objects closely, best first, with the prototypes of their masks; also returns what it saw. Nothing where it
+cannot: masks then stay coarse."""
 
 
 def objects(
@@ -81,18 +84,27 @@ def objects(
         kept = kept[_apart(kept, output.prototypes, letterbox)]
     boxes = _in_image(kept.corners, letterbox)
     encoded: list[Mask | None] = [None] * len(boxes)
-    if masks and output.prototypes is not None:
-        if refine is None:
-            windows = _windows(kept.coefficients, boxes, output.prototypes, letterbox)
+    if masks and output.prototypes is not None and len(boxes):
+        if not np.isfinite(output.prototypes).all():
+            raise OutputError("prototypes of masks that are not numbers")
+        size = letterbox.rows.image, letterbox.columns.image
+        looked = None if refine is None else refine(kept, output.prototypes)
+        if looked is None:
+            encoded[:] = encode_all(_windows(kept.coefficients, boxes, output.prototypes, letterbox), *size)
         else:
-            windows = _fitted(boxes, _refined(*refine(kept, output.prototypes), letterbox))
-        encoded[:] = encode_all(windows, letterbox.rows.image, letterbox.columns.image)
+            seen, refined = looked
+            windows = _fitted(boxes, _refined(seen, refined.odds, letterbox))
+            encoded[:] = map(_judged, encode_all(windows, *size), refined.qualities.tolist())
     return [
         Detection(name=names[label][:MAX_LABEL], score=min(score, 1.0), box=Box(*box), mask=mask, label=label)
         for label, score, box, mask in zip(
             kept.labels.tolist(), kept.scores.tolist(), boxes.tolist(), encoded, strict=True
         )
     ]
+
+
+def _judged(mask: Mask, quality: float) -> Mask:
+    return msgspec.structs.replace(mask, quality=quality)
 
 
 def _is_dense(output: Output, classes: int) -> bool:
@@ -108,7 +120,7 @@ def _is_dense(output: Output, classes: int) -> bool:
 def _candidates(output: Output, classes: int, criteria: Criteria) -> Candidates:
     """Return what is sure enough and of a class that is reported, best first."""
     found = _dense(output, classes, criteria) if _is_dense(output, classes) else _ended(output, classes, criteria)
-    if np.isnan(found.corners).any() or np.isnan(found.coefficients).any():
+    if not (np.isfinite(found.corners).all() and np.isfinite(found.coefficients).all()):
         raise OutputError("a box or a mask that is not a number")
     if criteria.labels is not None:
         found = found[np.isin(found.labels, criteria.labels)]

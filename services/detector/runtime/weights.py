@@ -28,7 +28,7 @@ class Weights:
     """A loaded checkpoint.
 
     digest: of the file's content. longest: the input's longer side in training, in pixels. refiner: of its masks, if
-    the file has one.
+    the file has one and it is wanted.
     """
 
     path: Path
@@ -41,8 +41,8 @@ class Weights:
     refiner: RefinerNetwork | None
 
 
-def load_weights(model: str, option: str = "--model") -> Weights:
-    """Read a checkpoint; nothing in it is executed.
+def load_weights(model: str, option: str = "--model", *, refine: bool = True) -> Weights:
+    """Read a checkpoint; nothing in it is executed. refine: with its refiner.
 
     Raises:
         ModelError: the file is no checkpoint, or of a task that finds no objects.
@@ -58,7 +58,8 @@ def load_weights(model: str, option: str = "--model") -> Weights:
         names = {int(label): str(name) for label, name in yolo.model.names.items()}
         stride = max(32, int(yolo.model.stride.max()))
         longest = _longest(yolo)
-        refiner = network_in(yolo.ckpt or {}, len(names))
+        masks = getattr(yolo.model.model[-1], "nm", None)  # what Ultralytics calls the number of its prototypes
+        refiner = network_in(yolo.ckpt or {}, len(names), masks) if refine and masks is not None else None
     except Exception as error:
         raise ModelError(
             f"{option} {model}: not a model that can be used: {first_line(error).removeprefix(SHOUTED)}"

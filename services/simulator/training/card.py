@@ -79,12 +79,13 @@ Licence: AGPL-3.0-or-later, as the project and the architecture's definition in 
 """
 
 _REFINER: Final = """\
-- Masks are made finer by a small network in the same file, trained for {refiner_epochs} epochs on {objects} objects
-  that the model found in {refiner_images} images of further scenes.
+- Masks are made finer, and judged, by a small network in the same file, trained for {refiner_epochs} epochs on
+  {objects} things that the model found in {refiner_images} images of further scenes.
 """
 
 _UNREFINED: Final = """
-As the model makes them, without that network, masks have an mAP50 of {map50:.3f} and an mAP50-95 of {map50_95:.3f}.
+Masks count in the order of their objects' scores times the quality that the network expects of each. As the model makes
+them, without that network, they have an mAP50 of {map50:.3f} and an mAP50-95 of {map50_95:.3f}.
 """
 
 

@@ -64,7 +64,7 @@ def _fit_stage(
     resumed = checkpoint.exists()
     model = YOLO(str(checkpoint if resumed else weights or ARCHITECTURE), task="segment")
     _watch(model, stage, settings, progress)
-    with quick_arithmetic(settings, device_name(settings)):
+    with quick_arithmetic(settings.workers, device_name(settings)):
         model.train(
             trainer=trainer_class(),
             resume=resumed,

@@ -8,7 +8,7 @@ from typing import Final
 from services.simulator.training.card import Figures, model_card
 from services.simulator.training.dataset import VIEWS, holdout_seed, write_dataset
 from services.simulator.training.engine import load_ultralytics
-from services.simulator.training.errors import TrainingError
+from services.simulator.training.errors import TrainingError, first_line
 from services.simulator.training.evaluation.held_out import HeldOutScore, scored
 from services.simulator.training.evaluation.near import near_figures
 from services.simulator.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, PredictorLoader
@@ -100,7 +100,7 @@ def _check(settings: TrainingSettings) -> None:
     try:
         ultralytics.utils.torch_utils.select_device(device_name(settings), verbose=False)
     except Exception as error:
-        raise TrainingError(f"--device {settings.device}: {_first_line(error)}") from error
+        raise TrainingError(f"--device {settings.device}: {first_line(error)}") from error
     for stage in stages_of(settings):
         _check_checkpoint(stage.checkpoint(settings.work_dir))
     try:
@@ -116,8 +116,4 @@ def _check_checkpoint(checkpoint: Path) -> None:
         if checkpoint.exists():
             epochs_done(checkpoint)
     except Exception as error:
-        raise TrainingError(f"{checkpoint} is no checkpoint, remove it: {_first_line(error)}") from error
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise TrainingError(f"{checkpoint} is no checkpoint, remove it: {first_line(error)}") from error

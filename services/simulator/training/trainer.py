@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from services.simulator.training.settings import TrainingSettings
-
 
 def trainer_class() -> type:
     """The trainer; import it after `load_ultralytics`."""
@@ -37,7 +35,7 @@ def trainer_class() -> type:
 
 
 @contextmanager
-def quick_arithmetic(settings: TrainingSettings, device: str) -> Iterator[None]:
+def quick_arithmetic(threads: int, device: str) -> Iterator[None]:
     """Let torch take its short cuts: numbers next to zero count as zero, and bfloat16 where a processor has it.
 
     Enter it before torch starts its threads, which take the first over; bfloat16 is about twice as fast as float32.
@@ -45,7 +43,7 @@ def quick_arithmetic(settings: TrainingSettings, device: str) -> Iterator[None]:
     import torch  # noqa: PLC0415 - only the training needs it
 
     bfloat16 = device == "cpu" and torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001 - there is no public name
-    torch.set_num_threads(settings.workers)
+    torch.set_num_threads(threads)
     torch.set_flush_denormal(True)
     try:
         with torch.autocast("cpu", dtype=torch.bfloat16, enabled=bfloat16):

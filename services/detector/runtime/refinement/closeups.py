@@ -25,8 +25,13 @@ CONTEXT: Final = 0.25
 CHANNELS: Final = 6
 """Red, green, blue; the coarse mask's odds; where surer objects are; the box."""
 
+COARSE: Final = 3
+"""The channel with the coarse mask's odds, 127.5 where it is as likely as not; a refiner adds to them."""
+
 BOX: Final = 5
 """The channel that is not 0 where the box is."""
+
+LARGEST: Final = float(np.finfo(np.float16).max)
 
 SMALL: Final = 0.05
 """The share of a mask that is a small part of it; larger ones are what posts before an object leave of it."""
@@ -40,14 +45,26 @@ class CloseUps:
     """Close-ups of objects in one image.
 
     pixels: n x SIDE x SIDE x CHANNELS. features: the model's prototypes there, n x FEATURES_SIDE x FEATURES_SIDE x mask
-    coefficients. labels: of the objects (n). windows: what each shows of the image (n x 4), its left, top, right and
-    bottom in pixels of the model's input.
+    coefficients. labels, scores: of the objects (n). windows: what each shows of the image (n x 4), its left, top,
+    right and bottom in pixels of the model's input.
     """
 
     pixels: Bytes
     features: NDArray[np.float16]
     labels: NDArray[np.int64]
+    scores: Floats
     windows: NDArray[np.int64]
+
+
+def blank_close_ups(count: int, prototypes: int) -> CloseUps:
+    """Return close-ups of nothing."""
+    return CloseUps(
+        np.zeros((count, SIDE, SIDE, CHANNELS), np.uint8),
+        np.zeros((count, FEATURES_SIDE, FEATURES_SIDE, prototypes), np.float16),
+        np.zeros(count, np.int64),
+        np.full(count, 0.5, np.float32),
+        np.tile(np.array([0, 0, SIDE, SIDE], np.int64), (count, 1)),
+    )
 
 
 def close_ups(image: Bytes, objects: Candidates, prototypes: Floats) -> CloseUps:
@@ -60,16 +77,16 @@ def close_ups(image: Bytes, objects: Candidates, prototypes: Floats) -> CloseUps
     cells = _cells(objects.corners / np.float32(step), prototypes.shape[1:])
     pixels = np.empty((len(cells), SIDE, SIDE, CHANNELS), np.uint8)
     features = np.empty((len(cells), FEATURES_SIDE, FEATURES_SIDE, len(prototypes)), np.float16)
-    planes = np.ascontiguousarray(prototypes.transpose(1, 2, 0))
+    planes = np.ascontiguousarray(prototypes.transpose(1, 2, 0)).clip(-LARGEST, LARGEST)
     odds = _odds(objects, cells, prototypes, step)
     windows = cells * step
     for n, (own, surer) in enumerate(odds):
         features[n] = _features(planes[_rectangle(cells[n])])
         pixels[n, ..., :3] = stretched(image[_rectangle(windows[n])])
-        pixels[n, ..., 3] = stretched(_byte((np.tanh(own / np.float32(4)) + np.float32(1)) / np.float32(2)))
+        pixels[n, ..., COARSE] = stretched(_byte((np.tanh(own / np.float32(4)) + np.float32(1)) / np.float32(2)))
         pixels[n, ..., 4] = stretched(_byte(surer))
         pixels[n, ..., BOX] = 255 * _inside(objects.corners[n], windows[n])
-    return CloseUps(pixels, features, objects.labels, windows)
+    return CloseUps(pixels, features, objects.labels, objects.scores, windows)
 
 
 def own_parts(mask: NDArray[np.bool_], inside: NDArray[np.bool_]) -> NDArray[np.bool_]:

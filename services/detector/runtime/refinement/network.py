@@ -1,4 +1,8 @@
-"""The network that refines masks: a U-Net (Ronneberger et al., 2015) of four sizes for close-ups of single objects."""
+"""The network that refines masks: a U-Net (Ronneberger et al., 2015) of four sizes for close-ups of single objects.
+
+It also tells how good each mask has become, as Mask Scoring R-CNN does (Huang et al., 2019): the IoU to expect with the
+true mask, 0 where there is no such object.
+"""
 
 from typing import Any, Final
 
@@ -7,13 +11,13 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from services.detector.runtime.refinement.closeups import CHANNELS
+from services.detector.runtime.refinement.closeups import CHANNELS, COARSE
 
 WIDTHS: Final = (12, 24, 48, 64)
 """Channels at the whole size, at a half, a quarter and an eighth."""
 
-COARSE: Final = 3
-"""The channel with the coarse mask's odds, which the network adds to."""
+JUDGING: Final = 32
+"""Channels that a mask's quality is told from."""
 
 STEEPNESS: Final = 8.0
 """Log odds of what the coarse mask is sure of."""
@@ -30,7 +34,8 @@ class Layer(nn.Sequential):
         """Make one of the convolution and what normalises it, once nothing is to be learned any more."""
         convolution: Any = self[0]
         normalising: Any = self[1]
-        self[0], self[1] = fuse_conv_bn_eval(convolution, normalising), nn.Identity()
+        if not isinstance(normalising, nn.Identity):
+            self[0], self[1] = fuse_conv_bn_eval(convolution, normalising), nn.Identity()
 
 
 class RefinerNetwork(nn.Module):
@@ -41,6 +46,7 @@ class RefinerNetwork(nn.Module):
 
     def __init__(self, classes: int, prototypes: int) -> None:
         super().__init__()
+        self.prototypes = prototypes
         whole, half, quarter, eighth = WIDTHS
         self.of_class = nn.Embedding(classes, half)
         self.of_features = nn.Sequential(nn.BatchNorm2d(prototypes), nn.Conv2d(prototypes, half, 3, padding=1))
@@ -52,31 +58,42 @@ class RefinerNetwork(nn.Module):
         self.up_half, self.back_half = nn.Conv2d(quarter, half, 1), Layer(half, half)
         self.up_whole, self.back_whole = nn.Conv2d(half, whole, 1), Layer(CHANNELS + whole, whole)
         self.out = nn.Conv2d(whole, 1, 3, padding=1)
+        self.quality = nn.Sequential(nn.Linear(eighth + 2, JUDGING), nn.ReLU(inplace=True), nn.Linear(JUDGING, 1))
         nn.init.zeros_(self.out.weight)
         assert self.out.bias is not None  # noqa: S101 - what nn.Conv2d makes unless told otherwise
         nn.init.zeros_(self.out.bias)
 
-    def forward(self, close_ups: Tensor, features: Tensor, labels: Tensor) -> Tensor:
-        """Return the log odds of the objects' masks, n x side x side; the side is a multiple of 8.
+    def forward(self, close_ups: Tensor, features: Tensor, labels: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the log odds of the objects' masks, n x side x side, and of their qualities, n.
 
-        close_ups: n x side x side x CHANNELS, bytes. features: n x side / 2 x side / 2 x prototypes. labels: n.
+        close_ups: n x side x side x CHANNELS, bytes; the side is a multiple of 8. features: n x side / 2 x side / 2 x
+        prototypes. labels, scores: n.
         """
         seen = close_ups.permute(0, 3, 1, 2).float().div_(255).sub_(0.5)
         made_of_it = self.of_features(features.permute(0, 3, 1, 2).float()) + self.of_class(labels)[:, :, None, None]
         half = self.at_half(self.down_half(seen) + made_of_it)
         quarter = self.at_quarter(half)
-        found = self.at_eighth(quarter)
-        found = self.back_quarter(_twice(self.up_quarter(found)) + quarter)
+        eighth = self.at_eighth(quarter)
+        found = self.back_quarter(_twice(self.up_quarter(eighth)) + quarter)
         found = self.back_half(_twice(self.up_half(found)) + half)
         found = self.back_whole(torch.cat([_twice(self.up_whole(found)), seen], dim=1))
         odds: Tensor = self.out(found)[:, 0] + STEEPNESS * seen[:, COARSE]
-        return odds
+        expected = torch.stack([expected_iou(odds.detach()), scores.float().logit(1e-6)], dim=1)
+        quality: Tensor = self.quality(torch.cat([eighth.mean((2, 3)), expected], dim=1))[:, 0]
+        return odds, quality
 
     def fuse(self) -> None:
         """Become a fifth quicker, and of no more use for training."""
         for module in list(self.modules()):
             if isinstance(module, Layer):
                 module.fuse()
+
+
+def expected_iou(odds: Tensor) -> Tensor:
+    """Return the IoU to expect of masks with true ones, were their pixels' log odds, n x rows x columns, right."""
+    likely, mask = odds.sigmoid(), odds > 0
+    right = (likely * mask).sum((1, 2))
+    return right / (mask + likely * ~mask).sum((1, 2)).clamp_min(1)
 
 
 def _twice(planes: Tensor) -> Tensor:

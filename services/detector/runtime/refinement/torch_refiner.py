@@ -3,18 +3,15 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from services.detector.runtime.refinement.closeups import CloseUps
 from services.detector.runtime.refinement.network import RefinerNetwork
+from services.detector.runtime.refinement.refiner import Floats, Refined, refined
 
 KEY: Final = "mask_refiner"
 """Of the network's tensors in a checkpoint; Ultralytics reads only the keys that it knows."""
-
-AT_ONCE: Final = 32
-"""Close-ups that are computed together: more need more memory, and are no quicker each."""
 
 
 class TorchRefiner:
@@ -25,20 +22,18 @@ class TorchRefiner:
         self._network.fuse()
         self._device = device
 
-    def run(self, seen: CloseUps) -> NDArray[np.float32]:
+    def run(self, seen: CloseUps) -> Refined:
         """See `Refiner.run`."""
-        given = [torch.from_numpy(each) for each in (seen.pixels, seen.features, seen.labels)]
-        found = np.empty(seen.pixels.shape[:3], np.float32)
+        return refined(seen, self._compute)
+
+    def _compute(self, given: list[NDArray[Any]]) -> tuple[Floats, Floats]:
         with torch.inference_mode():
-            for begin in range(0, len(found), AT_ONCE):
-                part = slice(begin, begin + AT_ONCE)
-                odds = self._network(*(each[part].to(self._device) for each in given))
-                found[part] = odds.float().cpu().numpy()
-        return found
+            odds, qualities = self._network(*(torch.from_numpy(each).to(self._device) for each in given))
+            return odds.float().cpu().numpy(), qualities.float().cpu().numpy()
 
 
-def network_in(checkpoint: Mapping[str, Any], classes: int) -> RefinerNetwork | None:
-    """Return the network that is kept in a checkpoint of a model of so many classes; None if there is none.
+def network_in(checkpoint: Mapping[str, Any], classes: int, prototypes: int) -> RefinerNetwork | None:
+    """Return the network that is kept in a checkpoint of a model of so many classes and prototypes, if there is one.
 
     Raises:
         ValueError: what is kept is of another shape.
@@ -46,11 +41,11 @@ def network_in(checkpoint: Mapping[str, Any], classes: int) -> RefinerNetwork | 
     state = checkpoint.get(KEY)
     if state is None:
         return None
+    network = RefinerNetwork(classes, prototypes)
     try:
-        network = RefinerNetwork(classes, len(state["of_features.0.weight"]))
         network.load_state_dict(state)
-    except (KeyError, RuntimeError, TypeError, AttributeError) as error:
-        raise ValueError(f"its {KEY} is none for {classes} classes") from error
+    except (RuntimeError, TypeError, AttributeError) as error:
+        raise ValueError(f"its {KEY} is none for {classes} classes and {prototypes} prototypes of masks") from error
     return network
 
 

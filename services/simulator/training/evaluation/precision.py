@@ -6,8 +6,10 @@ region with as large a share of itself as the IoU in question, is neither right 
 With an area range, COCO's other way to ignore, the detection would need that IoU with the object itself: one that takes
 two slivers of the same box for two boxes would be wrong. A detection of another class there is wrong, as everywhere.
 
-At most the 100 best detections of a class in a picture count. A size band asks for the objects of that many visible
-pixels alone; the others, and detections of other sizes that match nothing, are neither right nor wrong in it.
+Masks count in the order of their objects' scores, times their own qualities where they have them, as in Mask Scoring
+R-CNN (Huang et al., 2019). At most the 100 best of a class in a picture count. A size band asks for the objects of that
+many visible pixels alone; the others, and detections of other sizes that match nothing, are neither right nor wrong in
+it.
 """
 
 import contextlib
@@ -76,7 +78,8 @@ class MaskScore:
         for found in detections:
             if found.mask is None:
                 raise ValueError(f"a {found.name} without a mask")
-            self._found.append(self._annotation(found.name, found.mask, iscrowd=0, score=found.score))
+            score = found.score * (1 if found.mask.quality is None else found.mask.quality)
+            self._found.append(self._annotation(found.name, found.mask, iscrowd=0, score=score))
 
     def figures(self) -> MaskFigures:
         """What the pictures so far amount to."""

@@ -17,15 +17,18 @@ class Looks:
     """What a refiner sees of the objects that a model found in a picture.
 
     pixels: close-ups, objects x side x side x channels. features: what the model made of those places, objects x rows x
-    columns x channels. labels: of the objects. windows: what each close-up shows of the picture (objects x 4): left,
-    top, right and bottom in its pixels. masks: the coarse ones, objects x side x side.
+    columns x channels. labels, scores: of the objects. windows: what each close-up shows of the model's input, objects
+    x 4: left, top, right and bottom in its pixels. masks: the coarse ones, objects x side x side. letterboxed: puts a
+    mask of the picture into the model's input, nothing around it.
     """
 
     pixels: NDArray[np.uint8]
     features: NDArray[np.float16]
     labels: NDArray[np.int64]
+    scores: NDArray[np.float32]
     windows: NDArray[np.int64]
     masks: NDArray[np.bool_]
+    letterboxed: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 
 
 Look = Callable[[NDArray[np.uint8]], Looks]
@@ -36,12 +39,13 @@ Look = Callable[[NDArray[np.uint8]], Looks]
 class Refinement:
     """The detector's part.
 
-    open: loads weights, in any process, to look with them; the folder is for files of its own. network: makes a network
-    that knows nothing yet, for so many classes and channels of features; its forward takes pixels, features and labels
-    to log odds of masks. stretched: a window of a picture as a close-up has it. kept: what weights have of a network.
+    open: loads weights, in any process, onto a device to look with them; the folder is for files of its own. network:
+    makes a network that knows nothing yet, for so many classes and channels of features; its forward takes pixels,
+    features, labels and scores to log odds of masks and of their qualities. stretched: a window of the model's input as
+    a close-up has it. kept: what weights have of a network.
     """
 
-    open: Callable[[Path, Path], Look]
+    open: Callable[[Path, str, Path], Look]
     network: Callable[[int, int], "nn.Module"]
     stretched: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
     kept: Callable[["nn.Module"], dict[str, Any]]

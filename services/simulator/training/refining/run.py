@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from services.simulator.training.fitting import device_name
 from services.simulator.training.progress import Progress
 from services.simulator.training.refining.fitting import BATCH, fit_refiner
 from services.simulator.training.refining.refinement import Refinement
@@ -23,12 +26,18 @@ class Refined:
 
 def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> Refined:
     """Train what refines the masks of `weights`, unless they find too little to learn from."""
+    import torch  # noqa: PLC0415 - only the training needs it
+
     seeds = refining_seeds(settings.seed, settings.images, settings.refiner_images)
     folder = settings.work_dir / "close-ups"
-    files = write_samples(folder, refinement, weights, seeds, workers=settings.workers, progress=progress)
-    samples = Samples.read(files) if files else None
-    if samples is None or len(samples.labels) < BATCH:
+    device = device_name(settings)
+    files = write_samples(
+        folder, refinement, weights, seeds, device=device, workers=settings.workers, progress=progress
+    )
+    samples = Samples(files)
+    if len(samples.labels) < BATCH:
         return Refined({}, 0)
-    network = refinement.network(len(CLASSES), samples.features.shape[-1])
+    torch.manual_seed(settings.seed)
+    network = refinement.network(len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
     fit_refiner(network, samples, settings=settings, progress=progress)
     return Refined(refinement.kept(network), len(samples.labels))

@@ -17,55 +17,41 @@ from services.simulator.world import CLASSES, SeenObject
 MIN_IOU: Final = 0.25
 """Of a coarse mask with an object, for the object to be what was found."""
 
+NO_IOU: Final = 0.1
+"""Of a coarse mask with every object of its class, for there to be nothing of what was found."""
+
 MIN_VISIBILITY: Final = 0.3
 """Of an object that is learned from: what is left of one that is more hidden says little of its outline."""
 
+SEEN: Final = ("pixels", "features", "labels", "scores")
+"""What a sample has of `Looks`."""
+
 Bytes = NDArray[np.uint8]
+Records = NDArray[np.void]
+"""Samples, with the fields of `SEEN`, and targets: true masks, side x side, 255 where all of a pixel is the object's,
+and 0 everywhere where there is no such object."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """What to learn from.
+    """Samples in files, from where they are read whenever they are taken: all together may be more than memory holds.
 
-    pixels, features, labels: see `Looks`. targets: true masks, objects x side x side, 255 where all of a pixel is.
+    labels: of all of them.
     """
 
-    pixels: Bytes
-    features: NDArray[np.float16]
-    labels: NDArray[np.int64]
-    targets: Bytes
+    def __init__(self, files: Sequence[Path]) -> None:
+        parts = [np.array(_opened(file)["labels"], np.int64) for file in files]
+        self.labels: NDArray[np.int64] = np.concatenate([np.empty(0, np.int64), *parts])
+        self._files = files
+        self._begins = np.cumsum([0, *map(len, parts)])
 
-    @classmethod
-    def joined(cls, parts: Sequence["Samples"]) -> "Samples":
-        """Join those of many pictures."""
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__))
-
-    def write(self, file: Path) -> None:
-        """Write a file, whole or not at all."""
-        partial = file.with_suffix(".part")
-        with partial.open("wb") as stream:
-            np.savez(stream, **{name: getattr(self, name) for name in self.__slots__})
-        partial.replace(file)
-
-    @classmethod
-    def read(cls, files: Sequence[Path]) -> "Samples":
-        """Read what `write` wrote to these files, at least one, in no more memory than that takes: it may be much."""
-        ends = np.cumsum([len(_array(file, "labels")) for file in files]).tolist()
-        return cls(*(_filled(files, name, ends) for name in cls.__slots__))
+    def take(self, chosen: NDArray[np.int64]) -> Records:
+        """Read the samples of these numbers, of which there is at least one."""
+        files = np.searchsorted(self._begins, chosen, side="right") - 1
+        return np.stack([_opened(self._files[k])[n - self._begins[k]] for k, n in zip(files, chosen, strict=True)])
 
 
-def _filled(files: Sequence[Path], name: str, ends: Sequence[int]) -> NDArray[Any]:
-    """Read an array's parts, of which each ends at one of `ends`."""
-    first = _array(files[0], name)
-    whole = np.empty((ends[-1], *first.shape[1:]), first.dtype)
-    for file, begin, end in zip(files, [0, *ends], ends, strict=False):
-        whole[begin:end] = _array(file, name)
-    return whole
-
-
-def _array(file: Path, name: str) -> NDArray[Any]:
-    with np.load(file) as arrays:
-        return np.asarray(arrays[name])
+def _opened(file: Path) -> Records:
+    return np.asarray(np.load(file, mmap_mode="r"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,17 +60,25 @@ class _Job:
     seed: int
     refinement: Refinement
     weights: Path
+    device: str
     folder: Path
 
 
 def write_samples(
-    folder: Path, refinement: Refinement, weights: Path, seeds: Sequence[int], *, workers: int, progress: Progress
+    folder: Path,
+    refinement: Refinement,
+    weights: Path,
+    seeds: Sequence[int],
+    *,
+    device: str,
+    workers: int,
+    progress: Progress,
 ) -> list[Path]:
     """Look at `VIEWS` pictures of each scene with `weights`; return files of samples, which are kept for later runs."""
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / f"{seed:09d}.npz" for seed in seeds]
+    files = [folder / f"{seed:09d}.npy" for seed in seeds]
     jobs = [
-        _Job(file, seed, refinement, weights, folder)
+        _Job(file, seed, refinement, weights, device, folder)
         for file, seed in zip(files, seeds, strict=True)
         if not file.exists()
     ]
@@ -102,16 +96,20 @@ def refining_seeds(seed: int, images: int, refiner_images: int) -> list[int]:
 
 
 def _write(job: _Job) -> None:
-    look = job.refinement.open(job.weights, job.folder)
+    look = job.refinement.open(job.weights, job.device, job.folder)
     stretched = job.refinement.stretched
     parts = [matched(look(image), truths, stretched) for image, truths in pictures_of(job.seed, VIEWS)]
-    Samples.joined(parts).write(job.file)
+    partial = job.file.with_suffix(".part")
+    with partial.open("wb") as stream:
+        np.save(stream, np.concatenate(parts))
+    partial.replace(job.file)
 
 
-def matched(looks: Looks, truths: Sequence[SeenObject], stretched: Callable[[Bytes], Bytes]) -> Samples:
-    """Find the object that each close-up is of; those of none, and of one that shows little of itself, are left out."""
-    whole = [np.where(truth.full_mask(), np.uint8(255), np.uint8(0)) for truth in truths]
-    found: list[int] = []
+def matched(looks: Looks, truths: Sequence[SeenObject], stretched: Callable[[Bytes], Bytes]) -> Records:
+    """Find the object that each close-up is of, or that it is of none; what is in doubt or shows little is left out."""
+    whole = [looks.letterboxed(np.where(truth.full_mask(), np.uint8(255), np.uint8(0))) for truth in truths]
+    side = looks.pixels.shape[1]
+    learned: list[int] = []
     targets: list[Bytes] = []
     for n, (left, top, right, bottom) in enumerate(looks.windows.tolist()):
         cuts = [each[top:bottom, left:right] for each in whole]
@@ -119,16 +117,18 @@ def matched(looks: Looks, truths: Sequence[SeenObject], stretched: Callable[[Byt
         masks = {k: stretched(cuts[k]) for k in own}
         overlaps = {k: _iou(mask > 127, looks.masks[n]) for k, mask in masks.items()}
         best = max(own, key=overlaps.__getitem__, default=None)
-        if best is not None and overlaps[best] >= MIN_IOU and _shows_enough(truths[best]):
-            found.append(n)
+        if best is None or overlaps[best] < NO_IOU:
+            learned.append(n)
+            targets.append(np.zeros((side, side), np.uint8))
+        elif overlaps[best] >= MIN_IOU and _shows_enough(truths[best]):
+            learned.append(n)
             targets.append(masks[best])
-    side = looks.pixels.shape[1]
-    return Samples(
-        looks.pixels[found],
-        looks.features[found],
-        looks.labels[found],
-        np.array(targets, np.uint8).reshape(len(found), side, side),
-    )
+    fields: dict[str, NDArray[Any]] = {name: getattr(looks, name)[learned] for name in SEEN}
+    fields["targets"] = np.array(targets, np.uint8).reshape(len(learned), side, side)
+    records = np.empty(len(learned), [(name, each.dtype, each.shape[1:]) for name, each in fields.items()])
+    for name, each in fields.items():
+        records[name] = each
+    return records
 
 
 def _shows_enough(truth: SeenObject) -> bool:

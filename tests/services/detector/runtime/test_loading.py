@@ -1,6 +1,7 @@
 """Weights that are not what they should be are refused in one line; what is exported is made once."""
 
 import errno
+import logging
 import os
 import pickle
 import shutil
@@ -101,7 +102,8 @@ def test_a_refiner_of_other_masks_is_no_part_of_a_model(tmp_path: Path, model_fo
     weights = torch.load(SHIPPED_MODEL, weights_only=False)
     torch.save({**weights, "mask_refiner": {"of_features.0.weight": torch.ones(8)}}, tmp_path / "other.pt")
     reason = refusal(model_folder, model=str(tmp_path / "other.pt"))
-    assert reason.endswith("other.pt: not a model that can be used: its mask_refiner is none for 3 classes")
+    wrong = "its mask_refiner is none for 3 classes and 32 prototypes of masks"
+    assert reason.endswith(f"other.pt: not a model that can be used: {wrong}")
 
 
 def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_are_not(
@@ -120,6 +122,29 @@ def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_ar
     for one, other in zip(fine, rough, strict=True):
         assert one.mask != other.mask
         assert iou(one.mask, other.mask) > 0.3
+
+
+@pytest.mark.parametrize("runtime", ["torch", "onnx", "openvino"])
+def test_masks_are_refined_under_the_runtime_that_the_model_runs_under(
+    model_folder: Path, runtime: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    model = load(settings(model_folder, runtime=runtime), model_folder / "ultralytics")
+    assert [line for line in caplog.messages if "masks" in line] == [f"masks are refined under {runtime}"]
+    assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
+    assert model.remarks == ()
+
+
+def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
+    model_folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> bytes:
+        raise RuntimeError("no such operator")
+
+    monkeypatch.setattr("services.detector.runtime.refinement.exporting.onnx_of", fail)
+    model = load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics")
+    assert caplog.messages == ["masks are refined under torch: onnx cannot: no such operator"]
+    assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
 
 
 def objects_in(model: Pipeline) -> list[Detection]:

@@ -16,6 +16,7 @@ from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.postprocess import Output
 from services.detector.runtime.refinement.closeups import SIDE, CloseUps
+from services.detector.runtime.refinement.refiner import Refined
 from services.geometry.masks import decode
 from tests.services.detector.requests import request
 from tests.services.detector.runtime.engines import FACTS, BrightEngine, output
@@ -167,12 +168,13 @@ class MaskEngine:
 class LeftRefiner:
     """Finds that only the left half of each close-up is the object, if it is not broken."""
 
-    def __init__(self, error: Exception | None = None) -> None:
+    def __init__(self, error: Exception | None = None, quality: float = 1.0) -> None:
         self.shown: list[CloseUps] = []
         self.threads: set[str] = set()
         self._error = error
+        self._quality = quality
 
-    def run(self, seen: CloseUps) -> NDArray[np.float32]:
+    def run(self, seen: CloseUps) -> Refined:
         """See `Refiner.run`."""
         self.shown.append(seen)
         self.threads.add(threading.current_thread().name)
@@ -180,7 +182,7 @@ class LeftRefiner:
             raise self._error
         odds = np.full((len(seen.labels), SIDE, SIDE), -1, np.float32)
         odds[:, :, : SIDE // 2] = 1
-        return odds
+        return Refined(odds, np.full(len(odds), self._quality, np.float32))
 
 
 def refining(refiner: LeftRefiner) -> Pipeline:
@@ -216,9 +218,20 @@ async def test_a_refiner_takes_turns_with_the_engine_on_its_thread() -> None:
     assert refiner.threads.pop().startswith("model")
 
 
-async def test_an_image_whose_masks_cannot_be_refined_fails_alone() -> None:
-    model = refining(LeftRefiner(RuntimeError("no good")))
-    failed, found = await model.infer([replace(grey(100, 64), masks=True), grey(100, 64)])
-    assert isinstance(failed, Failed)
-    assert (failed.reason, str(failed.error)) == (FAILED, "no good")
-    assert len(_objects(found)) == 1
+@pytest.mark.parametrize(
+    ("refiner", "why"),
+    [
+        (LeftRefiner(RuntimeError("no good\nat all")), "no good"),
+        (LeftRefiner(RuntimeError("CUDA out of memory")), "CUDA out of memory"),
+        (LeftRefiner(quality=float("nan")), "what is not a number"),
+    ],
+)
+async def test_masks_that_cannot_be_refined_stay_coarse_which_is_said_once(refiner: LeftRefiner, why: str) -> None:
+    model, coarse = refining(refiner), Pipeline(FACTS, MaskEngine(), Criteria(), blank=BLANK)
+    asked = replace(grey(100, 64), masks=True)
+    for _ in range(2):
+        (outcome,) = await model.infer([asked])
+        (expected,) = await coarse.infer([asked])
+        assert _objects(outcome) == _objects(expected)
+    assert len(refiner.shown) == 2
+    assert model.remarks == (f"{FACTS.name} leaves masks coarse where refining them fails: {why}",)

@@ -9,6 +9,7 @@ from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.postprocess import Output, OutputError, objects
 from services.detector.runtime.refinement.closeups import BOX, SIDE, CloseUps
+from services.detector.runtime.refinement.refiner import Refined
 from tests.services.detector.runtime.engines import FACTS, STRIDE, output
 
 CRITERIA = Criteria(confidence=0.3, iou=0.5)
@@ -159,12 +160,12 @@ def test_refined_masks_lie_where_their_close_ups_are(height: int, width: int) ->
     letterbox = Letterbox.fit(height, width, 64, STRIDE)
     of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
 
-    def refine(candidates: Candidates, prototypes: NDArray[np.float32]) -> tuple[CloseUps, NDArray[np.float32]]:
+    def refine(candidates: Candidates, prototypes: NDArray[np.float32]) -> tuple[CloseUps, Refined]:
         assert candidates.corners.tolist() == [[16, 32, 24, 40]]
         assert prototypes.shape == (1, 16, 16)
         odds = np.full((1, SIDE, SIDE), -1, np.float32)
         odds[0, : SIDE // 2] = 1  # the upper half
-        return looks((12, 28, 28, 44)), odds
+        return looks((12, 28, 28, 44)), judged(odds)
 
     (seen,) = objects(of, letterbox, CRITERIA, FACTS.names, masks=True, refine=refine)
     expected = np.zeros((height, width), np.uint8)
@@ -176,20 +177,47 @@ def test_refined_masks_lie_where_their_close_ups_are(height: int, width: int) ->
     assert corners(seen) == (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
 
 
+def test_a_refined_mask_says_how_good_it_is_and_another_does_not() -> None:
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
+    odds = np.ones((1, SIDE, SIDE), np.float32)
+    for quality in (0.0, 0.75, 1.0):
+        refined = looks((12, 28, 28, 44)), judged(odds, quality)
+        (seen,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True, refine=lambda *_, to=refined: to)
+        assert seen.mask is not None
+        assert seen.mask.quality == quality
+        assert seen.score == pytest.approx(0.9)
+    (coarse,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True)
+    assert coarse.mask is not None
+    assert coarse.mask.quality is None
+
+
+def test_what_cannot_be_refined_keeps_the_mask_and_the_box_that_the_model_gave_it() -> None:
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
+    refined_not = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True, refine=lambda *_: None)
+    assert refined_not == objects(of, SQUARE, CRITERIA, FACTS.names, masks=True)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_masks_of_prototypes_that_are_no_numbers_are_refused(value: float) -> None:
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.full((1, 16, 16), value, np.float32), [[1]])
+    with pytest.raises(OutputError, match="prototypes of masks that are not numbers"):
+        objects(of, SQUARE, CRITERIA, FACTS.names, masks=True)
+
+
 def test_what_lies_apart_from_an_objects_box_is_none_of_it() -> None:
     of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
     seen, odds = looks((12, 28, 28, 44)), np.full((1, SIDE, SIDE), -1, np.float32)
     seen.pixels[..., BOX] = 0
     seen.pixels[0, 16:48, 16:48, BOX] = 255
     odds[0, 16:48, 16:48] = odds[0, :8, 60:] = 1
-    (found,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True, refine=lambda *_: (seen, odds))
+    (found,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True, refine=lambda *_: (seen, judged(odds)))
     assert corners(found) == (16, 32, 24, 40)
     assert pixels(found).sum() == 64
 
 
 def test_an_object_of_whose_mask_nothing_is_left_keeps_its_box() -> None:
     of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
-    nothing = looks((12, 28, 28, 44)), np.full((1, SIDE, SIDE), -1, np.float32)
+    nothing = looks((12, 28, 28, 44)), judged(np.full((1, SIDE, SIDE), -1, np.float32))
     (seen,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=True, refine=lambda *_: nothing)
     assert not pixels(seen).any()
     assert corners(seen) == (16, 32, 24, 40)
@@ -198,15 +226,22 @@ def test_an_object_of_whose_mask_nothing_is_left_keeps_its_box() -> None:
 def test_nothing_is_refined_for_nobody() -> None:
     of = output([(20, 36, 8, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1]])
 
-    def refine(*_: object) -> tuple[CloseUps, NDArray[np.float32]]:
+    def refine(*_: object) -> tuple[CloseUps, Refined]:
         raise AssertionError
 
     (seen,) = objects(of, SQUARE, CRITERIA, FACTS.names, masks=False, refine=refine)
     assert seen.mask is None
+    unsure = output([(20, 36, 8, 8)], [(0.01, 0)], np.ones((1, 16, 16), np.float32), [[1]])
+    assert objects(unsure, SQUARE, CRITERIA, FACTS.names, masks=True, refine=refine) == []
 
 
 def looks(*windows: tuple[int, int, int, int]) -> CloseUps:
     """Return close-ups of which nobody looks at more than the windows."""
     count = len(windows)
     pixels, features = np.full((count, SIDE, SIDE, 6), 255, np.uint8), np.zeros((count, 32, 32, 1), np.float16)
-    return CloseUps(pixels, features, np.zeros(count, np.int64), np.array(windows))
+    return CloseUps(pixels, features, np.zeros(count, np.int64), np.ones(count, np.float32), np.array(windows))
+
+
+def judged(odds: NDArray[np.float32], quality: float = 0.75) -> Refined:
+    """Return masks that are all as good."""
+    return Refined(odds, np.full(len(odds), quality, np.float32))

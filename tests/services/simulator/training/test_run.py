@@ -26,12 +26,12 @@ from services.toolbox.train.refinement import REFINEMENT as OWN
 BATCHES = 2
 
 
-def open_everywhere(_weights: Path, _folder: Path) -> Look:
+def open_everywhere(_weights: Path, _device: str, _folder: Path) -> Look:
     """Look at a picture as if the model had found something of each class in every part of it, however little it knows.
 
     The masks are full, and the features what is bright.
     """
-    places = np.array([(x, y, x + 80, y + 80) for x in range(0, 600, 20) for y in range(0, 440, 40)])
+    places = np.array([(x, y, x + 80, y + 80) for x in range(0, 600, 120) for y in range(0, 440, 120)])
 
     def look(image: NDArray[np.uint8]) -> Looks:
         squares = np.array([stretched(image[y:below, x:right]) for x, y, right, below in places.tolist()])
@@ -40,7 +40,8 @@ def open_everywhere(_weights: Path, _folder: Path) -> Look:
         pixels = np.concatenate([squares, np.full_like(squares, 255)], axis=-1).repeat(len(CLASSES), axis=0)
         masks = np.ones(pixels.shape[:3], np.bool_)
         features = pixels[:, ::2, ::2, :1].astype(np.float16).repeat(32, axis=-1)  # as many as the model has prototypes
-        return Looks(pixels, features, labels, places.repeat(len(CLASSES), axis=0), masks)
+        scores = np.full(len(labels), 0.5, np.float32)
+        return Looks(pixels, features, labels, scores, places.repeat(len(CLASSES), axis=0), masks, lambda it: it)
 
     return look
 
@@ -154,7 +155,7 @@ def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
         "fleetsight train --seed 3 --images 4 --holdout 1 --coarse-epochs 1 --polish-epochs 1 --refiner-images 4 "
         "--refiner-epochs 2 --imgsz 64 --batch 2" in card
     )
-    assert re.search(r"trained for 2 epochs on \d{2,} objects\n  that the model found in 4 images", card)
+    assert re.search(r"trained for 2 epochs on\n  \d{2,} things that the model found in 4 images", card)
     assert "1 epochs at half\n  the size, 2 at the whole and 1 more" in card
     assert "no photograph" in card
     assert str(interrupted.work_dir) not in card

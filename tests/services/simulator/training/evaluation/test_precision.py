@@ -116,6 +116,20 @@ def test_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == ("", "")
 
 
+def test_masks_of_better_quality_come_first_among_equal_scores() -> None:
+    truths = [truth("box", *BOX)]
+    wrong, right = (found("box", *place, score=0.8) for place in (OTHER, BOX))
+
+    def judged(*qualities: float) -> list[Detection]:
+        return [
+            msgspec.structs.replace(each, mask=msgspec.structs.replace(each.mask, quality=quality))  # type: ignore[type-var]
+            for each, quality in zip((wrong, right), qualities, strict=True)
+        ]
+
+    assert map50(truths, *judged(0.2, 0.9)) == RIGHT
+    assert map50(truths, *judged(0.9, 0.2)) == pytest.approx(0.5)
+
+
 def test_what_cannot_be_scored_is_refused() -> None:
     with pytest.raises(ValueError, match="a box without a mask"):
         map50([], msgspec.structs.replace(found("box", *BOX), mask=None))

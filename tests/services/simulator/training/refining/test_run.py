@@ -7,11 +7,18 @@ from services.simulator.training.refining.run import Refined, refine
 from services.simulator.training.settings import TrainingSettings
 
 
-def open_blind(_weights: Path, _folder: Path) -> Look:
+def open_blind(_weights: Path, _device: str, _folder: Path) -> Look:
     """See nothing anywhere."""
-    shapes = ((0, 8, 8, 6), (0, 4, 4, 1), (0,), (0, 4), (0, 8, 8))
-    kinds = (np.uint8, np.float16, np.int64, np.int64, np.bool_)
-    return lambda _image: Looks(*(np.zeros(shape, kind) for shape, kind in zip(shapes, kinds, strict=True)))
+    nothing = Looks(
+        np.zeros((0, 8, 8, 6), np.uint8),
+        np.zeros((0, 4, 4, 1), np.float16),
+        np.zeros(0, np.int64),
+        np.zeros(0, np.float32),
+        np.zeros((0, 4), np.int64),
+        np.zeros((0, 8, 8), np.bool_),
+        letterboxed=lambda whole: whole,
+    )
+    return lambda _image: nothing
 
 
 def unused(*_: object) -> dict[str, object]:

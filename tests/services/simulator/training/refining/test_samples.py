@@ -1,3 +1,4 @@
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,7 +35,8 @@ def found(truth: SeenObject, **other: int) -> Looks:
     mask = stretched(np.where(truth.mask, np.uint8(255), np.uint8(0))) > 127
     label = other.get("label", CLASSES.index(truth.name))
     pixels = np.full((1, SIDE, SIDE, 6), label, np.uint8)
-    return Looks(pixels, np.zeros((1, 32, 32, 4), np.float16), np.array([label]), window, mask[None])
+    features, score = np.zeros((1, 32, 32, 4), np.float16), np.array([0.75], np.float32)
+    return Looks(pixels, features, np.array([label]), score, window, mask[None], lambda whole: whole)
 
 
 def clear(truths: tuple[SeenObject, ...]) -> SeenObject:
@@ -45,34 +47,45 @@ def clear(truths: tuple[SeenObject, ...]) -> SeenObject:
 def test_a_close_up_of_an_object_is_learned_with_its_true_mask(truths: tuple[SeenObject, ...]) -> None:
     truth = clear(truths)
     samples = matched(found(truth), truths, stretched)
-    assert samples.labels.tolist() == [CLASSES.index(truth.name)]
-    assert np.array_equal(samples.targets[0], stretched(np.where(truth.mask, np.uint8(255), np.uint8(0))))
-    assert samples.features.shape == (1, 32, 32, 4)
+    assert samples["labels"].tolist() == [CLASSES.index(truth.name)]
+    assert samples["scores"].tolist() == [0.75]
+    assert np.array_equal(samples["targets"][0], stretched(np.where(truth.mask, np.uint8(255), np.uint8(0))))
+    assert samples["features"].shape == (1, 32, 32, 4)
 
 
-def test_what_is_of_another_class_or_none_is_not_learned(truths: tuple[SeenObject, ...]) -> None:
+def test_what_is_of_another_class_or_none_is_learned_to_be_nothing(truths: tuple[SeenObject, ...]) -> None:
     truth = clear(truths)
     other = (CLASSES.index(truth.name) + 1) % len(CLASSES)
-    assert not len(matched(found(truth, label=other), (truth,), stretched).labels)
-    assert not len(matched(found(truth), (), stretched).labels)
+    for samples in (matched(found(truth, label=other), (truth,), stretched), matched(found(truth), (), stretched)):
+        assert len(samples) == 1
+        assert not samples["targets"].any()
 
 
 def test_what_is_mostly_hidden_is_not_learned(truths: tuple[SeenObject, ...]) -> None:
     hidden = min((each for each in truths if each.image_share > 0.001), key=lambda each: each.visibility)
     assert hidden.visibility < 0.3
-    assert not len(matched(found(hidden), truths, stretched).labels)
+    assert not len(matched(found(hidden), truths, stretched))
+
+
+def test_what_may_be_an_object_or_not_is_not_learned(truths: tuple[SeenObject, ...]) -> None:
+    truth = clear(truths)
+    whole = found(truth)
+    for share, learned in ((0.05, 1), (0.2, 0), (0.5, 1)):
+        part = whole.masks & (np.cumsum(whole.masks).reshape(whole.masks.shape) <= share * whole.masks.sum())
+        assert len(matched(dataclasses.replace(whole, masks=part), truths, stretched)) == learned
 
 
 def test_the_object_is_the_one_that_the_coarse_mask_is_of(truths: tuple[SeenObject, ...]) -> None:
     boxes = [each for each in truths if each.name == "box" and each.visibility > 0.9 and each.image_share > 0.001]
     assert len(boxes) > 2
     for truth in boxes:
-        (target,) = matched(found(truth), truths, stretched).targets
+        (target,) = matched(found(truth), truths, stretched)["targets"]
         assert np.array_equal(target > 127, found(truth).masks[0])
 
 
-def open_corner(_weights: Path, folder: Path) -> Look:
+def open_corner(_weights: Path, device: str, folder: Path) -> Look:
     """Look at the upper left corner of every picture, and note that."""
+    assert device == "cpu"
 
     def look(image: Picture) -> Looks:
         with (folder / "looks").open("a") as log:
@@ -82,9 +95,8 @@ def open_corner(_weights: Path, folder: Path) -> Look:
             np.repeat(stretched(window)[None, ..., None], 6, axis=-1),
             np.ones((1, 32, 32, 2), np.float16),
         )
-        return Looks(
-            pixels, features, np.array([0]), np.array([[0, 0, WINDOW, WINDOW]]), np.ones((1, SIDE, SIDE), bool)
-        )
+        score, place = np.ones(1, np.float32), np.array([[0, 0, WINDOW, WINDOW]])
+        return Looks(pixels, features, np.array([0]), score, place, np.ones((1, SIDE, SIDE), bool), lambda whole: whole)
 
     return look
 
@@ -98,7 +110,9 @@ REFINEMENT = Refinement(open=open_corner, network=nothing, stretched=stretched, 
 
 @pytest.fixture
 def write(tmp_path: Path) -> Callable[[list[int]], list[Path]]:
-    return lambda seeds: write_samples(tmp_path, REFINEMENT, Path("x.pt"), seeds, workers=1, progress=ignored)
+    return lambda seeds: write_samples(
+        tmp_path, REFINEMENT, Path("x.pt"), seeds, device="cpu", workers=1, progress=ignored
+    )
 
 
 def test_each_scene_is_looked_at_once(write: Callable[[list[int]], list[Path]], tmp_path: Path) -> None:
@@ -108,27 +122,21 @@ def test_each_scene_is_looked_at_once(write: Callable[[list[int]], list[Path]], 
     assert len((tmp_path / "looks").read_text().splitlines()) == 3 * VIEWS
 
 
-def test_what_is_written_is_read_again(tmp_path: Path) -> None:
-    rng = np.random.default_rng(1)
-    parts = [
-        Samples(
-            rng.integers(0, 256, (count, 8, 8, 6), np.uint8),
-            rng.random((count, 4, 4, 2)).astype(np.float16),
-            rng.integers(0, 3, count),
-            rng.integers(0, 256, (count, 8, 8), np.uint8),
-        )
-        for count in (2, 0, 3)
-    ]
-    files = [tmp_path / f"{n}.npz" for n in range(3)]
-    for part, file in zip(parts, files, strict=True):
-        part.write(file)
-    read, joined = Samples.read(files), Samples.joined(parts)
-    for name in ("pixels", "features", "labels", "targets"):
-        expected = np.concatenate([getattr(part, name) for part in parts])
-        assert np.array_equal(getattr(read, name), expected)
-        assert np.array_equal(getattr(joined, name), expected)
-        assert getattr(read, name).dtype == expected.dtype
-    assert sorted(tmp_path.iterdir()) == files
+def test_samples_are_read_from_their_files(tmp_path: Path) -> None:
+    kind = np.dtype([("labels", np.int64), ("targets", np.uint8, (2, 2))])
+    every, files = np.zeros(7, kind), [tmp_path / f"{n}.npy" for n in range(4)]
+    every["labels"] = [2, 0, 1, 1, 0, 2, 0]
+    every["targets"] = np.arange(28).reshape(7, 2, 2)
+    for part, file in zip(np.split(every, [3, 3, 5]), files, strict=True):
+        np.save(file, part)
+    samples = Samples(files)
+    assert samples.labels.tolist() == [2, 0, 1, 1, 0, 2, 0]
+    for chosen in ([0], [6, 3, 3, 0], [*range(7)]):
+        assert np.array_equal(samples.take(np.array(chosen)), every[chosen])
+
+
+def test_of_no_files_there_are_no_samples() -> None:
+    assert not len(Samples([]).labels)
 
 
 def test_scenes_to_refine_in_are_no_others_scenes() -> None:

@@ -1,0 +1,26 @@
+"""A refiner under ONNX Runtime, on the processor."""
+
+from typing import Any
+
+import onnxruntime
+from numpy.typing import NDArray
+
+from services.detector.runtime.onnx_engine import providers, session_options
+from services.detector.runtime.refinement.closeups import CloseUps
+from services.detector.runtime.refinement.refiner import Floats, Refined, refined
+
+
+class OnnxRefiner:
+    """Runs an ONNX file's content."""
+
+    def __init__(self, model: bytes, threads: int) -> None:
+        self._session = onnxruntime.InferenceSession(model, session_options(threads), providers=providers(None, ()))
+        self._inputs = [each.name for each in self._session.get_inputs()]
+
+    def run(self, seen: CloseUps) -> Refined:
+        """See `Refiner.run`."""
+        return refined(seen, self._compute)
+
+    def _compute(self, given: list[NDArray[Any]]) -> tuple[Floats, Floats]:
+        odds, qualities = self._session.run(None, dict(zip(self._inputs, given, strict=True)))
+        return odds, qualities
