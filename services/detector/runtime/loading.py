@@ -4,8 +4,9 @@ import logging
 import os
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import cv2
 import numpy as np
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
     from services.detector.runtime.weights import Weights
 
 log = logging.getLogger(__name__)
+
+ONNX: Final = ("onnx", "openvino")
+"""Runtimes beside which masks are refined under ONNX Runtime: it takes less time than torch."""
 
 
 def load_all(settings: DetectorSettings, folder: Path) -> Model:
@@ -159,38 +163,32 @@ def _threads(settings: DetectorSettings) -> int:
 
 
 def _refiner(network: "RefinerNetwork", runtime: Runtime, device: "torch.device", threads: int) -> Refiner:
-    """Return the refiner under the model's runtime if it works there, else under torch. Run once: see `load`."""
+    """Return the refiner under ONNX Runtime where that is of use and works, else under torch. Run once: see `load`.
+
+    OpenVINO is not for it: processes in which it had computed this network crashed later.
+    """
     seen = blank_close_ups(1, network.prototypes)
-    under: Runtime = runtime if device.type == "cpu" else "torch"
-    try:
-        refiner = _refiner_under(under, network, device, threads)
-        refiner.run(seen)
-        log.info("masks are refined under %s", under)
-    except Exception as error:
-        if under == "torch":
-            raise
-        log.warning("masks are refined under torch: %s cannot: %s", under, first_line(error))
-        refiner = _refiner_under("torch", network, device, threads)
-        refiner.run(seen)
-    return refiner
+    if device.type == "cpu" and runtime in ONNX and find_spec("onnxruntime") is not None:
+        try:
+            refiner = _onnx_refiner(network, threads)
+            refiner.run(seen)
+        except Exception as error:  # noqa: BLE001 - whatever ails one library, torch works
+            log.warning("masks are refined under torch: onnx cannot: %s", first_line(error))
+        else:
+            log.info("masks are refined under onnx")
+            return refiner
+    from services.detector.runtime.refinement.torch_refiner import TorchRefiner  # noqa: PLC0415 - it is heavy
+
+    slower = TorchRefiner(network, device)
+    slower.run(seen)
+    return slower
 
 
-def _refiner_under(runtime: Runtime, network: "RefinerNetwork", device: "torch.device", threads: int) -> Refiner:
+def _onnx_refiner(network: "RefinerNetwork", threads: int) -> Refiner:
     from services.detector.runtime.refinement import exporting  # noqa: PLC0415 - it is heavy
+    from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - it may not be there
 
-    match runtime:
-        case "openvino":
-            from services.detector.runtime.refinement.openvino_refiner import OpenVinoRefiner  # noqa: PLC0415
-
-            return OpenVinoRefiner(exporting.onnx_of(network), threads)
-        case "onnx":
-            from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415
-
-            return OnnxRefiner(exporting.onnx_of(network), threads)
-        case _:
-            from services.detector.runtime.refinement.torch_refiner import TorchRefiner  # noqa: PLC0415
-
-            return TorchRefiner(network, device)
+    return OnnxRefiner(exporting.onnx_of(network), threads)
 
 
 def _gpu(device: "torch.device") -> int | None:

@@ -25,12 +25,6 @@ def hints(threads: int) -> dict[str, Any]:
     }
 
 
-def request_of(model: bytes, threads: int) -> Any:
-    """Return what computes a model that is the content of an ONNX file."""
-    core = openvino.Core()
-    return core.compile_model(core.read_model(model), DEVICE, hints(threads)).create_infer_request()
-
-
 class OpenVinoEngine:
     """Runs an ONNX file on the processor, in the precision that OpenVINO finds fastest there."""
 

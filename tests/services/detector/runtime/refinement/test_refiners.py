@@ -7,7 +7,6 @@ import torch
 from services.detector.runtime.refinement.closeups import SIDE, CloseUps
 from services.detector.runtime.refinement.exporting import onnx_of
 from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner
-from services.detector.runtime.refinement.openvino_refiner import OpenVinoRefiner
 from services.detector.runtime.refinement.refiner import AT_ONCE, Refiner
 from services.detector.runtime.refinement.torch_refiner import TorchRefiner
 from tests.services.detector.runtime.refinement.looks import looks, network
@@ -15,7 +14,6 @@ from tests.services.detector.runtime.refinement.looks import looks, network
 MAKERS: dict[str, Callable[[], Refiner]] = {
     "torch": lambda: TorchRefiner(network(), torch.device("cpu")),
     "onnx": lambda: OnnxRefiner(onnx_of(network()), 1),
-    "openvino": lambda: OpenVinoRefiner(onnx_of(network()), 1),
 }
 
 
