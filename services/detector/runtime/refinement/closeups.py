@@ -32,6 +32,7 @@ BOX: Final = 5
 """The channel that is not 0 where the box is."""
 
 LARGEST: Final = float(np.finfo(np.float16).max)
+"""What a feature can be at most."""
 
 SMALL: Final = 0.05
 """The share of a mask that is a small part of it; larger ones are what posts before an object leave of it."""
@@ -77,7 +78,7 @@ def close_ups(image: Bytes, objects: Candidates, prototypes: Floats) -> CloseUps
     cells = _cells(objects.corners / np.float32(step), prototypes.shape[1:])
     pixels = np.empty((len(cells), SIDE, SIDE, CHANNELS), np.uint8)
     features = np.empty((len(cells), FEATURES_SIDE, FEATURES_SIDE, len(prototypes)), np.float16)
-    planes = np.ascontiguousarray(prototypes.transpose(1, 2, 0)).clip(-LARGEST, LARGEST)
+    planes = np.clip(prototypes.transpose(1, 2, 0), -LARGEST, LARGEST, order="C")
     odds = _odds(objects, cells, prototypes, step)
     windows = cells * step
     for n, (own, surer) in enumerate(odds):
