@@ -183,15 +183,23 @@ class HeldUp:
         return [None for _ in objects]
 
 
-async def test_lists_of_classes_do_not_wait_for_tracks_and_nobody_elses_objects_are_followed(bus: Bus) -> None:
+@asynccontextmanager
+async def held_up(bus: Bus, camera: CameraKey) -> AsyncIterator[tuple[Rig, HeldUp, Subscription, Subscription]]:
+    """Follow a camera's objects with a tracker that is held up; yield class lists and that camera's detections too."""
     tracker = HeldUp()
     tracking = Tracking(lambda: tracker)
     rig = Rig(ToldModel(at_once=True), tracking=tracking)
     async with (
         rig.running(bus) as lists,
-        bus.subscribe(CAMERAS[1].stream(Stream.DETECTIONS), QUEUE(9)) as detections,
+        bus.subscribe(camera.stream(Stream.DETECTIONS), QUEUE(9)) as detections,
     ):
-        await until(lambda: rig.cameras[CAMERAS[1]].wants_tracks)
+        await until(lambda: rig.cameras[camera].wants_tracks)
+        yield rig, tracker, lists, detections
+    tracking.close()
+
+
+async def test_lists_of_classes_do_not_wait_for_tracks_and_nobody_elses_objects_are_followed(bus: Bus) -> None:
+    async with held_up(bus, CAMERAS[1]) as (rig, tracker, lists, detections):
         for seq, camera in enumerate(CAMERAS[:2]):
             rig.post(camera, seq)
         assert [await result(lists) for _ in range(2)] == [("c0", 0), ("c1", 1)]
@@ -202,18 +210,10 @@ async def test_lists_of_classes_do_not_wait_for_tracks_and_nobody_elses_objects_
         assert (found.header.seq, set(found.spans)) == (1, {"queue", "model", "track"})
         assert tracker.frames == [1]
         assert rig.told == CAMERAS[:2]
-    tracking.close()
 
 
 async def test_frames_wait_for_tracks_before_they_go_to_the_model_and_not_after(bus: Bus) -> None:
-    tracker = HeldUp()
-    tracking = Tracking(lambda: tracker)
-    rig = Rig(ToldModel(at_once=True), tracking=tracking)
-    async with (
-        rig.running(bus) as lists,
-        bus.subscribe(CAMERAS[0].stream(Stream.DETECTIONS), QUEUE(9)),
-    ):
-        await until(lambda: rig.cameras[CAMERAS[0]].wants_tracks)
+    async with held_up(bus, CAMERAS[0]) as (rig, tracker, lists, _):
         for seq in range(9):
             rig.post(CAMERAS[0], seq)
             await asyncio.sleep(0.01)
@@ -221,18 +221,10 @@ async def test_frames_wait_for_tracks_before_they_go_to_the_model_and_not_after(
         tracker.may_go_on.set()
         while await result(lists) != ("c0", 8):
             pass
-    tracking.close()
 
 
 async def test_a_worker_whose_frames_wait_for_tracks_has_no_time_left(bus: Bus) -> None:
-    tracker = HeldUp()
-    tracking = Tracking(lambda: tracker)
-    rig = Rig(ToldModel(at_once=True), tracking=tracking)
-    async with (
-        rig.running(bus) as lists,
-        bus.subscribe(CAMERAS[0].stream(Stream.DETECTIONS), QUEUE(9)),
-    ):
-        await until(lambda: rig.cameras[CAMERAS[0]].wants_tracks)
+    async with held_up(bus, CAMERAS[0]) as (rig, tracker, lists, _):
         for seq in range(3):
             rig.post(CAMERAS[0], seq)
             assert await result(lists) == ("c0", seq)
@@ -244,7 +236,6 @@ async def test_a_worker_whose_frames_wait_for_tracks_has_no_time_left(bus: Bus) 
         idle_s = rig.inference.totals().busy_s
         await asyncio.sleep(0.02)
         assert rig.inference.totals().busy_s == idle_s
-    tracking.close()
 
 
 async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
