@@ -3,9 +3,6 @@
 import asyncio
 import logging
 import tempfile
-from collections.abc import Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +13,7 @@ from services.detector.role import DETECTOR, OPINION
 from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
 from services.detector.worker import Worker
+from services.worker_thread import worker_thread
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +28,7 @@ async def run(settings: DetectorSettings) -> int:
     """
     with (
         tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder,
-        loading_thread() as executor,
+        worker_thread("loading") as executor,
     ):
         log.info("loading %s", settings.model)
         model = await asyncio.get_running_loop().run_in_executor(executor, load_all, settings, Path(folder))
@@ -62,13 +60,3 @@ async def work(settings: DetectorSettings, model: Model) -> int:
 def _first(failed: BaseExceptionGroup[ModelError]) -> ModelError:
     first = failed.exceptions[0]
     return _first(first) if isinstance(first, BaseExceptionGroup) else first
-
-
-@contextmanager
-def loading_thread() -> Iterator[Executor]:
-    """Give loading a thread of its own. Leaving does not wait for it: it takes seconds."""
-    executor = ThreadPoolExecutor(1, thread_name_prefix="loading")
-    try:
-        yield executor
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
