@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.simulator.training import pool
+from services.simulator.training.files import write_whole
 from services.simulator.training.framing import draw_view
 from services.simulator.training.polygons import Polygon, outline
 from services.simulator.training.progress import Progress
@@ -52,8 +53,7 @@ def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, h
         for kind in ("images", "labels"):
             (folder / kind / split).mkdir(parents=True, exist_ok=True)
     progress("render", 0, len(jobs))
-    for done, _ in enumerate(pool.done(_write_scene, jobs, workers), start=1):
-        progress("render", done, len(jobs))
+    pool.run(_write_scene, jobs, workers, lambda done: progress("render", done, len(jobs)))
     names = "".join(f"  {index}: {name}\n" for index, name in enumerate(CLASSES))
     description = folder / "dataset.yaml"
     description.write_text(f"path: {folder.resolve()}\ntrain: images/train\nval: images/val\nnames:\n{names}")
@@ -67,10 +67,11 @@ def _write_scene(job: tuple[Path, str, int, int]) -> None:
     if all((folder / "labels" / split / f"{name}.txt").exists() for name in names):
         return
     for name, (image, labels) in zip(names, views_of(seed, views), strict=True):
-        cv2.imwrite(str(folder / "images" / split / f"{name}.png"), image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        write_whole(folder / "images" / split / f"{name}.png", png.tobytes())
         height, width = image.shape[:2]
         lines = (_line(label, width, height) for label in labels)
-        (folder / "labels" / split / f"{name}.txt").write_text("".join(lines))
+        write_whole(folder / "labels" / split / f"{name}.txt", "".join(lines).encode())
 
 
 def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[Label]]]:

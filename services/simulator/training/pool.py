@@ -1,7 +1,9 @@
 """Many things done by several processes."""
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+import os
+import threading
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import TypeVar
 
@@ -10,11 +12,36 @@ import cv2
 Job = TypeVar("Job")
 
 
-def done(work: Callable[[Job], None], jobs: Sequence[Job], workers: int) -> Iterator[None]:
-    """Yield after each job, in order; in this process where one is enough. work: what other processes can import."""
+def run(work: Callable[[Job], None], jobs: Sequence[Job], workers: int, report: Callable[[int], None]) -> None:
+    """Do all jobs, in this process where one is enough, and report how many are done after each.
+
+    Where `report` or a job raises, what has not begun never does. work: what other processes can import.
+    """
     if workers == 1 or len(jobs) < 2:
-        yield from map(work, jobs)
+        _report_each(map(work, jobs), report)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-        yield from pool.map(work, jobs)
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool:
+        try:
+            _report_each(pool.map(work, jobs), report)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _begin() -> None:
+    """Have one processor, and end with whoever began this process, however that ends."""
+    cv2.setNumThreads(1)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # noqa: S101 - this process is a pool's
+    parent.join()
+    os._exit(1)
+
+
+def _report_each(ends: Iterable[None], report: Callable[[int], None]) -> None:
+    for done, _ in enumerate(ends, start=1):
+        report(done)

@@ -16,6 +16,7 @@ from services.simulator.training.evaluation.scenes import held_out_seeds, held_o
 from services.simulator.training.fitting import device_name, epochs_done, fit
 from services.simulator.training.metering import effort_so_far, metered
 from services.simulator.training.progress import Progress
+from services.simulator.training.refining.fitting import CHECKPOINT, kept_state
 from services.simulator.training.refining.refinement import Refinement
 from services.simulator.training.refining.run import refine
 from services.simulator.training.settings import DECISIVE, TrainingSettings
@@ -103,6 +104,7 @@ def _check(settings: TrainingSettings) -> None:
         raise TrainingError(f"--device {settings.device}: {first_line(error)}") from error
     for stage in stages_of(settings):
         _check_checkpoint(stage.checkpoint(settings.work_dir))
+    kept_state(settings.work_dir / CHECKPOINT)
     try:
         settings.output.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=settings.output.parent):

@@ -8,6 +8,7 @@ import msgspec
 
 from services.simulator.training import pool
 from services.simulator.training.errors import TrainingError
+from services.simulator.training.files import write_whole
 from services.simulator.training.progress import Progress
 
 Made = TypeVar("Made", bound=msgspec.Struct)
@@ -22,23 +23,21 @@ def kept(
     What is in `folder` is taken from there. report: told as "render scenes".
 
     Raises:
-        TrainingError: a file there is damaged.
+        TrainingError: a file there is damaged, or cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{seed:09d}.msgpack" for seed in seeds]
     missing: list[_Job] = [(file, seed, make) for file, seed in zip(files, seeds, strict=True) if not file.exists()]
-    report("render scenes", len(seeds) - len(missing), len(seeds))
-    for done, _ in enumerate(pool.done(_write, missing, workers), start=len(seeds) - len(missing) + 1):
-        report("render scenes", done, len(seeds))
+    before = len(seeds) - len(missing)
+    report("render scenes", before, len(seeds))
+    pool.run(_write, missing, workers, lambda done: report("render scenes", before + done, len(seeds)))
     for file in files:
         yield _read(file, kind)
 
 
 def _write(job: _Job) -> None:
     file, seed, make = job
-    partial = file.with_suffix(".part")
-    partial.write_bytes(msgspec.msgpack.encode(make(seed)))
-    partial.replace(file)
+    write_whole(file, msgspec.msgpack.encode(make(seed)))
 
 
 def _read(file: Path, kind: type[Made]) -> Made:

@@ -1,5 +1,6 @@
 """The training of a refiner, resumable after every epoch."""
 
+import io
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.simulator.training.errors import TrainingError, first_line
+from services.simulator.training.files import write_whole
 from services.simulator.training.fitting import device_name
 from services.simulator.training.progress import Progress
 from services.simulator.training.refining.replicas import PARTS, Replicas
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     import torch
     from torch import nn
 
+CHECKPOINT: Final = "refiner.pt"
 BATCH: Final = 64
 RATE: Final = 3e-3
 LAST_RATE: Final = 3e-5
@@ -31,7 +34,7 @@ def fit_refiner(network: "nn.Module", samples: Samples, *, settings: TrainingSet
     from ultralytics.utils.torch_utils import select_device  # noqa: PLC0415 - after load_ultralytics
 
     device: torch.device = select_device(device_name(settings), verbose=False)
-    checkpoint, epochs = settings.work_dir / "refiner.pt", settings.refiner_epochs
+    checkpoint, epochs = settings.work_dir / CHECKPOINT, settings.refiner_epochs
     batches = max(1, len(samples.labels) // BATCH)
     network.to(device).to(memory_format=torch.channels_last).train()
     optimizer = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=1e-3, fused=True)
@@ -64,21 +67,40 @@ def rate(step: int, steps: int) -> float:
 def _keep(state: dict[str, Any], checkpoint: Path) -> None:
     import torch  # noqa: PLC0415 - see above
 
-    partial = checkpoint.with_suffix(".part")
-    torch.save(state, partial)
-    partial.replace(checkpoint)
+    content = io.BytesIO()
+    torch.save(state, content)
+    write_whole(checkpoint, content.getvalue())
+
+
+def kept_state(checkpoint: Path) -> dict[str, Any] | None:
+    """Return what `fit_refiner` kept; nothing if there is no such file. Nothing in it is executed.
+
+    Raises:
+        TrainingError: it is something else.
+    """
+    import torch  # noqa: PLC0415 - see above
+
+    if not checkpoint.exists():
+        return None
+    try:
+        state = torch.load(checkpoint, map_location="cpu", weights_only=True)
+        return {"epoch": int(state["epoch"]), "network": state["network"], "optimizer": state["optimizer"]}
+    except Exception as error:
+        raise _no_checkpoint(checkpoint, "nothing that can be read") from error
 
 
 def _resumed(checkpoint: Path, network: "nn.Module", optimizer: "torch.optim.Optimizer") -> int:
     """Go on where an earlier run was interrupted; return the epoch to begin with."""
-    import torch  # noqa: PLC0415 - see above
-
-    if not checkpoint.exists():
+    state = kept_state(checkpoint)
+    if state is None:
         return 0
     try:
-        state = torch.load(checkpoint, map_location="cpu", weights_only=True)
         network.load_state_dict(state["network"])
         optimizer.load_state_dict(state["optimizer"])
-        return int(state["epoch"]) + 1
     except Exception as error:
-        raise TrainingError(f"{checkpoint} is no checkpoint of a refiner, remove it: {first_line(error)}") from error
+        raise _no_checkpoint(checkpoint, first_line(error)) from error
+    return int(state["epoch"]) + 1
+
+
+def _no_checkpoint(checkpoint: Path, reason: str) -> TrainingError:
+    return TrainingError(f"{checkpoint} is no checkpoint of a refiner, remove it: {reason}")

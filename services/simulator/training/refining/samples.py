@@ -1,5 +1,6 @@
 """What a refiner learns from: close-ups of what the model finds in scenes, and the true masks in them."""
 
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from services.simulator.training import pool
 from services.simulator.training.dataset import MIN_AREA, VIEWS, pictures_of, training_seed
+from services.simulator.training.files import write_whole
 from services.simulator.training.progress import Progress
 from services.simulator.training.refining.refinement import Looks, Refinement
 from services.simulator.world import CLASSES, SeenObject
@@ -84,8 +86,7 @@ def write_samples(
     ]
     before = len(seeds) - len(jobs)
     progress("look", before, len(seeds))
-    for done, _ in enumerate(pool.done(_write, jobs, workers), start=before + 1):
-        progress("look", done, len(seeds))
+    pool.run(_write, jobs, workers, lambda done: progress("look", before + done, len(seeds)))
     return files
 
 
@@ -99,10 +100,10 @@ def _write(job: _Job) -> None:
     look = job.refinement.open(job.weights, job.device, job.folder)
     stretched = job.refinement.stretched
     parts = [matched(look(image), truths, stretched) for image, truths in pictures_of(job.seed, VIEWS)]
-    partial = job.file.with_suffix(".part")
-    with partial.open("wb") as stream:
-        np.save(stream, np.concatenate(parts))
-    partial.replace(job.file)
+    found = [part for part in parts if len(part)]  # others may not know the shape of what they have none of
+    content = io.BytesIO()
+    np.save(content, np.concatenate(found) if found else parts[0])
+    write_whole(job.file, content.getvalue())
 
 
 def matched(looks: Looks, truths: Sequence[SeenObject], stretched: Callable[[Bytes], Bytes]) -> Records:

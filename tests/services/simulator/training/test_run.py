@@ -195,3 +195,6 @@ def test_what_cannot_work_is_said_before_anything_is_rendered(tmp_path: Path) ->
     (tmp_path / "c" / "work").mkdir(parents=True)
     fine(small(tmp_path / "c")).checkpoint(tmp_path / "c" / "work").write_bytes(b"no checkpoint")
     assert "fine.pt is no checkpoint, remove it: " in refusal(small(tmp_path / "c"))
+    (tmp_path / "d" / "work").mkdir(parents=True)
+    (tmp_path / "d" / "work" / "refiner.pt").write_bytes(b"no checkpoint")
+    assert "refiner.pt is no checkpoint of a refiner, remove it: " in refusal(small(tmp_path / "d"))

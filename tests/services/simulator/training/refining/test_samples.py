@@ -7,13 +7,15 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.runtime.refinement.closeups import SIDE, stretched
-from services.simulator.training.dataset import VIEWS, holdout_seed, training_seed
+from services.simulator.training.dataset import VIEWS, holdout_seed, pictures_of, training_seed
+from services.simulator.training.errors import TrainingError
 from services.simulator.training.refining.refinement import Look, Looks, Refinement
 from services.simulator.training.refining.samples import Samples, matched, refining_seeds, write_samples
 from services.simulator.world import CLASSES, Camera, Drive, SeenObject, generate, render, truth_of
 
 Picture = NDArray[np.uint8]
 WINDOW = 40
+BRIGHT = 0.0
 
 
 def ignored(_stage: str, _done: int, _total: int) -> None:
@@ -120,6 +122,43 @@ def test_each_scene_is_looked_at_once(write: Callable[[list[int]], list[Path]], 
     assert (tmp_path / "looks").read_text().splitlines() == ["(480, 640, 3)"] * (2 * VIEWS)
     assert write([700, 701, 702])[:2] == files
     assert len((tmp_path / "looks").read_text().splitlines()) == 3 * VIEWS
+
+
+def open_bright(_weights: Path, _device: str, _folder: Path) -> Look:
+    """See everything in a picture that is brighter than most, else nothing of any shape."""
+
+    def look(image: Picture) -> Looks:
+        count = int(image.mean() > BRIGHT)
+        shape = (count, 32, 32, 2 * count)
+        return Looks(
+            np.ones((count, SIDE, SIDE, 6), np.uint8),
+            np.ones(shape, np.float16),
+            np.zeros(count, np.int64),
+            np.ones(count, np.float32),
+            np.tile(np.array([0, 0, WINDOW, WINDOW]), (count, 1)),
+            np.zeros((count, SIDE, SIDE), bool),
+            lambda whole: whole,
+        )
+
+    return look
+
+
+@pytest.mark.parametrize("bright", [0, 1, 2])
+def test_pictures_in_which_nothing_is_found_are_none_of_the_samples(
+    tmp_path: Path, bright: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    means = sorted(float(image.mean()) for image, _ in pictures_of(700, VIEWS))
+    limit = [means[1] + 1, means[0], means[0] - 1][bright]
+    monkeypatch.setattr("tests.services.simulator.training.refining.test_samples.BRIGHT", limit)
+    refinement = dataclasses.replace(REFINEMENT, open=open_bright)
+    files = write_samples(tmp_path, refinement, Path("x.pt"), [700], device="cpu", workers=1, progress=ignored)
+    assert len(Samples(files).labels) == bright
+
+
+def test_what_cannot_be_written_is_named(tmp_path: Path, write: Callable[[list[int]], list[Path]]) -> None:
+    (tmp_path / "000000700.part").symlink_to("/dev/full")
+    with pytest.raises(TrainingError, match=r"000000700\.npy: No space left on device"):
+        write([700])
 
 
 def test_samples_are_read_from_their_files(tmp_path: Path) -> None:
