@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from services.detector.model import Request
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.refinement.closeups import BOX, COARSE, SIDE, CloseUps, stretched
+from services.detector.runtime.refinement.closeups import BOX, COARSE, SIDE, CloseUps, blank_close_ups, stretched
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.refiner import Refined
 from services.detector.runtime.refinement.torch_refiner import kept
@@ -23,14 +23,22 @@ CONFIDENCE: Final = 0.03
 MAX_OBJECTS: Final = 60
 
 
+NOTHING: Final = blank_close_ups(0, 0)
+
+
 class _Witness:
     """A `Refiner` that refines nothing, and keeps what it was shown."""
 
     def __init__(self) -> None:
-        self.seen: CloseUps | None = None
+        self._seen = NOTHING
+
+    def asked(self) -> CloseUps:
+        """Return what it was shown since it was last asked: nothing where there was nothing to refine."""
+        seen, self._seen = self._seen, NOTHING
+        return seen
 
     def run(self, seen: CloseUps) -> Refined:
-        self.seen = seen
+        self._seen = seen
         return Refined(np.zeros((len(seen.labels), SIDE, SIDE), np.float32), np.zeros(len(seen.labels), np.float32))
 
 
@@ -49,8 +57,7 @@ def open_look(weights: Path, device: str, folder: Path) -> Look:
     def look(image: NDArray[np.uint8]) -> Looks:
         (outcome,) = model.run([Request(CAMERA, framed(image), masks=True)])
         objects_of(weights, outcome)
-        seen = witness.seen
-        assert seen is not None  # noqa: S101 - masks were asked for
+        seen = witness.asked()
         letterbox = Letterbox.fit(image.shape[0], image.shape[1], model.facts.longest, model.facts.stride)
         masks = (seen.pixels[..., COARSE] > 127) & (seen.pixels[..., BOX] > 0)
         place = partial(_letterboxed, letterbox)

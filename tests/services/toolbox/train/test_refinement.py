@@ -20,6 +20,13 @@ def test_what_is_looked_at_closely_is_what_a_detector_finds(tmp_path: Path) -> N
     assert looks.masks.any(axis=(1, 2)).all()
 
 
+def test_where_nothing_is_found_there_is_nothing_to_look_at(tmp_path: Path) -> None:
+    look = open_look(SHIPPED_MODEL, "cpu", tmp_path)
+    nothing = np.full((480, 640, 3), 255, np.uint8)
+    for image, some in ((nothing, False), (np.ascontiguousarray(near_view()[..., ::-1]), True), (nothing, False)):
+        assert bool(len(look(image).labels)) is some
+
+
 @pytest.mark.parametrize(("step", "rows"), [(1, 480), (1, 420), (2, 240), (2, 204)])
 def test_a_pictures_masks_lie_in_close_ups_where_the_objects_do(tmp_path: Path, step: int, rows: int) -> None:
     rgb = np.ascontiguousarray(near_view()[::step, ::step, ::-1][:rows])
