@@ -237,7 +237,7 @@ COMMANDS: Final = (
         extra="train",
         examples=(
             "fleetsight train --output my.pt",
-            "fleetsight train --images 200 --holdout 20 --polish-epochs 0 --work-dir runs/quick --output quick.pt",
+            "fleetsight train --images 200 --holdout 20 --polish-epochs 0 --refiner-images 200 --output quick.pt",
         ),
     ),
     Command(
