@@ -3,6 +3,7 @@
 import asyncio
 import time
 from asyncio import AbstractEventLoop
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -70,7 +71,7 @@ class ZenohPublisher(MessageWriter):
         super().__init__(key, demand, partial(self._lane.offer, self))
         self._qos = qos
         self._encoding = encoding
-        self._kept = kept
+        self._last: deque[bytes | bytearray] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
         self._declared = ExitStack()
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
@@ -100,12 +101,14 @@ class ZenohPublisher(MessageWriter):
             congestion_control=CongestionControl.DROP,
             priority=PRIORITIES[self._qos],
             reliability=Reliability.RELIABLE,
-            cache=ext.CacheConfig(self._kept),
+            cache=ext.CacheConfig(self._last.maxlen or 0),
             # No heartbeat: undeclaring one can hold the interpreter lock for ten seconds (1.10).
             sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
             publisher_detection=True,
         )
         self._declared.callback(publisher.undeclare)
+        for payload in self._last:  # another session's cache
+            publisher.put(payload)
         return publisher
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
@@ -119,13 +122,15 @@ class ZenohPublisher(MessageWriter):
             placed = payload if self._shared is None else self._shared.place(payload)
             if placed is None:
                 self.count_dropped(1)
-            else:
-                self._publisher.put(placed)
+                return
+            self._publisher.put(placed)
+            self._last.append(bytes(payload))
 
     def undeclare(self) -> None:
         """Write what waits, as far as that is quick, and undeclare."""
         self._lane.retire(self, RETIRE_GRACE_S)
         self._declared.close()
+        self._demand.forget()
 
 
 class ZenohSubscription(SampleReader):

@@ -32,6 +32,12 @@ class Demand:
             self._called = True
         call_soon(self._loop, self._tell)
 
+    def forget(self) -> None:
+        """Take it that nobody wants anything until the next word, which may be an initial one. Any thread."""
+        self.offer(wanted=False)
+        with self._lock:
+            self._heard = False
+
     def end(self) -> None:
         """Tell nothing more. Event loop only."""
         self._ended = True

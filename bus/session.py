@@ -26,6 +26,20 @@ from bus.settings import BusSettings, port_of
 
 RETRY_S: Final = 0.5
 
+CUT_OFF_S: Final = 5.0
+"""How long a client's session may have no link until it is seen whether another one gets it."""
+
+SHORT_LIVED_S: Final = 10.0
+"""A link that is lost sooner is one that its router had no time for: all of a large fleet join at once, for example."""
+
+LONGEST_LEASE_S: Final = 16.0
+"""As much silence a client asks its router to bear, unless it is told more: twice as much after each such link."""
+
+_WHY: Final = {
+    True: "the link was lost soon after it was made",
+    False: "there was still no link though a router answers",
+}
+
 _log: Final = logging.getLogger(__name__)
 
 
@@ -50,6 +64,8 @@ class SessionThread:
         self._links: set[tuple[str, str]] = set()  # those that were sought
         self._stopped = False
         self._retry_at: float | None = None
+        self._lease_s = self._leased_s = settings.lease_s  # of the next session, and of this one
+        self._linked_at = float("-inf")
         self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
         self._thread.start()
 
@@ -118,7 +134,7 @@ class SessionThread:
                 )
             except queue.Empty:
                 self._retry_at = time.monotonic() + RETRY_S
-                self._do(self._open)
+                self._do(self._open if self._session is None else self._replace)
             else:
                 job()
         with contextlib.suppress(queue.Empty):
@@ -128,7 +144,7 @@ class SessionThread:
     def _open(self) -> None:
         first = self._retry_at is None
         try:
-            self._session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
+            session = self._opened()
         except zenoh.ZError as error:
             if self._settings.mode != "client":
                 listen = self._settings.listen
@@ -141,35 +157,86 @@ class SessionThread:
                 _log.warning("waiting for a link to %s: no Zenoh router answers there", self._where)
             self._retry_at = time.monotonic() + RETRY_S
             return
-        self._retry_at = None
         if self._settings.mode != "client" and self._settings.connect:
             _log.info("connecting to %s", self._where)
-        self._session.info.declare_link_events_listener(Callback(self._on_link, indirect=False), history=True)
+        self._use(session)
+
+    def _opened(self) -> zenoh.Session:
+        settings = self._settings.model_copy(update={"lease_s": self._lease_s})
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings))))
+
+    def _use(self, session: zenoh.Session) -> None:
+        self._session, self._leased_s = session, self._lease_s
+        self._links.clear()
+        self._watch_for_links()
+        listener = Callback(partial(self._on_link, session), indirect=False)
+        session.info.declare_link_events_listener(listener, history=True)
         for declaration in list(self._kept):
             try:
                 self._declare(declaration)
             except BusError:
                 _log.exception("a declaration was refused")
 
+    def _watch_for_links(self) -> None:
+        """Have a client's session replaced if it has no link for long, or at once if the next one gets a longer lease.
+
+        Zenoh (1.10) gives up for good on a link that is closed just as it comes up again. That is what a router does
+        which has not yet noticed the end of the link before; as long as it takes the new one for the old one, it also
+        mixes up what keys they speak of. It does not know a new session from before. And it may lose links that are
+        not silent at all, when it is busy with others' declarations for longer than their lease.
+        """
+        if self._settings.mode != "client" or (self._links and self._leased_s == self._lease_s):
+            self._retry_at = None
+        else:
+            wait_s = CUT_OFF_S if self._leased_s == self._lease_s else RETRY_S
+            self._retry_at = time.monotonic() + wait_s
+
+    def _replace(self) -> None:
+        """Go on with a new session, if one can be had and the last one is still to be replaced."""
+        last, longer = self._session, self._leased_s != self._lease_s
+        if last is None or (self._links and not longer):
+            self._watch_for_links()
+            return
+        try:
+            session = self._opened()
+        except zenoh.ZError:  # no router answers: that is why the link was lost, and Zenoh tries, too
+            self._lease_s = self._leased_s
+            self._watch_for_links()
+            return
+        if list(last.info.routers_zid()) and not longer:  # it got its link meanwhile
+            session.close()
+            self._watch_for_links()
+            return
+        for declaration in self._kept:
+            _take_back(declaration)
+        _close(last)
+        self._use(session)
+        _log.warning("joined %s anew, with a lease of %g s: %s", self._where, self._lease_s, _WHY[longer])
+
     @property
     def _where(self) -> str:
         return ", ".join(self._settings.connect) or "any address found by scouting"
 
-    def _on_link(self, event: zenoh.LinkEvent) -> None:
+    def _on_link(self, session: zenoh.Session, event: zenoh.LinkEvent) -> None:
         """Have the session's thread act on it; this one is Zenoh's."""
         act = self._link_up if event.kind == zenoh.SampleKind.PUT else self._link_down
-        self._do(partial(act, event.link.src, event.link.dst))
+        self._do(partial(act, session, event.link.src, event.link.dst))
 
-    def _link_up(self, own: str, other: str) -> None:
+    def _link_up(self, session: zenoh.Session, own: str, other: str) -> None:
         tune(own)
-        if self._is_sought(other):
+        if session is self._session and self._is_sought(other):
             self._links.add((own, other))
+            self._linked_at = time.monotonic()
+            self._watch_for_links()
             _log.info("connected to %s", other)
 
-    def _link_down(self, own: str, other: str) -> None:
-        if (own, other) not in self._links:
+    def _link_down(self, session: zenoh.Session, own: str, other: str) -> None:
+        if session is not self._session or (own, other) not in self._links:
             return
         self._links.discard((own, other))
+        if self._settings.mode == "client" and time.monotonic() < self._linked_at + SHORT_LIVED_S:
+            self._lease_s = max(self._lease_s, min(LONGEST_LEASE_S, 2 * self._leased_s))
+        self._watch_for_links()
         if not self._stopped:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
 
@@ -197,11 +264,7 @@ class SessionThread:
         if declaration not in self._kept:
             return
         del self._kept[declaration]
-        try:
-            with panics_are_errors():
-                declaration.undeclare()
-        except Exception as error:  # noqa: BLE001 - the session may be gone already, or a thread stuck in the publisher
-            _log.debug("undeclaring failed: %s", error)
+        _take_back(declaration)
 
     def _ask(self, asking: Asking) -> None:
         if self._session is None:
@@ -216,13 +279,25 @@ class SessionThread:
         self._stopped = True
         for declaration in list(self._kept):
             self._undeclare(declaration)
-        try:
-            if self._session is not None:
-                with panics_are_errors():
-                    self._session.close()
-        except (zenoh.ZError, BusError) as error:
-            _log.warning("the session did not close cleanly: %s", _reason(error))
+        if self._session is not None:
+            _close(self._session)
         then()
+
+
+def _take_back(declaration: Declaration) -> None:
+    try:
+        with panics_are_errors():
+            declaration.undeclare()
+    except Exception as error:  # noqa: BLE001 - the session may be gone already, or a thread stuck in the publisher
+        _log.debug("undeclaring failed: %s", error)
+
+
+def _close(session: zenoh.Session) -> None:
+    try:
+        with panics_are_errors():
+            session.close()
+    except (zenoh.ZError, BusError) as error:
+        _log.warning("the session did not close cleanly: %s", _reason(error))
 
 
 def _log_failure(done: Future[None]) -> None:

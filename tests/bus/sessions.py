@@ -58,5 +58,9 @@ def bus_threads() -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name.startswith("bus-")]
 
 
+async def answer(request: Request) -> Reply:
+    return Reply(request.payload)
+
+
 async def never(_: Request) -> Reply:
     raise AssertionError("nobody asks")

@@ -38,3 +38,15 @@ async def test_nothing_is_told_after_the_end() -> None:
     await asyncio.sleep(0)
     assert heard == []
     assert not demand.wanted
+
+
+async def test_after_a_session_has_ended_a_first_look_counts_again() -> None:
+    heard: list[bool] = []
+    demand = Demand(asyncio.get_running_loop(), heard.append)
+    demand.offer(wanted=True)
+    await asyncio.sleep(0)
+    demand.forget()
+    await asyncio.sleep(0)
+    demand.offer(wanted=True, initial=True)
+    await asyncio.sleep(0)
+    assert heard == [True, False, True]
