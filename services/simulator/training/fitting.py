@@ -23,6 +23,15 @@ AUGMENTATION: Final = {
     "hsv_v": 0.2,
 }
 
+LAYERS: Final = ("torch.nn.modules.", "ultralytics.nn.modules.")
+OTHERS: Final = (
+    "ultralytics.nn.tasks.SegmentationModel",
+    "ultralytics.utils.IterableSimpleNamespace",
+    "numpy._core.multiarray.scalar",
+    "numpy.dtype",
+    "_codecs.encode",
+)
+
 
 def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
     """Train every stage to its last epoch, going on from an earlier checkpoint; return the last checkpoint's path."""
@@ -38,9 +47,17 @@ def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
 
 
 def epochs_done(checkpoint: Path) -> int:
-    """How many epochs the state in `checkpoint`, which this command wrote, has seen."""
+    """How many epochs the state in `checkpoint`, which this command wrote, has seen.
+
+    Raises:
+        ValueError: it calls for what no network consists of; nothing in it was executed.
+    """
     import torch  # noqa: PLC0415 - only the training needs it
 
+    called_for = torch.serialization.get_unsafe_globals_in_checkpoint(checkpoint)
+    strangers = [name for name in called_for if not name.startswith(LAYERS) and name not in OTHERS]
+    if strangers:
+        raise ValueError(f"it calls for {strangers[0]}")
     state: dict[str, Any] = torch.load(checkpoint, map_location="cpu", weights_only=False)
     return int(state["epoch"]) + 1
 

@@ -1,5 +1,6 @@
 """A whole run, as small as it can be: real rendering, real Ultralytics."""
 
+import os
 import re
 import zipfile
 from dataclasses import replace
@@ -198,3 +199,21 @@ def test_what_cannot_work_is_said_before_anything_is_rendered(tmp_path: Path) ->
     (tmp_path / "d" / "work").mkdir(parents=True)
     (tmp_path / "d" / "work" / "refiner.pt").write_bytes(b"no checkpoint")
     assert "refiner.pt is no checkpoint of a refiner, remove it: " in refusal(small(tmp_path / "d"))
+
+
+class Intruder:
+    """Makes a folder as it is unpickled."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return os.mkdir, (str(self._folder),)
+
+
+def test_a_checkpoint_that_is_more_than_a_network_is_not_unpickled(tmp_path: Path) -> None:
+    made, settings = tmp_path / "made", small(tmp_path)
+    settings.work_dir.mkdir(parents=True)
+    torch.save({"epoch": 0, "model": Intruder(made)}, fine(settings).checkpoint(settings.work_dir))
+    assert "fine.pt is no checkpoint, remove it: it calls for posix.mkdir" in refusal(settings)
+    assert not made.exists()
