@@ -6,7 +6,9 @@ picture, but at a confidence of 0.001, for at most 100 objects, and with one thr
 that has nothing else to do, and lose much on one that has.
 
     mask_map50, mask_map50_95  COCO's average precision of masks, over the objects of which at least half is visible, on
-                               at least 0.1 % of the picture; all other objects are ignore regions
+                               at least 0.1 % of the picture; all other objects are ignore regions; in the order of
+                               the published scores times the published qualities of the masks
+    by_score                   the same in the order of scores alone
     per_class, per_size        the same of each class, and of each of COCO's bands of visible pixels
     classes_exact              the share of pictures whose list of classes is right at a detector's default confidence:
                                it has every class with an object at least half visible on at least 0.3 % of the picture,

@@ -17,6 +17,7 @@ def report(score: HeldOutScore, followed: Followed, confidence: float) -> dict[s
     masks, lists = score.masks.figures(), score.lists.figures(confidence)
     found = {
         **_precision(masks.overall),
+        "by_score": _precision(masks.by_score),
         "classes_exact": _rounded(lists.share),
         **_identities(followed.boxes),
         **{f"{name}_masks": value for name, value in _identities(followed.masks).items()},

@@ -84,8 +84,9 @@ _REFINER: Final = """\
 """
 
 _UNREFINED: Final = """
-Masks count in the order of their objects' scores times the quality that the network expects of each. As the model makes
-them, without that network, they have an mAP50 of {map50:.3f} and an mAP50-95 of {map50_95:.3f}.
+Masks count in the order of their objects' scores times the quality that the network expects of each; both are in what
+a detector publishes. In the order of the scores alone their mAP50 and mAP50-95 are {by_score}. As the model makes
+them, without that network, they are {coarse}.
 """
 
 
@@ -133,7 +134,7 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
         refiner=_REFINER.format(objects=refined, **settings.model_dump()) if refined else "",
-        unrefined=_unrefined(figures.unrefined),
+        unrefined=_without(masks.by_score, figures.unrefined),
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
         **settings.model_dump(exclude={"device"}),
     )
@@ -144,10 +145,12 @@ def _command(settings: TrainingSettings) -> str:
     return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {value}" for name, value in options.items())])
 
 
-def _unrefined(precision: Precision | None) -> str:
-    if precision is None or precision.map50 is None or precision.map50_95 is None:
+def _without(by_score: Precision, unrefined: Precision | None) -> str:
+    """Say how precise masks are in another order, and without the refiner; nothing if there is none."""
+    if unrefined is None:
         return ""
-    return _UNREFINED.format(map50=precision.map50, map50_95=precision.map50_95)
+    orders = {"by_score": by_score, "coarse": unrefined}
+    return _UNREFINED.format(**{name: " and ".join(map(_average, _averages(each))) for name, each in orders.items()})
 
 
 def _near_row(near: NearFigures, name: str) -> str:
@@ -155,8 +158,15 @@ def _near_row(near: NearFigures, name: str) -> str:
 
 
 def _mask_row(name: str, precision: Precision) -> str:
-    averages = (precision.map50, precision.map50_95)
-    return _row(name, precision.truths, *("-" if average is None else f"{average:.3f}" for average in averages))
+    return _row(name, precision.truths, *map(_average, _averages(precision)))
+
+
+def _averages(precision: Precision) -> tuple[float | None, float | None]:
+    return precision.map50, precision.map50_95
+
+
+def _average(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
 
 
 def _row(*cells: object) -> str:

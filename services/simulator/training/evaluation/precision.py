@@ -49,9 +49,13 @@ class Precision:
 
 @dataclass(frozen=True, slots=True)
 class MaskFigures:
-    """Of all (the mean over the classes that there were), of each class, and of each size band (the mean likewise)."""
+    """Of all (the mean over the classes that there were), of each class, and of each size band (the mean likewise).
+
+    by_score: of all, if the masks' own qualities were not looked at.
+    """
 
     overall: Precision
+    by_score: Precision
     per_class: dict[str, Precision]
     per_size: dict[str, Precision]
 
@@ -63,6 +67,7 @@ class MaskScore:
     _images: list[dict[str, int]] = field(default_factory=list)
     _truths: list[dict[str, Any]] = field(default_factory=list)
     _found: list[dict[str, Any]] = field(default_factory=list)
+    _qualities: list[float] = field(default_factory=list)
 
     def add(self, size: tuple[int, int], truths: Sequence[Truth], detections: Sequence[Detection]) -> None:
         """Take in what is and what was found in one picture of `size` (height, width).
@@ -78,15 +83,20 @@ class MaskScore:
         for found in detections:
             if found.mask is None:
                 raise ValueError(f"a {found.name} without a mask")
-            score = found.score * (1 if found.mask.quality is None else found.mask.quality)
-            self._found.append(self._annotation(found.name, found.mask, iscrowd=0, score=score))
+            self._found.append(self._annotation(found.name, found.mask, iscrowd=0, score=found.score))
+            self._qualities.append(1 if found.mask.quality is None else found.mask.quality)
 
     def figures(self) -> MaskFigures:
         """What the pictures so far amount to."""
-        precision = self._precision()
+        judged = [
+            {**found, "score": found["score"] * quality}
+            for found, quality in zip(self._found, self._qualities, strict=True)
+        ]
+        precision = self._precision(judged)
         counts = np.array([[self._count(name, band) for band in SIZES.values()] for name in CLASSES])
         return MaskFigures(
             overall=_summary(precision[..., 0], counts),
+            by_score=_summary(self._precision(self._found)[..., 0], counts),
             per_class={name: _summary(precision[:, :, k, 0], counts[k]) for k, name in enumerate(CLASSES)},
             per_size={name: _summary(precision[..., k + 1], counts[:, k]) for k, name in enumerate(SIZES)},
         )
@@ -109,10 +119,10 @@ class MaskScore:
         asked_for = (each for each in self._truths if not each["iscrowd"] and each["category_id"] == category)
         return sum(band[0] <= each["area"] <= band[1] for each in asked_for)
 
-    def _precision(self) -> NDArray[np.float64]:
+    def _precision(self, found: list[dict[str, Any]]) -> NDArray[np.float64]:
         """Precision by IoU, recall, class and band (the first is every size); -1 where there was nothing to find."""
         with contextlib.redirect_stdout(io.StringIO()):  # pycocotools talks
-            evaluation = COCOeval(self._coco(self._truths), self._coco(self._found), "segm")
+            evaluation = COCOeval(self._coco(self._truths), self._coco(found), "segm")
             evaluation.params.maxDets = [MAX_DETECTIONS]
             evaluation.params.areaRng = [list(band) for band in (EVERY_SIZE, *SIZES.values())]
             evaluation.params.areaRngLbl = ["every", *SIZES]

@@ -130,6 +130,14 @@ def test_masks_of_better_quality_come_first_among_equal_scores() -> None:
     assert map50(truths, *judged(0.9, 0.2)) == pytest.approx(0.5)
 
 
+def test_masks_in_the_order_of_scores_alone_are_told_too() -> None:
+    wrong, right = found("box", *OTHER, score=0.9), found("box", *BOX, score=0.8)
+    doubted = msgspec.structs.replace(wrong, mask=msgspec.structs.replace(wrong.mask, quality=0.1))  # type: ignore[type-var]
+    told = figures(([truth("box", *BOX)], [doubted, right]))
+    assert told.overall.map50 == RIGHT
+    assert told.by_score.map50 == pytest.approx(0.5)
+
+
 def test_what_cannot_be_scored_is_refused() -> None:
     with pytest.raises(ValueError, match="a box without a mask"):
         map50([], msgspec.structs.replace(found("box", *BOX), mask=None))
