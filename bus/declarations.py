@@ -28,6 +28,8 @@ IMAGES_WAITING: Final = 1
 RESULTS_WAITING: Final = 64
 RETIRE_GRACE_S: Final = 1.0
 STOP_GRACE_S: Final = 0.2
+KEPT: Final = b"kept"
+"""Attached to what is put again for late subscribers, and nothing to those that want no history."""
 PRIORITIES: Final = {
     QoS.IMAGE: Priority.DATA_LOW,
     QoS.LATCHED: Priority.DATA_LOW,
@@ -73,11 +75,13 @@ class ZenohPublisher(MessageWriter):
         self._encoding = encoding
         self._last: deque[bytes | bytearray] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
         self._declared = ExitStack()
+        self._session: zenoh.Session | None = None
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread, then let the lane write."""
+        self._session = session
         matching = session.declare_publisher(
             self._key,
             encoding=self._encoding,
@@ -86,7 +90,7 @@ class ZenohPublisher(MessageWriter):
             reliability=Reliability.BEST_EFFORT,
         )
         self._declared.callback(matching.undeclare)
-        listener = matching.declare_matching_listener(Callback(self._on_matching, indirect=False))
+        listener = matching.declare_matching_listener(Callback(partial(self._on_matching, session), indirect=False))
         self._declared.callback(listener.undeclare)
         self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
         status: Any = matching.matching_status  # the stub says bool
@@ -107,12 +111,13 @@ class ZenohPublisher(MessageWriter):
             publisher_detection=True,
         )
         self._declared.callback(publisher.undeclare)
-        for payload in self._last:  # another session's cache
-            publisher.put(payload)
+        for payload in list(self._last):  # another session's cache
+            publisher.put(payload, attachment=KEPT)
         return publisher
 
-    def _on_matching(self, status: zenoh.MatchingStatus) -> None:
-        self._demand.offer(wanted=status.matching)
+    def _on_matching(self, session: zenoh.Session, status: zenoh.MatchingStatus) -> None:
+        if session is self._session:
+            self._demand.offer(wanted=status.matching)
 
     def write(self, payload: bytes | bytearray) -> None:
         """Send on the lane's thread."""
@@ -124,13 +129,17 @@ class ZenohPublisher(MessageWriter):
                 self.count_dropped(1)
                 return
             self._publisher.put(placed)
-            self._last.append(bytes(payload))
+            if self._last.maxlen:
+                self._last.append(bytes(payload))
 
     def undeclare(self) -> None:
         """Write what waits, as far as that is quick, and undeclare."""
         self._lane.retire(self, RETIRE_GRACE_S)
-        self._declared.close()
-        self._demand.forget()
+        try:
+            self._declared.close()
+        finally:
+            self._session = None
+            self._demand.forget()
 
 
 class ZenohSubscription(SampleReader):
@@ -182,7 +191,7 @@ class ZenohSubscription(SampleReader):
         self._on_batch([sample])
 
     def _on_batch(self, batch: Sequence[zenoh.Sample]) -> None:
-        self.arrive_all(_samples(batch))
+        self.arrive_all(_samples(batch if self._history else (each for each in batch if each.attachment is None)))
 
 
 class ZenohWatch(PresenceReader):
@@ -192,6 +201,7 @@ class ZenohWatch(PresenceReader):
         super().__init__(loop)
         self._key_expr = key_expr
         self._few = few
+        self._present: set[str] = set()
         self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
@@ -203,15 +213,22 @@ class ZenohWatch(PresenceReader):
         self._declared.callback(subscriber.undeclare)
 
     def undeclare(self) -> None:
-        """Undeclare."""
-        self._declared.close()
+        """Undeclare; whoever ends before it is declared again is told by nobody, so all of them end."""
+        try:
+            self._declared.close()
+        finally:
+            for key in list(self._present):
+                self.arrive(key, alive=False)
+            self._present.clear()
 
     def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
         for sample in samples:
             self._on_change(sample)
 
     def _on_change(self, sample: zenoh.Sample) -> None:
-        self.arrive(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
+        key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+        (self._present.add if alive else self._present.discard)(key)
+        self.arrive(key, alive=alive)
 
 
 class ZenohToken:

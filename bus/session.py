@@ -62,6 +62,7 @@ class SessionThread:
         self._kept: dict[Declaration, None] = {}
         self._session: zenoh.Session | None = None
         self._links: set[tuple[str, str]] = set()  # those that were sought
+        self._stopping = threading.Event()
         self._stopped = False
         self._retry_at: float | None = None
         self._lease_s = self._leased_s = settings.lease_s  # of the next session, and of this one
@@ -99,6 +100,7 @@ class SessionThread:
 
     def stop(self, then: Callable[[], None]) -> Future[None]:
         """Undeclare everything, close the session, call `then`, end the thread."""
+        self._stopping.set()
         return self.submit(lambda: self._stop(then))
 
     def submit(self, act: Callable[[], None]) -> Future[None]:
@@ -142,6 +144,8 @@ class SessionThread:
                 self._jobs.get_nowait()()
 
     def _open(self) -> None:
+        if self._stopping.is_set():
+            return
         first = self._retry_at is None
         try:
             session = self._opened()
@@ -172,10 +176,14 @@ class SessionThread:
         listener = Callback(partial(self._on_link, session), indirect=False)
         session.info.declare_link_events_listener(listener, history=True)
         for declaration in list(self._kept):
+            if self._stopping.is_set():
+                return
             try:
-                self._declare(declaration)
-            except BusError:
+                with panics_are_errors():
+                    declaration.declare(session)
+            except Exception:  # noqa: BLE001 - the others are declared, and this one on the next session
                 _log.exception("a declaration was refused")
+                _take_back(declaration)
 
     def _watch_for_links(self) -> None:
         """Have a client's session replaced if it has no link for long, or at once if the next one gets a longer lease.
@@ -185,16 +193,18 @@ class SessionThread:
         mixes up what keys they speak of. It does not know a new session from before. And it may lose links that are
         not silent at all, when it is busy with others' declarations for longer than their lease.
         """
+        now_s = time.monotonic()
         if self._settings.mode != "client" or (self._links and self._leased_s == self._lease_s):
             self._retry_at = None
-        else:
-            wait_s = CUT_OFF_S if self._leased_s == self._lease_s else RETRY_S
-            self._retry_at = time.monotonic() + wait_s
+        elif self._leased_s == self._lease_s:
+            self._retry_at = now_s + CUT_OFF_S
+        else:  # links that come and go do not put it off
+            self._retry_at = min(now_s + RETRY_S, self._retry_at or now_s + RETRY_S)
 
     def _replace(self) -> None:
         """Go on with a new session, if one can be had and the last one is still to be replaced."""
         last, longer = self._session, self._leased_s != self._lease_s
-        if last is None or (self._links and not longer):
+        if last is None or self._stopping.is_set() or (self._links and not longer):
             self._watch_for_links()
             return
         try:
@@ -203,8 +213,8 @@ class SessionThread:
             self._lease_s = self._leased_s
             self._watch_for_links()
             return
-        if list(last.info.routers_zid()) and not longer:  # it got its link meanwhile
-            session.close()
+        if self._stopping.is_set() or (list(last.info.routers_zid()) and not longer):  # it got its link meanwhile
+            _close(session)
             self._watch_for_links()
             return
         for declaration in self._kept:

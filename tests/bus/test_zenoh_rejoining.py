@@ -1,13 +1,17 @@
 """A session that Zenoh leaves cut off, here by hour-long pauses between its own attempts."""
 
+import asyncio
+import json
 import logging
 from typing import Any, Final
 
 import pytest
+import zenoh
 
 from bus import QUEUE, BusSettings, Presence, QoS, open_bus, session
 from bus.config import session_config
-from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, running
+from bus.declarations import ZenohWatch
+from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
 from tests.integration.severed import severable
@@ -41,6 +45,7 @@ async def test_who_stays_cut_off_joins_anew_and_everything_is_there_again(
         there.announce("worker"),
         there.serve("question", answer),
         here.subscribe(KEY, QUEUE(9)) as subscription,
+        here.subscribe(KEY, QUEUE(9), history=False) as live,
         here.watch("worker") as watch,
     ):
         for turn in range(2):
@@ -51,9 +56,10 @@ async def test_who_stays_cut_off_joins_anew_and_everything_is_there_again(
                 out.put(b"%d" % turn)
                 while (await next_of(subscription)).payload != b"%d" % turn:  # what was kept may come again
                     pass
+                assert (await next_of(live)).payload == b"%d" % turn  # never what was kept
             assert await next_of(watch) == Presence("worker", alive=False)
             await until(lambda: not out.wanted)
-    assert sum("though a router answers" in record.getMessage() for record in caplog.records) == 2
+    assert sum("though a router answers" in record.getMessage() for record in caplog.records) >= 2
     await until(lambda: bus_threads() == [])
 
 
@@ -109,6 +115,19 @@ async def test_what_was_wanted_of_a_session_before_is_not_for_ever(caplog: pytes
         relay.mend()
         await until(lambda: "joined" in caplog.text and not there.link_problem)
         await until(lambda: not out.wanted)
+
+
+async def test_whom_nobody_watches_any_more_is_not_there_until_seen_again() -> None:
+    endpoint = free_endpoint()
+    async with open_bus(router(endpoint)) as bus, bus.announce("worker"):
+        own = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(client(endpoint)))))
+        watch = ZenohWatch("worker", asyncio.get_running_loop(), few=True)
+        for _ in range(2):
+            watch.declare(own)
+            assert await next_of(watch) == Presence("worker", alive=True)
+            watch.undeclare()
+            assert await next_of(watch) == Presence("worker", alive=False)
+        own.close()
 
 
 async def test_while_nobody_answers_a_session_stays(caplog: pytest.LogCaptureFixture) -> None:
