@@ -33,7 +33,8 @@ SHORT_LIVED_S: Final = 10.0
 """A link that is lost sooner is one that its router had no time for: all of a large fleet join at once, for example."""
 
 LONGEST_LEASE_S: Final = 16.0
-"""As much silence a client asks its router to bear, unless it is told more: twice as much after each such link."""
+LONGER: Final = 4
+"""As much silence a client asks its router to bear, unless it is told more: four times as much after each such link."""
 
 _WHY: Final = {
     True: "the link was lost soon after it was made",
@@ -209,8 +210,7 @@ class SessionThread:
             return
         try:
             session = self._opened()
-        except zenoh.ZError:  # no router answers: that is why the link was lost, and Zenoh tries, too
-            self._lease_s = self._leased_s
+        except zenoh.ZError:  # no router answers, or not in time: Zenoh tries, too
             self._watch_for_links()
             return
         if self._stopping.is_set() or (list(last.info.routers_zid()) and not longer):  # it got its link meanwhile
@@ -245,7 +245,7 @@ class SessionThread:
             return
         self._links.discard((own, other))
         if self._settings.mode == "client" and time.monotonic() < self._linked_at + SHORT_LIVED_S:
-            self._lease_s = max(self._lease_s, min(LONGEST_LEASE_S, 2 * self._leased_s))
+            self._lease_s = max(self._lease_s, min(LONGEST_LEASE_S, LONGER * self._leased_s))
         self._watch_for_links()
         if not self._stopped:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)

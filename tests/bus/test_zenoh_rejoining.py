@@ -90,7 +90,7 @@ async def test_a_router_that_loses_a_link_at_once_is_given_more_time(caplog: pyt
         open_bus(client(endpoint)) as here,
         here.subscribe(KEY, QUEUE(9)) as subscription,
     ):
-        for lease_s in (2, 4):
+        for lease_s in (4, 16):
             await until(lambda: out.wanted and not there.link_problem)
             relay.sever()
             relay.mend()
