@@ -73,7 +73,7 @@ class ZenohPublisher(MessageWriter):
         super().__init__(key, demand, partial(self._lane.offer, self))
         self._qos = qos
         self._encoding = encoding
-        self._last: deque[bytes | bytearray] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
+        self._last: deque[bytes] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
         self._declared = ExitStack()
         self._session: zenoh.Session | None = None
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None

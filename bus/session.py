@@ -32,9 +32,11 @@ CUT_OFF_S: Final = 5.0
 SHORT_LIVED_S: Final = 10.0
 """A link that is lost sooner is one that its router had no time for: all of a large fleet join at once, for example."""
 
-LONGEST_LEASE_S: Final = 16.0
 LONGER: Final = 4
-"""As much silence a client asks its router to bear, unless it is told more: four times as much after each such link."""
+"""How many times the lease of the next session is longer after such a link."""
+
+LONGEST_LEASE_S: Final = 16.0
+"""It does not become longer than this."""
 
 _WHY: Final = {
     True: "the link was lost soon after it was made",

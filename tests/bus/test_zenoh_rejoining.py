@@ -3,18 +3,20 @@
 import asyncio
 import json
 import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any, Final
 
 import pytest
 import zenoh
 
-from bus import QUEUE, BusSettings, Presence, QoS, open_bus, session
+from bus import QUEUE, Bus, BusSettings, Presence, Publisher, QoS, open_bus, session
 from bus.config import session_config
 from bus.declarations import ZenohWatch
 from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
-from tests.integration.severed import severable
+from tests.integration.severed import Severable, severable
 
 KEY: Final = "fleet/r1/front/classes"
 KEPT: Final = 3
@@ -30,6 +32,19 @@ def of_one_that_gives_up(settings: BusSettings) -> dict[str, Any]:
 def _zenoh_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "session_config", of_one_that_gives_up)
     monkeypatch.setattr(session, "CUT_OFF_S", 0.5)
+
+
+@asynccontextmanager
+async def behind_a_relay() -> AsyncIterator[tuple[str, Severable, Bus, Publisher]]:
+    """A router's endpoint, and a publisher whose link to it can be cut."""
+    endpoint = free_endpoint()
+    async with (
+        running(ROUTER, endpoint, str(LEASE_S)),
+        severable(int(endpoint.rpartition(":")[2])) as relay,
+        open_bus(client(f"tcp/127.0.0.1:{relay.port}")) as there,
+        there.publisher(KEY, QoS.RESULT) as out,
+    ):
+        yield endpoint, relay, there, out
 
 
 async def test_who_stays_cut_off_joins_anew_and_everything_is_there_again(
@@ -81,12 +96,8 @@ async def test_who_joins_anew_still_has_what_was_kept() -> None:
 
 async def test_a_router_that_loses_a_link_at_once_is_given_more_time(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, logger="bus")
-    endpoint = free_endpoint()
     async with (
-        running(ROUTER, endpoint, str(LEASE_S)),
-        severable(int(endpoint.rpartition(":")[2])) as relay,
-        open_bus(client(f"tcp/127.0.0.1:{relay.port}")) as there,
-        there.publisher(KEY, QoS.RESULT) as out,
+        behind_a_relay() as (endpoint, relay, there, out),
         open_bus(client(endpoint)) as here,
         here.subscribe(KEY, QUEUE(9)) as subscription,
     ):
@@ -102,13 +113,7 @@ async def test_a_router_that_loses_a_link_at_once_is_given_more_time(caplog: pyt
 
 async def test_what_was_wanted_of_a_session_before_is_not_for_ever(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, logger="bus")
-    endpoint = free_endpoint()
-    async with (
-        running(ROUTER, endpoint, str(LEASE_S)),
-        severable(int(endpoint.rpartition(":")[2])) as relay,
-        open_bus(client(f"tcp/127.0.0.1:{relay.port}")) as there,
-        there.publisher(KEY, QoS.RESULT) as out,
-    ):
+    async with behind_a_relay() as (endpoint, relay, there, out):
         async with open_bus(client(endpoint)) as here, here.subscribe(KEY, QUEUE(9)):
             await until(lambda: out.wanted and not there.link_problem)
             relay.sever()

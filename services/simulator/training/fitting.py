@@ -23,6 +23,7 @@ AUGMENTATION: Final = {
     "hsv_v": 0.2,
 }
 
+# What Ultralytics' checkpoints call for when they are unpickled.
 LAYERS: Final = ("torch.nn.modules.", "ultralytics.nn.modules.")
 OTHERS: Final = (
     "ultralytics.nn.tasks.SegmentationModel",
