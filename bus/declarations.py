@@ -4,8 +4,9 @@ import asyncio
 import time
 from asyncio import AbstractEventLoop
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -13,13 +14,14 @@ import zenoh
 from zenoh import CongestionControl, Priority, Reliability, ext
 from zenoh.handlers import Callback, FifoChannel
 
-from bus.api import MAX_REQUEST_BYTES, Handler, Latest, QoS, Queue, Reply, Request, Sample
+from bus.api import MAX_REQUEST_BYTES, Handler, QoS, Reply, Request
 from bus.demand import Demand
 from bus.gathering import ROOM, Gathering
 from bus.lane import Lane
+from bus.origins import origin_text, source_of
 from bus.panics import panics_are_errors
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
-from bus.reading import PresenceReader, SampleReader
+from bus.reading import PresenceReader
 from bus.serving import Call, Server
 from bus.shared_memory import SharedFrames
 from bus.writing import MessageWriter
@@ -28,8 +30,6 @@ IMAGES_WAITING: Final = 1
 RESULTS_WAITING: Final = 64
 RETIRE_GRACE_S: Final = 1.0
 STOP_GRACE_S: Final = 0.2
-KEPT: Final = b"kept"
-"""Attached to what is put again for late subscribers, and nothing to those that want no history."""
 PRIORITIES: Final = {
     QoS.IMAGE: Priority.DATA_LOW,
     QoS.LATCHED: Priority.DATA_LOW,
@@ -55,6 +55,15 @@ class Lanes:
         self.results.stop(STOP_GRACE_S)
 
 
+@dataclass(slots=True)
+class _Sending:
+    """What a publisher is on one session: Zenoh's, its name among all, and how many messages there were."""
+
+    publisher: zenoh.Publisher | ext.AdvancedPublisher
+    source: str = ""
+    number: int = 0
+
+
 class ZenohPublisher(MessageWriter):
     """A publisher. All but images have a second, plain one on the same key, since only that knows who matches."""
 
@@ -73,11 +82,16 @@ class ZenohPublisher(MessageWriter):
         super().__init__(key, demand, partial(self._lane.offer, self))
         self._qos = qos
         self._encoding = encoding
-        self._last: deque[bytes] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
+        self._kept: deque[tuple[bytes, str, int]] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
         self._declared = ExitStack()
         self._session: zenoh.Session | None = None
-        self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
+        self._sending: _Sending | None = None
         self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
+
+    @property
+    def kept(self) -> int:
+        """How many messages are there for those who come late or were cut off."""
+        return self._kept.maxlen or 0
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread, then let the lane write."""
@@ -92,12 +106,12 @@ class ZenohPublisher(MessageWriter):
         self._declared.callback(matching.undeclare)
         listener = matching.declare_matching_listener(Callback(partial(self._on_matching, session), indirect=False))
         self._declared.callback(listener.undeclare)
-        self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
+        self._sending = _Sending(matching) if self._qos is QoS.IMAGE else self._declare_cached(session)
         status: Any = matching.matching_status  # the stub says bool
         self._demand.offer(wanted=status.matching, initial=True)
         self._lane.admit(self)
 
-    def _declare_cached(self, session: zenoh.Session) -> ext.AdvancedPublisher:
+    def _declare_cached(self, session: zenoh.Session) -> _Sending:
         publisher = ext.declare_advanced_publisher(
             session,
             self._key,
@@ -105,15 +119,16 @@ class ZenohPublisher(MessageWriter):
             congestion_control=CongestionControl.DROP,
             priority=PRIORITIES[self._qos],
             reliability=Reliability.RELIABLE,
-            cache=ext.CacheConfig(self._last.maxlen or 0),
+            cache=ext.CacheConfig(self.kept),
             # No heartbeat: undeclaring one can hold the interpreter lock for ten seconds (1.10).
             sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
             publisher_detection=True,
         )
         self._declared.callback(publisher.undeclare)
-        for payload in list(self._last):  # another session's cache
-            publisher.put(payload, attachment=KEPT)
-        return publisher
+        kept = list(self._kept)
+        for payload, source, number in kept:  # another session's cache
+            publisher.put(payload, attachment=origin_text(source, number))
+        return _Sending(publisher, source_of(publisher.id), len(kept))
 
     def _on_matching(self, session: zenoh.Session, status: zenoh.MatchingStatus) -> None:
         if session is self._session:
@@ -121,16 +136,22 @@ class ZenohPublisher(MessageWriter):
 
     def write(self, payload: bytes | bytearray) -> None:
         """Send on the lane's thread."""
-        if self._publisher is None:
+        sending = self._sending
+        if sending is None:
             return
         with panics_are_errors():
             placed = payload if self._shared is None else self._shared.place(payload)
             if placed is None:
                 self.count_dropped(1)
                 return
-            self._publisher.put(placed)
-            if self._last.maxlen:
-                self._last.append(bytes(payload))
+            if self.kept:  # first: what a lost link does not take goes to the next session
+                self._kept.append((bytes(payload), sending.source, sending.number))
+            sending.number += 1
+            try:
+                sending.publisher.put(placed)
+            except zenoh.ZError:
+                if not self.kept:
+                    raise
 
     def undeclare(self) -> None:
         """Write what waits, as far as that is quick, and undeclare."""
@@ -138,60 +159,8 @@ class ZenohPublisher(MessageWriter):
         try:
             self._declared.close()
         finally:
-            self._session = None
+            self._session = self._sending = None
             self._demand.forget()
-
-
-class ZenohSubscription(SampleReader):
-    """A subscription. What many publish and nobody may miss is fetched in batches."""
-
-    def __init__(
-        self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, history: bool, recover: int, few: bool
-    ) -> None:
-        super().__init__(keep, loop)
-        self._key_expr = key_expr
-        self._gathers = isinstance(keep, Queue) and "*" in key_expr and not few
-        self._history = history
-        self._recover = recover
-        self._declared = ExitStack()
-
-    def declare(self, session: zenoh.Session) -> None:
-        """Declare on the session's thread."""
-        handler: Any = FifoChannel(ROOM) if self._gathers else Callback(self._on_sample, indirect=False)
-        if self._history:
-            subscriber = self._with_history(session, handler)
-        else:
-            subscriber = session.declare_subscriber(self._key_expr, handler)
-        if self._gathers:
-            self._declared.callback(Gathering(subscriber.handler, self._on_batch).join, STOP_GRACE_S)
-        self._declared.callback(subscriber.undeclare)
-        if self._history:
-            listener = subscriber.sample_miss_listener(Callback(self._on_miss, indirect=False))
-            self._declared.callback(listener.undeclare)
-
-    def _with_history(self, session: zenoh.Session, handler: Any) -> Any:
-        return ext.declare_advanced_subscriber(
-            session,
-            self._key_expr,
-            handler,
-            history=ext.HistoryConfig(detect_late_publishers=True, max_samples=self._recover),
-            # Without it what comes live before history is there makes Zenoh (1.10) drop the history. Nobody sends
-            # heartbeats: what the last messages' loss leaves open is history's.
-            recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True) if self._recover > 1 else None,
-        )
-
-    def undeclare(self) -> None:
-        """Undeclare: a callback subscriber lives on when it is only forgotten."""
-        self._declared.close()
-
-    def _on_miss(self, miss: ext.Miss) -> None:
-        self.miss(miss.nb)
-
-    def _on_sample(self, sample: zenoh.Sample) -> None:
-        self._on_batch([sample])
-
-    def _on_batch(self, batch: Sequence[zenoh.Sample]) -> None:
-        self.arrive_all(_samples(batch if self._history else (each for each in batch if each.attachment is None)))
 
 
 class ZenohWatch(PresenceReader):
@@ -285,6 +254,7 @@ class ZenohServer(Server):
         self._session.declare_queryable(
             self.key, Callback(zenoh.Query.drop, indirect=False), complete=False
         ).undeclare()
+        self._session = self._queryable = None
 
     def _on_query(self, query: zenoh.Query) -> None:
         def answer(outcome: Reply | str | None) -> None:
@@ -298,12 +268,3 @@ class ZenohServer(Server):
         request = Request(str(query.key_expr), payload, str(query.encoding or ""), time.time_ns())
         until_s = time.monotonic() + timeout_of(query.parameters.get(TIMEOUT_MS))
         self.arrive(Call(request, until_s, answer))
-
-
-def _samples(arrived: Iterable[zenoh.Sample]) -> list[Sample]:
-    """Return what came, each with a time of its own: what came at once has an order in time too."""
-    return [
-        Sample(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding), time.time_ns(), 0)
-        for sample in arrived
-        if sample.kind == zenoh.SampleKind.PUT
-    ]

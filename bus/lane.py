@@ -20,6 +20,10 @@ _log: Final = logging.getLogger(__name__)
 class Writer(Hashable, Protocol):
     """One publisher as its lane sees it."""
 
+    @property
+    def kept(self) -> int:
+        """How many of its messages are to wait at least, as far as they must."""
+
     def write(self, payload: bytes | bytearray) -> None:
         """Send a message; may take a while."""
 
@@ -72,16 +76,16 @@ class Lane:
 
     def _queue(self, writer: Writer, payload: bytes | bytearray) -> int:
         if writer not in self._quick_writes:
-            return self._held.offer(writer, payload)
+            return self._held.offer(writer, payload, writer.kept)
         self._queued.notify()
-        return self._ready.offer(writer, payload)
+        return self._ready.offer(writer, payload, writer.kept)
 
     def admit(self, writer: Writer) -> None:
         """Send from now on what a publisher queues, and what it has queued."""
         with self._lock:
             self._quick_writes[writer] = 0
             for payload in self._held.discard(writer):
-                self._ready.offer(writer, payload)
+                self._ready.offer(writer, payload, writer.kept)
             self._queued.notify()
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name=f"bus-{self._name}", daemon=True)

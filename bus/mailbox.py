@@ -55,15 +55,18 @@ class PerKey(Generic[K, T]):
         self._turn = 0
         self._arrival = 0
 
-    def offer(self, key: K, item: T) -> int:
-        """Put an item in; return 1 if an older one of its key had to go, or if there is no room for another key."""
+    def offer(self, key: K, item: T, depth: int = 0) -> int:
+        """Put an item in; return 1 if an older one of its key had to go, or if there is no room for another key.
+
+        depth: how many of this key may wait now, if that is more than of others.
+        """
         slot = self._waiting.get(key)
         if slot is None:
             if len(self._waiting) >= self._max_keys:
                 return 1
             slot = self._waiting[key] = _Slot(deque(), self._idle.pop(key, 0))
             self._enlist(key, slot)
-        dropped = len(slot.items) >= self._depth
+        dropped = len(slot.items) >= max(self._depth, depth)
         if dropped:
             slot.items.popleft()
             slot.dropped += 1

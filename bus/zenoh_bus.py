@@ -10,7 +10,7 @@ from typing import Final, Protocol, TypeVar
 from bus.allocator import keep_freed_memory
 from bus.api import DEFAULT_ENCODING, Bus, Handler, Latest, Publisher, QoS, Queue, Reply, Subscription, Watch
 from bus.asking import Asking, Unanswered
-from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohSubscription, ZenohToken, ZenohWatch
+from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, single_key
@@ -18,6 +18,7 @@ from bus.locking import SHAREABLE_BYTES, may_lock
 from bus.serving import check_free
 from bus.session import Declaration, SessionThread
 from bus.settings import BusSettings
+from bus.subscription import HistorySubscription, ZenohSubscription
 
 CLOSE_DEADLINE_S: Final = 2.0
 
@@ -111,11 +112,14 @@ class ZenohBus:
         self, key_expr: str, keep: Latest | Queue, /, *, history: bool = True, recover: int = 1, few: bool = False
     ) -> AbstractAsyncContextManager[Subscription]:
         """See `bus.api.Bus.subscribe`."""
-        return self._held(
-            lambda: ZenohSubscription(
-                key_expression(key_expr), keep, self._loop, history=history, recover=recover, few=few
-            )
-        )
+
+        def make() -> ZenohSubscription:
+            key = key_expression(key_expr)
+            if not history:
+                return ZenohSubscription(key, keep, self._loop, few=few)
+            return HistorySubscription(key, keep, self._loop, self._session.do, few=few, recover=recover)
+
+        return self._held(make)
 
     def watch(self, key_expr: str, /, *, few: bool = False) -> AbstractAsyncContextManager[Watch]:
         """See `bus.api.Bus.watch`."""

@@ -42,6 +42,8 @@ class Recorder:
             raise OSError("on purpose")
         self.written.append(bytes(payload))
 
+    kept = 0
+
     def count_dropped(self, number: int) -> None:
         self.dropped += number
 

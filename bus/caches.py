@@ -1,0 +1,87 @@
+"""Asking publishers' caches for what they keep, some at a time: a large fleet's would all answer at once."""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.history import Fetch
+from bus.panics import panics_are_errors
+
+AT_ONCE: Final = 16
+TIMEOUT_S: Final = 10.0
+"""Longest wait for one's answer."""
+
+_log: Final = logging.getLogger(__name__)
+
+
+class Caches:
+    """The caches that one subscription asks.
+
+    submit: has something done on the session's thread. recover: how many messages are wanted of each.
+    answer: is given each message; answered: the publisher, when no more of it come.
+    """
+
+    def __init__(
+        self,
+        submit: Callable[[Callable[[], None]], object],
+        recover: int,
+        answer: Callable[[zenoh.Sample], None],
+        answered: Callable[[str], None],
+    ) -> None:
+        self._submit = submit
+        self._recover = recover
+        self._answer = answer
+        self._answered = answered
+        self._session: zenoh.Session | None = None
+        self._waiting: deque[Fetch] = deque()
+        self._asked: set[str] = set()
+
+    def use(self, session: zenoh.Session | None) -> None:
+        """Ask on this session, or not at all; forget what was asked on another one. Session's thread only."""
+        self._session = session
+        self._waiting.clear()
+        self._asked.clear()
+
+    def ask(self, fetch: Fetch) -> None:
+        """Ask a cache when its turn comes."""
+        self._submit(partial(self._enqueue, fetch))
+
+    def _enqueue(self, fetch: Fetch) -> None:
+        self._waiting.append(fetch)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        while self._session is not None and self._waiting and len(self._asked) < AT_ONCE:
+            self._send(self._session, self._waiting.popleft())
+
+    def _send(self, session: zenoh.Session, fetch: Fetch) -> None:
+        self._asked.add(fetch.source)
+        after = "" if fetch.after is None else f"_sn={fetch.after + 1}..;"
+        done = partial(self._submit, partial(self._done, session, fetch.source))
+        try:
+            with panics_are_errors():
+                session.get(
+                    f"{fetch.cache}?{after}_max={self._recover}",
+                    Callback(partial(self._on_reply, session), done, indirect=False),
+                    accept_replies=zenoh.ReplyKeyExpr.ANY,
+                    consolidation=zenoh.ConsolidationMode.NONE,
+                    timeout=TIMEOUT_S,
+                )
+        except Exception as error:  # noqa: BLE001 - whatever one cache meets, the others are asked
+            _log.debug("%s was not asked: %s", fetch.cache, error)
+            done()
+
+    def _on_reply(self, session: zenoh.Session, reply: zenoh.Reply) -> None:
+        if session is self._session and reply.ok is not None:
+            self._answer(reply.ok)
+
+    def _done(self, session: zenoh.Session, source: str) -> None:
+        if session is self._session and source in self._asked:
+            self._asked.discard(source)
+            self._answered(source)
+            self._go_on()

@@ -1,0 +1,139 @@
+"""A subscription of the real bus."""
+
+import threading
+import time
+from asyncio import AbstractEventLoop
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from typing import Any, Final
+
+import zenoh
+from zenoh.handlers import Callback, FifoChannel
+
+from bus.api import Latest, Queue, Sample
+from bus.caches import Caches
+from bus.gathering import ROOM, Gathering
+from bus.history import History, Numbered
+from bus.origins import CACHE, origin_of, source_of, source_of_cache
+from bus.reading import SampleReader
+
+STOP_GRACE_S: Final = 0.2
+
+
+class ZenohSubscription(SampleReader):
+    """A subscription to what is published from now on. What many publish and nobody may miss is taken in in batches."""
+
+    def __init__(self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, few: bool) -> None:
+        super().__init__(keep, loop)
+        self._key_expr = key_expr
+        self._gathers = isinstance(keep, Queue) and "*" in key_expr and not few
+        self._declared = ExitStack()
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread."""
+        handler: Any = FifoChannel(ROOM) if self._gathers else Callback(self._on_sample, indirect=False)
+        subscriber: Any = session.declare_subscriber(self._key_expr, handler)
+        if self._gathers:
+            self._declared.callback(Gathering(subscriber.handler, self.take).join, STOP_GRACE_S)
+        self._declared.callback(subscriber.undeclare)
+
+    def undeclare(self) -> None:
+        """Undeclare: a callback subscriber lives on when it is only forgotten."""
+        self._declared.close()
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        self.take([sample])
+
+    def take(self, samples: Sequence[zenoh.Sample]) -> None:
+        """Take in what came live."""
+        put = (sample for sample in samples if sample.kind == zenoh.SampleKind.PUT)
+        self.arrive_all(_sample(sample) for sample in put if origin_of(sample) is None)
+
+
+class HistorySubscription(ZenohSubscription):
+    """A subscription to what publishers keep, too.
+
+    Zenoh's own advanced subscriber (1.10) drops the history of those who send before it is there; it asks for what it
+    missed under a key expression that has a router look through all its keys, once for each publisher that it waits
+    for, and asks thousands of publishers at once.
+
+    submit: has something done on the session's thread.
+    """
+
+    def __init__(
+        self,
+        key_expr: str,
+        keep: Latest | Queue,
+        loop: AbstractEventLoop,
+        submit: Callable[[Callable[[], None]], object],
+        *,
+        few: bool,
+        recover: int,
+    ) -> None:
+        super().__init__(key_expr, keep, loop, few=few)
+        self._caches = Caches(submit, recover, self._on_kept, self._on_fetched)
+        self._history: History[Sample | None] = History(recover, self._caches.ask, self._deliver, self.miss)
+        self._one_at_a_time = threading.Lock()
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread, presences first: what is live waits for what those who are there keep."""
+        with self._one_at_a_time:
+            self._history.cut_off()
+        self._caches.use(session)
+        presences: Any = session.liveliness().declare_subscriber(
+            f"{self._key_expr}{CACHE}**", Callback(self._on_presence, indirect=False), history=True
+        )
+        self._declared.callback(presences.undeclare)
+        super().declare(session)
+
+    def undeclare(self) -> None:
+        """Undeclare; what waits for older messages does so until their publisher is there again."""
+        self._caches.use(None)
+        super().undeclare()
+
+    def take(self, samples: Sequence[zenoh.Sample]) -> None:
+        """Take in what came live."""
+        numbered = self._numbered(samples)
+        with self._one_at_a_time:
+            self._history.live(numbered)
+
+    def _on_presence(self, presence: zenoh.Sample) -> None:
+        cache = str(presence.key_expr)
+        source = source_of_cache(cache)
+        if source is None:
+            return
+        with self._one_at_a_time:
+            if presence.kind == zenoh.SampleKind.PUT:
+                self._history.appear(source, cache)
+            else:
+                self._history.leave(source)
+
+    def _on_kept(self, sample: zenoh.Sample) -> None:
+        numbered = self._numbered([sample])
+        with self._one_at_a_time:
+            for each in numbered:
+                self._history.kept(each)
+
+    def _on_fetched(self, source: str) -> None:
+        with self._one_at_a_time:
+            self._history.fetched(source)
+
+    def _deliver(self, messages: list[Sample | None]) -> None:
+        self.arrive_all(message for message in messages if message is not None)
+
+    def _numbered(self, samples: Iterable[zenoh.Sample]) -> list[Numbered[Sample | None]]:
+        """Return those that have numbers, deletions as None, which have one too; others are taken in as they are."""
+        numbered: list[Numbered[Sample | None]] = []
+        for sample in samples:
+            message = _sample(sample) if sample.kind == zenoh.SampleKind.PUT else None
+            if (info := sample.source_info) is not None:
+                source = source_of(info.source_id)
+                numbered.append(Numbered(source, info.source_sn, message, origin_of(sample)))
+            elif message is not None:
+                self.arrive_all([message])
+        return numbered
+
+
+def _sample(arrived: zenoh.Sample) -> Sample:
+    """Return what came, with a time of its own: what came live at once has an order in time too."""
+    return Sample(str(arrived.key_expr), arrived.payload.to_bytes(), str(arrived.encoding), time.time_ns(), 0)
