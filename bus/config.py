@@ -14,6 +14,10 @@ MAX_BLOCKED_MS: Final = 1_000
 MAX_FLUSH_MS: Final = 500
 """Longest time between signs of life, which is also how long a closing link waits to write what it holds."""
 
+RETRY: Final = {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2}
+NO_RETRY: Final = {"period_init_ms": 3_600_000, "period_max_ms": 3_600_000, "period_increase_factor": 1}
+"""A client's session is ended and another one opened where its link is lost."""
+
 REQUEST_BATCHES: Final = 16
 """Room of a link's queue of requests and replies, which alone have their priority: 1 MiB goes in without waiting."""
 
@@ -38,10 +42,10 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
         "mode": settings.mode,
         "connect": {
             "endpoints": settings.connect,
-            # One try for a client, which opens its session again; others' sessions are open at once and go on trying.
+            # One try for a client's session; others' are open at once and go on trying.
             "timeout_ms": 0 if settings.mode == "client" else -1,
             "exit_on_failure": settings.mode == "client",
-            "retry": {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2},
+            "retry": NO_RETRY if settings.mode == "client" else RETRY,
         },
         "listen": {"endpoints": settings.listen, "timeout_ms": 0, "exit_on_failure": True},
         "scouting": {

@@ -26,22 +26,21 @@ from bus.settings import BusSettings, port_of
 
 RETRY_S: Final = 0.5
 
-CUT_OFF_S: Final = 5.0
-"""How long a client's session may have no link until it is seen whether another one gets it."""
+REST_S: Final = 0.2
+"""How long nothing follows the end of a session.
 
-SHORT_LIVED_S: Final = 10.0
-"""A link that is lost sooner is one that its router had no time for: all of a large fleet join at once, for example."""
+Letting go of one holds the interpreter lock until a thread of Zenoh's has time, which may wait for that lock itself to
+call back (1.10), for ten seconds. By then nothing calls back any more.
+"""
 
-LONGER: Final = 4
-"""How many times the lease of the next session is longer after such a link."""
+IN_A_ROW: Final = 8
+"""How many declarations a router is given to work off before it gets more."""
 
-LONGEST_LEASE_S: Final = 16.0
-"""It does not become longer than this."""
+SETTLING_S: Final = 1.0
+"""Longest wait for that; short of the deadline for closing."""
 
-_WHY: Final = {
-    True: "the link was lost soon after it was made",
-    False: "there was still no link though a router answers",
-}
+_NOBODY: Final = "nobody"
+"""A presence that is not there."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -57,7 +56,12 @@ class Declaration(Protocol):
 
 
 class SessionThread:
-    """Opens a session, again and again if it is a client's and nobody answers; declares what is kept on it."""
+    """Opens a session, again and again if it is a client's and nobody answers; declares what is kept on it.
+
+    A client's session ends with its link, and another one follows. Zenoh's own (1.10) may go on with what a router has
+    not yet taken for lost, and then mixes up what keys the two speak of; it may give up for good on a link that is
+    closed as it comes up; and it declares everything at once. It still tries, once, until it is ended.
+    """
 
     def __init__(self, settings: BusSettings) -> None:
         self._settings = settings
@@ -68,8 +72,9 @@ class SessionThread:
         self._stopping = threading.Event()
         self._stopped = False
         self._retry_at: float | None = None
-        self._lease_s = self._leased_s = settings.lease_s  # of the next session, and of this one
-        self._linked_at = float("-inf")
+        self._unsettled = 0
+        self._cut = threading.Event()
+        self._ended: zenoh.Session | None = None  # see REST_S
         self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
         self._thread.start()
 
@@ -99,7 +104,7 @@ class SessionThread:
 
     def ask(self, asking: Asking) -> None:
         """Send a request; its outcome comes by itself."""
-        self._do(partial(self._ask, asking))
+        self.do(partial(self._ask, asking))
 
     def stop(self, then: Callable[[], None]) -> Future[None]:
         """Undeclare everything, close the session, call `then`, end the thread."""
@@ -127,7 +132,7 @@ class SessionThread:
             future.set_result(None)
         return future
 
-    def _do(self, act: Callable[[], None]) -> None:
+    def do(self, act: Callable[[], None]) -> None:
         """Have something done that nobody waits for. Any thread."""
         self.submit(act).add_done_callback(_log_failure)
 
@@ -139,7 +144,7 @@ class SessionThread:
                 )
             except queue.Empty:
                 self._retry_at = time.monotonic() + RETRY_S
-                self._do(self._open if self._session is None else self._replace)
+                self.do(self._open)
             else:
                 job()
         with contextlib.suppress(queue.Empty):
@@ -147,6 +152,7 @@ class SessionThread:
                 self._jobs.get_nowait()()
 
     def _open(self) -> None:
+        self._ended = None
         if self._stopping.is_set():
             return
         first = self._retry_at is None
@@ -169,61 +175,57 @@ class SessionThread:
         self._use(session)
 
     def _opened(self) -> zenoh.Session:
-        settings = self._settings.model_copy(update={"lease_s": self._lease_s})
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings))))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
 
     def _use(self, session: zenoh.Session) -> None:
-        self._session, self._leased_s = session, self._lease_s
+        self._retry_at = None
+        self._session = session
         self._links.clear()
-        self._watch_for_links()
+        self._cut.clear()
+        self._unsettled = 0
         listener = Callback(partial(self._on_link, session), indirect=False)
         session.info.declare_link_events_listener(listener, history=True)
+        if self._settings.mode == "client" and not session.info.links():
+            self._end(session)
+            return
         for declaration in list(self._kept):
-            if self._stopping.is_set():
+            if self._stopping.is_set() or self._cut.is_set():
                 return
             try:
                 with panics_are_errors():
                     declaration.declare(session)
+                    self._settle(session)
             except Exception:  # noqa: BLE001 - the others are declared, and this one on the next session
                 _log.exception("a declaration was refused")
                 _take_back(declaration)
 
-    def _watch_for_links(self) -> None:
-        """Have a client's session replaced if it has no link for long, or at once if the next one gets a longer lease.
+    def _settle(self, session: zenoh.Session) -> None:
+        """Wait now and then until the router has worked off what was declared.
 
-        Zenoh (1.10) gives up for good on a link that is closed just as it comes up again. That is what a router does
-        which has not yet noticed the end of the link before; as long as it takes the new one for the old one, it also
-        mixes up what keys they speak of. It does not know a new session from before. And it may lose links that are
-        not silent at all, when it is busy with others' declarations for longer than their lease.
+        In a large fleet it takes up to a millisecond for each. It works off all that it has read of a link before it
+        reads others, and takes those for lost that it has not read for their lease (Zenoh 1.10).
         """
-        now_s = time.monotonic()
-        if self._settings.mode != "client" or (self._links and self._leased_s == self._lease_s):
-            self._retry_at = None
-        elif self._leased_s == self._lease_s:
-            self._retry_at = now_s + CUT_OFF_S
-        else:  # links that come and go do not put it off
-            self._retry_at = min(now_s + RETRY_S, self._retry_at or now_s + RETRY_S)
+        self._unsettled += 1
+        if self._settings.mode != "client" or self._unsettled < IN_A_ROW:
+            return
+        self._unsettled = 0
+        settled = threading.Event()
+        callback: Callback[zenoh.Reply] = Callback(lambda _: None, settled.set, indirect=False)
+        with contextlib.suppress(zenoh.ZError):
+            session.liveliness().get(_NOBODY, callback, timeout=SETTLING_S)
+            while not (settled.wait(REST_S) or self._stopping.is_set() or self._cut.is_set()):
+                pass
 
-    def _replace(self) -> None:
-        """Go on with a new session, if one can be had and the last one is still to be replaced."""
-        last, longer = self._session, self._leased_s != self._lease_s
-        if last is None or self._stopping.is_set() or (self._links and not longer):
-            self._watch_for_links()
+    def _end(self, session: zenoh.Session) -> None:
+        """End a client's session that lost its link, and have another one opened."""
+        if session is not self._session:
             return
-        try:
-            session = self._opened()
-        except zenoh.ZError:  # no router answers, or not in time: Zenoh tries, too
-            self._watch_for_links()
-            return
-        if self._stopping.is_set() or (list(last.info.routers_zid()) and not longer):  # it got its link meanwhile
-            _close(session)
-            self._watch_for_links()
-            return
+        self._session, self._ended = None, session
+        self._links.clear()
+        _close(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
         for declaration in self._kept:
             _take_back(declaration)
-        _close(last)
-        self._use(session)
-        _log.warning("joined %s anew, with a lease of %g s: %s", self._where, self._lease_s, _WHY[longer])
+        self._retry_at = time.monotonic() + REST_S
 
     @property
     def _where(self) -> str:
@@ -231,26 +233,26 @@ class SessionThread:
 
     def _on_link(self, session: zenoh.Session, event: zenoh.LinkEvent) -> None:
         """Have the session's thread act on it; this one is Zenoh's."""
-        act = self._link_up if event.kind == zenoh.SampleKind.PUT else self._link_down
-        self._do(partial(act, session, event.link.src, event.link.dst))
+        up = event.kind == zenoh.SampleKind.PUT
+        if not up and self._settings.mode == "client" and session is self._session:
+            self._cut.set()
+        self.do(partial(self._link_up if up else self._link_down, session, event.link.src, event.link.dst))
 
     def _link_up(self, session: zenoh.Session, own: str, other: str) -> None:
         tune(own)
         if session is self._session and self._is_sought(other):
             self._links.add((own, other))
-            self._linked_at = time.monotonic()
-            self._watch_for_links()
             _log.info("connected to %s", other)
 
     def _link_down(self, session: zenoh.Session, own: str, other: str) -> None:
-        if session is not self._session or (own, other) not in self._links:
+        is_client = self._settings.mode == "client"
+        if session is not self._session or not (is_client or (own, other) in self._links):
             return
         self._links.discard((own, other))
-        if self._settings.mode == "client" and time.monotonic() < self._linked_at + SHORT_LIVED_S:
-            self._lease_s = max(self._lease_s, min(LONGEST_LEASE_S, LONGER * self._leased_s))
-        self._watch_for_links()
         if not self._stopped:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
+        if is_client:
+            self._end(session)
 
     def _is_sought(self, other: str) -> bool:
         """Whether a link is one that was asked for, and not others' to us, as far as ports tell: hosts have names.
@@ -271,6 +273,7 @@ class SessionThread:
         except zenoh.ZError as error:
             self._undeclare(declaration)
             raise BusError(f"cannot declare: {_reason(error)}") from error
+        self._settle(self._session)
 
     def _undeclare(self, declaration: Declaration) -> None:
         if declaration not in self._kept:
@@ -293,6 +296,7 @@ class SessionThread:
             self._undeclare(declaration)
         if self._session is not None:
             _close(self._session)
+            self._session = None
         then()
 
 
