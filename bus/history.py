@@ -95,17 +95,23 @@ class History(Generic[M]):
     def live(self, messages: Iterable[Numbered[M]]) -> None:
         """Take messages as they come."""
         ready: list[M] = []
-        for message in messages:
-            known = self._known(message.source)
-            if known.held is not None:
-                self._hold(known, message)
+        for each in messages:
+            source, number, message, origin = each
+            known = self._sources.get(source)
+            if known is None:
+                known = self._known(source)
+            if known.held is None and origin is None and known.last == number - 1:  # nearly always
+                known.last = number
+                ready.append(message)
+            elif known.held is not None:
+                self._hold(known, each)
                 if len(known.held) > max(MOST_HELD, 2 * self.recover):
                     self._release(known, ready)
-            elif known.last is not None and message.number > known.last + 1 and self.recover > 1 and known.cache:
-                self._fetch(message.source, known)
-                self._hold(known, message)
+            elif known.last is not None and number > known.last + 1 and self.recover > 1 and known.cache:
+                self._fetch(source, known)
+                self._hold(known, each)
             else:
-                self._take(known, message, ready)
+                self._take(known, each, ready)
         self.deliver(ready)
 
     def kept(self, message: Numbered[M]) -> None:
@@ -168,7 +174,7 @@ class History(Generic[M]):
         if known.last is not None:
             if message.number <= known.last:
                 return
-            self.miss(message.number - known.last - 1)
+            self._miss(message.number - known.last - 1)
         if message.origin is None:
             known.last = message.number
             ready.append(message.message)
@@ -178,9 +184,13 @@ class History(Generic[M]):
             self._release(before, ready)
         newest = before.newest
         if newest is None or number > newest:
-            self.miss(0 if newest is None else number - newest - 1)
+            self._miss(0 if newest is None else number - newest - 1)
             ready.append(message.message)
         self._pass(known, message)
+
+    def _miss(self, number: int) -> None:
+        if number:
+            self.miss(number)
 
     def _pass(self, known: _Source[M], message: Numbered[M]) -> None:
         """Take it that a message came."""

@@ -18,6 +18,7 @@ from bus.origins import CACHE, origin_of, source_of, source_of_cache
 from bus.reading import SampleReader
 
 STOP_GRACE_S: Final = 0.2
+_PUT: Final = zenoh.SampleKind.PUT
 
 
 class ZenohSubscription(SampleReader):
@@ -46,7 +47,7 @@ class ZenohSubscription(SampleReader):
 
     def take(self, samples: Sequence[zenoh.Sample]) -> None:
         """Take in what came live."""
-        put = (sample for sample in samples if sample.kind == zenoh.SampleKind.PUT)
+        put = (sample for sample in samples if sample.kind == _PUT)
         self.arrive_all(_sample(sample) for sample in put if origin_of(sample) is None)
 
 
@@ -103,7 +104,7 @@ class HistorySubscription(ZenohSubscription):
         if source is None:
             return
         with self._one_at_a_time:
-            if presence.kind == zenoh.SampleKind.PUT:
+            if presence.kind == _PUT:
                 self._history.appear(source, cache)
             else:
                 self._history.leave(source)
@@ -125,7 +126,7 @@ class HistorySubscription(ZenohSubscription):
         """Return those that have numbers, deletions as None, which have one too; others are taken in as they are."""
         numbered: list[Numbered[Sample | None]] = []
         for sample in samples:
-            message = _sample(sample) if sample.kind == zenoh.SampleKind.PUT else None
+            message = _sample(sample) if sample.kind == _PUT else None
             if (info := sample.source_info) is not None:
                 source = source_of(info.source_id)
                 numbered.append(Numbered(source, info.source_sn, message, origin_of(sample)))
