@@ -12,11 +12,11 @@ from typing import Any, Final
 
 import zenoh
 from zenoh import CongestionControl, Priority, Reliability, ext
-from zenoh.handlers import Callback, FifoChannel
+from zenoh.handlers import Callback
 
 from bus.api import MAX_REQUEST_BYTES, Handler, QoS, Reply, Request
 from bus.demand import Demand
-from bus.gathering import ROOM, Gathering
+from bus.gathering import taking
 from bus.lane import Lane
 from bus.origins import origin_text, source_of
 from bus.panics import panics_are_errors
@@ -175,11 +175,8 @@ class ZenohWatch(PresenceReader):
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
-        handler: Any = Callback(self._on_change, indirect=False) if self._few else FifoChannel(ROOM)
-        subscriber: Any = session.liveliness().declare_subscriber(self._key_expr, handler, history=True)
-        if not self._few:
-            self._declared.callback(Gathering(subscriber.handler, self._on_changes).join, STOP_GRACE_S)
-        self._declared.callback(subscriber.undeclare)
+        declare = partial(session.liveliness().declare_subscriber, self._key_expr, history=True)
+        self._declared.enter_context(taking(declare, self._on_changes, together=not self._few))
 
     def undeclare(self) -> None:
         """Undeclare; whoever ends before it is declared again is told by nobody, so all of them end."""
@@ -192,12 +189,9 @@ class ZenohWatch(PresenceReader):
 
     def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
         for sample in samples:
-            self._on_change(sample)
-
-    def _on_change(self, sample: zenoh.Sample) -> None:
-        key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
-        (self._present.add if alive else self._present.discard)(key)
-        self.arrive(key, alive=alive)
+            key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+            (self._present.add if alive else self._present.discard)(key)
+            self.arrive(key, alive=alive)
 
 
 class ZenohToken:

@@ -4,9 +4,11 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any, Final
 
 import zenoh
+from zenoh.handlers import Callback, FifoChannel
 
 from bus.panics import panics_are_errors
 
@@ -22,7 +24,27 @@ SHORTEST_S: Final = 0.005
 LONGEST_S: Final = 0.02
 """How long what comes after a batch waits for others at least, and at most."""
 
+STOP_GRACE_S: Final = 0.2
+"""Longest wait for a batch that is being delivered when its subscriber is undeclared."""
+
 _log: Final = logging.getLogger(__name__)
+
+
+def taking(
+    declare: Callable[[Any], Any], deliver: Callable[[Sequence[zenoh.Sample]], None], *, together: bool
+) -> ExitStack:
+    """Declare a subscriber by its handler, and have its samples delivered in batches or each as it comes.
+
+    Leaving what is returned undeclares it: one with a callback lives on when it is only forgotten.
+    """
+    declared = ExitStack()
+    if together:
+        subscriber = declare(FifoChannel(ROOM))
+        declared.callback(Gathering(subscriber.handler, deliver).join, STOP_GRACE_S)
+    else:
+        subscriber = declare(Callback(lambda sample: deliver([sample]), indirect=False))
+    declared.callback(subscriber.undeclare)
+    return declared
 
 
 class Gathering:

@@ -15,7 +15,7 @@ _NUMBERS: Final = 1 << 32
 
 def source_of(publisher: zenoh.EntityGlobalId) -> str:
     """Return a publisher's name among all."""
-    return f"{publisher.zid}/{publisher.eid}"
+    return f"{publisher.zid!s}/{publisher.eid}"
 
 
 def source_of_cache(cache: str) -> str | None:

@@ -5,19 +5,19 @@ import time
 from asyncio import AbstractEventLoop
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, Final
 
 import zenoh
-from zenoh.handlers import Callback, FifoChannel
+from zenoh.handlers import Callback
 
 from bus.api import Latest, Queue, Sample
 from bus.caches import Caches
-from bus.gathering import ROOM, Gathering
+from bus.gathering import taking
 from bus.history import History, Numbered
 from bus.origins import CACHE, origin_of, source_of, source_of_cache
 from bus.reading import SampleReader
 
-STOP_GRACE_S: Final = 0.2
 _PUT: Final = zenoh.SampleKind.PUT
 
 
@@ -27,23 +27,17 @@ class ZenohSubscription(SampleReader):
     def __init__(self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, few: bool) -> None:
         super().__init__(keep, loop)
         self._key_expr = key_expr
-        self._gathers = isinstance(keep, Queue) and "*" in key_expr and not few
+        self._together = isinstance(keep, Queue) and "*" in key_expr and not few
         self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
-        handler: Any = FifoChannel(ROOM) if self._gathers else Callback(self._on_sample, indirect=False)
-        subscriber: Any = session.declare_subscriber(self._key_expr, handler)
-        if self._gathers:
-            self._declared.callback(Gathering(subscriber.handler, self.take).join, STOP_GRACE_S)
-        self._declared.callback(subscriber.undeclare)
+        declare = partial(session.declare_subscriber, self._key_expr)
+        self._declared.enter_context(taking(declare, self.take, together=self._together))
 
     def undeclare(self) -> None:
-        """Undeclare: a callback subscriber lives on when it is only forgotten."""
+        """Undeclare."""
         self._declared.close()
-
-    def _on_sample(self, sample: zenoh.Sample) -> None:
-        self.take([sample])
 
     def take(self, samples: Sequence[zenoh.Sample]) -> None:
         """Take in what came live."""
