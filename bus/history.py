@@ -11,6 +11,9 @@ that is more; then they are taken as they are."""
 GONE_REMEMBERED: Final = 10_000
 """Publishers that left of whom it is known what came: what they kept comes again from their next session."""
 
+WRAPPED: Final = 1 << 31
+"""A number so much smaller than the last is a newer one: Zenoh's have 32 bits."""
+
 M = TypeVar("M")
 
 
@@ -171,7 +174,7 @@ class History(Generic[M]):
 
     def _take(self, known: _Source[M], message: Numbered[M], ready: list[M]) -> None:
         """Take a message, unless it came before; count those between it and the one before."""
-        if known.last is not None:
+        if known.last is not None and known.last - message.number < WRAPPED:
             if message.number <= known.last:
                 return
             self._miss(message.number - known.last - 1)

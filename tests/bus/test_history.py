@@ -108,6 +108,13 @@ def test_old_and_doubled_ones_are_left_out() -> None:
     assert (got.messages, got.missed) == ([0, 1, 2], 0)
 
 
+def test_numbers_start_anew_at_their_end() -> None:
+    got = Received()
+    got.appear()
+    got.live(2**32 - 2, 2**32 - 1, 0, 1)
+    assert (got.messages, got.missed) == ([2**32 - 2, 2**32 - 1, 0, 1], 0)
+
+
 def test_who_was_cut_off_gets_what_it_has_not_got_yet() -> None:
     got = Received()
     got.appear()
