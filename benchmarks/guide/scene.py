@@ -32,11 +32,14 @@ STATIC, MOVING = TF_TOPICS
 
 
 class Scene:
-    """Instants all over a drive through a warehouse, in a loop: depth registered to colour, 16UC1, and its points."""
+    """Instants all over a drive through a warehouse, in a loop: depth registered to colour, 16UC1, and its points.
+
+    The robot stands at each: they are too far apart to drive from one to the next.
+    """
 
     def __init__(self, instants: int) -> None:
         camera = Camera.with_field_of_view(WIDTH, HEIGHT, FIELD_RAD)
-        film = Film(SEED, Equipment(camera), instants, Store(1 << 30))
+        film = Film(SEED, Equipment(camera), instants, 0.0, Store(1 << 30))
         self._robot = Robot("r1", "", film, (*TF_TOPICS, *SENSORS))
         self._instants = [self._robot.publish(number, SENSORS, lambda: 0) for number in range(instants)]
 

@@ -1,7 +1,8 @@
 """How fast the simulated warehouse is on one core, in one process of one thread; some seconds.
 
 Views of 640x480 pixels at even distances along the drives of several scenes. A frame is an exact rendering in colour
-with its depth (render), the faults of the colour camera (expose) and those of the depth camera (depth). Beside it:
+with its depth (render), what the robot's motion at 1 m/s smears (smear), the faults of the colour camera (expose) and
+those of the depth camera (depth). Beside it:
 
     cloud        the organised cloud of the measured depth
     geometry     depth and instances without colour, as an unregistered depth camera needs them

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from services.simulator.clouds import ringed_points
 from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, Placement, of_pose, rig, to_pose
+from services.simulator.shutter import EXPOSURE_S, smeared
 from services.simulator.store import Store
 from services.simulator.world import (
     Camera,
@@ -17,6 +18,7 @@ from services.simulator.world import (
     Drive,
     Lidar,
     Pose,
+    Rendering,
     Sensor,
     as_16uc1,
     expose,
@@ -63,9 +65,12 @@ class Equipment:
 
 
 class Film:
-    """`frames` instants of a closed drive through the warehouse of `seed`: the same ones for the same arguments."""
+    """`frames` instants of a closed drive through the warehouse of `seed`: the same ones for the same arguments.
 
-    def __init__(self, seed: int, equipment: Equipment, frames: int, store: Store) -> None:
+    hz: how many of them pass in a second, which is how fast the robot drives; 0 where it stands at each.
+    """
+
+    def __init__(self, seed: int, equipment: Equipment, frames: int, hz: float, store: Store) -> None:
         self.seed = seed
         self.equipment = equipment
         self.frames = frames
@@ -73,6 +78,7 @@ class Film:
         self._scene = generate(seed)
         self._drive = Drive.plan(self._scene)
         self.rig = rig(self._drive.camera_height, self._drive.camera_pitch)
+        self._exposed = EXPOSURE_S * hz / frames if frames > 1 else 0.0  # how much of the round passes meanwhile
         self._from_camera = np.linalg.inv(self.rig.on_robot(COLOR_OPTICAL))
 
     def fraction(self, number: int) -> float:
@@ -98,13 +104,18 @@ class Film:
         exact: NDArray[np.float32] | None = None
         if Part.COLOR in parts:
             seen = render(self._scene, self._drive.pose(self.fraction(index)), self.equipment.color)
-            made[Part.COLOR] = expose(seen.color, Sensor(), self._rng(index))
+            made[Part.COLOR] = expose(self._smeared(index, seen), Sensor(), self._rng(index))
             exact = seen.depth if self.equipment.aligned else None
         if Part.DEPTH in parts:
             made[Part.DEPTH] = self._depth(index, exact)
         if Part.SWEEP in parts:
             made[Part.SWEEP] = ringed_points(turn(self._scene, self._pose(index, LIDAR), Lidar(), self._rng(index, 2)))
         return made
+
+    def _smeared(self, index: int, seen: Rendering) -> Array:
+        half, now = self._exposed / 2, self.fraction(index)
+        opened, closed = self._drive.pose(now - half), self._drive.pose(now + half)
+        return smeared(seen, self.equipment.color, opened, closed)
 
     def _depth(self, index: int, exact: NDArray[np.float32] | None) -> Array:
         camera = self.equipment.depth_camera

@@ -41,7 +41,7 @@ def robots(settings: SimulatorSettings, *, namespaced: bool) -> Iterator[Robot]:
         convoy, warehouse = divmod(number, settings.warehouses)
         if warehouse not in films:
             films[warehouse] = Film(
-                warehouse_seed(settings.seed, warehouse), equipment(settings), settings.frames, store
+                warehouse_seed(settings.seed, warehouse), equipment(settings), settings.frames, settings.hz, store
             )
         name = f"r{number + 1}"
         yield Robot(name, f"/{name}" if namespaced else "", films[warehouse], published, ahead=convoy * BEHIND)

@@ -14,13 +14,14 @@ DEPTH: Final = Camera.with_field_of_view(80, 40, 1.5)
 ALIGNED: Final = Equipment(COLOR)
 UNALIGNED: Final = Equipment(COLOR, DEPTH, metric=True)
 FRAMES: Final = 4
+HZ: Final = 2.0
 PLENTY: Final = 1 << 30
 
 
 @cache
 def film(equipment: Equipment = ALIGNED, seed: int = 1) -> Film:
     """Return a film of four instants; the same one for the same arguments."""
-    return Film(seed, equipment, FRAMES, Store(PLENTY))
+    return Film(seed, equipment, FRAMES, HZ, Store(PLENTY))
 
 
 def robot(

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
-from services.simulator.film import Equipment, Film, Part
+from services.simulator.film import Array, Equipment, Film, Part
 from services.simulator.placement import COLOR_OPTICAL, of_pose, to_pose
+from services.simulator.shutter import smeared
 from services.simulator.store import Store
-from services.simulator.world import Drive, Pose, Sensor, expose, generate, render
-from tests.services.simulator.small import ALIGNED, COLOR, DEPTH, FRAMES, PLENTY, UNALIGNED, film
+from services.simulator.world import Camera, Drive, Pose, Sensor, expose, generate, render
+from tests.services.simulator.small import ALIGNED, COLOR, DEPTH, FRAMES, HZ, PLENTY, UNALIGNED, film
 
 EVERYTHING = frozenset(Part)
 
@@ -17,7 +18,7 @@ def pose_of(found: Film, number: int) -> Pose:
 
 @pytest.mark.parametrize("part", Part)
 def test_the_same_seed_is_the_same_film_and_another_is_not(part: Part) -> None:
-    again, other = Film(1, ALIGNED, FRAMES, Store(PLENTY)), film(seed=2)
+    again, other = Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY)), film(seed=2)
     for number in (2, 0):
         first = film().measure(number, {part})[part]
         assert first.tobytes() == again.measure(number, {part})[part].tobytes()
@@ -32,7 +33,7 @@ def test_measurements_move_and_start_over() -> None:
 
 
 def test_what_is_not_kept_is_measured_again_and_is_the_same() -> None:
-    forgetful = Film(1, ALIGNED, FRAMES, Store(0))
+    forgetful = Film(1, ALIGNED, FRAMES, HZ, Store(0))
     assert forgetful.store.size == 0
     for _ in range(2):
         found = forgetful.measure(1, EVERYTHING)
@@ -40,7 +41,7 @@ def test_what_is_not_kept_is_measured_again_and_is_the_same() -> None:
 
 
 def test_only_what_is_asked_for_is_measured() -> None:
-    fresh = Film(1, ALIGNED, FRAMES, Store(PLENTY))
+    fresh = Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY))
     assert fresh.measure(0, frozenset()) == {}
     assert fresh.store.size == 0
     assert fresh.measure(0, {Part.DEPTH}).keys() == {Part.DEPTH}
@@ -76,3 +77,46 @@ def test_depth_is_seen_through_its_own_camera(equipment: Equipment) -> None:
     there = measured > 0
     assert there.mean() > 0.3
     assert np.median(np.abs(measured[there] / 1000 - exact[there]) / exact[there]) < 0.15
+
+
+def driving(hz: float, frames: int = 120) -> Film:
+    """Return a film of a camera in which a pixel is small."""
+    return Film(1, Equipment(Camera.with_field_of_view(320, 240, 1.2)), frames, hz, Store(0))
+
+
+def sharpness(picture: Array) -> float:
+    """Return how much neighbours in a row differ."""
+    return float(np.abs(np.diff(picture.astype(int), axis=1)).mean())
+
+
+@pytest.mark.parametrize("number", [0, 17])
+def test_colour_is_smeared_by_how_the_robot_moves_for_eight_milliseconds(number: int) -> None:
+    scene, moving = generate(1), driving(hz=2)
+    drive, camera = Drive.plan(scene), moving.equipment.color
+    opened, now, closed = (drive.pose((number + 2 * seconds) / 120) for seconds in (-0.004, 0.0, 0.004))
+    seen = smeared(render(scene, now, camera), camera, opened, closed)
+    expected = expose(seen, Sensor(), np.random.default_rng((1, number)))
+    picture = moving.measure(number, {Part.COLOR})[Part.COLOR]
+    assert np.mean(np.abs(expected.astype(int) - picture) > 2) < 0.01
+    assert picture.tobytes() == driving(hz=2).measure(number, {Part.COLOR})[Part.COLOR].tobytes()
+
+
+def test_the_faster_a_robot_drives_the_more_is_smeared_and_depth_never_is() -> None:
+    standing, slow, middling, fast = (driving(hz).measure(17, {Part.COLOR, Part.DEPTH}) for hz in (0, 0.01, 1, 2))
+    assert standing[Part.COLOR].tobytes() == slow[Part.COLOR].tobytes()
+    sharp = [sharpness(each[Part.COLOR]) for each in (slow, middling, fast)]
+    assert sharp[2] < 0.98 * sharp[1] < 0.95 * sharp[0]
+    assert len({each[Part.DEPTH].tobytes() for each in (standing, slow, middling, fast)}) == 1
+
+
+def test_a_round_of_as_many_seconds_is_as_fast_however_many_instants_it_has() -> None:
+    few, many = driving(hz=1, frames=60), driving(hz=2, frames=120)
+    assert sharpness(few.measure(17, {Part.COLOR})[Part.COLOR]) == pytest.approx(
+        sharpness(many.measure(34, {Part.COLOR})[Part.COLOR]), rel=0.02
+    )
+
+
+def test_the_robot_of_a_single_instant_stands() -> None:
+    standing, moving = driving(hz=2, frames=1), driving(hz=0)
+    expected = moving.measure(0, {Part.COLOR})[Part.COLOR]
+    assert standing.measure(0, {Part.COLOR})[Part.COLOR].tobytes() == expected.tobytes()

@@ -19,14 +19,14 @@ from services.simulator.robot import Robot
 from services.simulator.store import Store
 from services.simulator.topics import Content, Stream, topics
 from tests.gateway.ros1.waiting import until
-from tests.services.simulator.small import ALIGNED, FRAMES, PLENTY
+from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY
 
 COLOR_TOPIC = "/camera/color/image_raw"
 
 
 @pytest.fixture
 def robot() -> Robot:
-    return Robot("r1", "", Film(1, ALIGNED, FRAMES, Store(PLENTY)), topics(list(Stream), aligned=True))
+    return Robot("r1", "", Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY)), topics(list(Stream), aligned=True))
 
 
 @asynccontextmanager

@@ -8,13 +8,13 @@ from services.simulator.prerendering import prerender
 from services.simulator.robot import Robot
 from services.simulator.store import Store
 from services.simulator.topics import Stream, topics
-from tests.services.simulator.small import ALIGNED, FRAMES, PLENTY
+from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY
 
 COLOR_AND_DEPTH = topics([Stream.COLOR, Stream.DEPTH], aligned=True)
 
 
 def fleet(limit: int) -> list[Robot]:
-    film = Film(1, ALIGNED, FRAMES, Store(limit))
+    film = Film(1, ALIGNED, FRAMES, HZ, Store(limit))
     return [Robot(name, "", film, COLOR_AND_DEPTH, ahead) for ahead, name in enumerate(("r1", "r2"))]
 
 

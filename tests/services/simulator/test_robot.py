@@ -14,7 +14,7 @@ from services.simulator.robot import Robot
 from services.simulator.store import Store
 from services.simulator.topics import COLOR_TOPICS, Content
 from services.simulator.world import Drive, generate
-from tests.services.simulator.small import ALIGNED, FRAMES, PLENTY, UNALIGNED, film, robot
+from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY, UNALIGNED, film, robot
 
 STAMP = 1_700_000_000_000_000_005
 CLOUD = "sensor_msgs/PointCloud2"
@@ -111,7 +111,7 @@ def test_only_what_is_wanted_comes_and_transforms_come_first() -> None:
 
 def test_the_clock_is_read_once_everything_is_measured() -> None:
     store = Store(PLENTY)
-    which = Robot("r1", "", Film(1, ALIGNED, FRAMES, store), COLOR_TOPICS)
+    which = Robot("r1", "", Film(1, ALIGNED, FRAMES, HZ, store), COLOR_TOPICS)
     kept: list[int] = []
 
     def clock() -> int:
