@@ -48,8 +48,8 @@ class Sample(msgspec.Struct, frozen=True, gc=False):
     """A message as it arrived.
 
     `received_ns` is `time.time_ns()` at arrival in this process, or some milliseconds later where samples of many keys
-    are fetched together, and each has a time of its own; `replaced` counts the samples of this key that were dropped
-    here since the last one taken.
+    are fetched together, and each has a time of its own; one that waited for older ones of its publisher has an earlier
+    time than those. `replaced` counts the samples of this key that were dropped here since the last one taken.
     """
 
     key: str

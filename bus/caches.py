@@ -10,11 +10,12 @@ import zenoh
 from zenoh.handlers import Callback
 
 from bus.history import Fetch
+from bus.numbering import owner_of, place_of
 from bus.panics import panics_are_errors
 
-AT_ONCE: Final = 16
-TIMEOUT_S: Final = 10.0
-"""Longest wait for one's answer."""
+ASKED_AT_ONCE: Final = 16
+TIMEOUT_S: Final = 2.0
+"""Longest wait for one's answer: as long as links to who stands still count as whole, unless told otherwise."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -23,15 +24,15 @@ class Caches:
     """The caches that one subscription asks.
 
     submit: has something done on the session's thread. recover: how many messages are wanted of each.
-    answer: is given each message; answered: the publisher, when no more of it come.
+    answer: is given each message; answered: told that no more of them come.
     """
 
     def __init__(
         self,
         submit: Callable[[Callable[[], None]], object],
         recover: int,
-        answer: Callable[[zenoh.Sample], None],
-        answered: Callable[[str], None],
+        answer: Callable[[Fetch, zenoh.Sample], None],
+        answered: Callable[[Fetch], None],
     ) -> None:
         self._submit = submit
         self._recover = recover
@@ -39,13 +40,13 @@ class Caches:
         self._answered = answered
         self._session: zenoh.Session | None = None
         self._waiting: deque[Fetch] = deque()
-        self._asked: set[str] = set()
+        self._asked = 0
 
     def use(self, session: zenoh.Session | None) -> None:
         """Ask on this session, or not at all; forget what was asked on another one. Session's thread only."""
         self._session = session
         self._waiting.clear()
-        self._asked.clear()
+        self._asked = 0
 
     def ask(self, fetch: Fetch) -> None:
         """Ask a cache when its turn comes."""
@@ -56,18 +57,17 @@ class Caches:
         self._go_on()
 
     def _go_on(self) -> None:
-        while self._session is not None and self._waiting and len(self._asked) < AT_ONCE:
+        while self._session is not None and self._waiting and self._asked < ASKED_AT_ONCE:
             self._send(self._session, self._waiting.popleft())
 
     def _send(self, session: zenoh.Session, fetch: Fetch) -> None:
-        self._asked.add(fetch.source)
-        after = "" if fetch.after is None else f"_sn={fetch.after + 1}..;"
-        done = partial(self._submit, partial(self._done, session, fetch.source))
+        self._asked += 1
+        done = partial(self._submit, partial(self._done, session, fetch))
         try:
             with panics_are_errors():
                 session.get(
-                    f"{fetch.cache}?{after}_max={self._recover}",
-                    Callback(partial(self._on_reply, session), done, indirect=False),
+                    f"{fetch.cache}?{_after(fetch)}_max={self._recover}",
+                    Callback(partial(self._on_reply, session, fetch), done, indirect=False),
                     accept_replies=zenoh.ReplyKeyExpr.ANY,
                     consolidation=zenoh.ConsolidationMode.NONE,
                     timeout=TIMEOUT_S,
@@ -76,12 +76,19 @@ class Caches:
             _log.debug("%s was not asked: %s", fetch.cache, error)
             done()
 
-    def _on_reply(self, session: zenoh.Session, reply: zenoh.Reply) -> None:
+    def _on_reply(self, session: zenoh.Session, fetch: Fetch, reply: zenoh.Reply) -> None:
         if session is self._session and reply.ok is not None:
-            self._answer(reply.ok)
+            self._answer(fetch, reply.ok)
 
-    def _done(self, session: zenoh.Session, source: str) -> None:
-        if session is self._session and source in self._asked:
-            self._asked.discard(source)
-            self._answered(source)
+    def _done(self, session: zenoh.Session, fetch: Fetch) -> None:
+        if session is self._session:
+            self._asked -= 1
+            self._answered(fetch)
             self._go_on()
+
+
+def _after(fetch: Fetch) -> str:
+    """Return what leaves out of a cache's answer what came before, as Zenoh's caches (1.10) understand it."""
+    _, place = owner_of(fetch.cache)
+    taken = [info.source_sn for info in fetch.places if place_of(info.source_id) == place]
+    return f"_sn={max(taken) + 1}..;" if taken else ""

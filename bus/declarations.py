@@ -5,9 +5,9 @@ import time
 from asyncio import AbstractEventLoop
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, suppress
 from functools import partial
+from random import getrandbits
 from typing import Any, Final
 
 import zenoh
@@ -18,7 +18,7 @@ from bus.api import MAX_REQUEST_BYTES, Handler, QoS, Reply, Request
 from bus.demand import Demand
 from bus.gathering import taking
 from bus.lane import Lane
-from bus.origins import origin_text, source_of
+from bus.numbering import MOST_KEPT, stamp
 from bus.panics import panics_are_errors
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
 from bus.reading import PresenceReader
@@ -55,15 +55,6 @@ class Lanes:
         self.results.stop(STOP_GRACE_S)
 
 
-@dataclass(slots=True)
-class _Sending:
-    """What a publisher is on one session: Zenoh's, its name among all, and how many messages there were."""
-
-    publisher: zenoh.Publisher | ext.AdvancedPublisher
-    source: str = ""
-    number: int = 0
-
-
 class ZenohPublisher(MessageWriter):
     """A publisher. All but images have a second, plain one on the same key, since only that knows who matches."""
 
@@ -82,10 +73,12 @@ class ZenohPublisher(MessageWriter):
         super().__init__(key, demand, partial(self._lane.offer, self))
         self._qos = qos
         self._encoding = encoding
-        self._kept: deque[tuple[bytes, str, int]] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
+        self._kept: deque[tuple[bytes, int]] = deque(maxlen=0 if qos is QoS.IMAGE else min(kept, MOST_KEPT))
+        self._name = getrandbits(32)
+        self._number = 0
         self._declared = ExitStack()
         self._session: zenoh.Session | None = None
-        self._sending: _Sending | None = None
+        self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
 
     @property
@@ -106,12 +99,12 @@ class ZenohPublisher(MessageWriter):
         self._declared.callback(matching.undeclare)
         listener = matching.declare_matching_listener(Callback(partial(self._on_matching, session), indirect=False))
         self._declared.callback(listener.undeclare)
-        self._sending = _Sending(matching) if self._qos is QoS.IMAGE else self._declare_cached(session)
+        self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
         status: Any = matching.matching_status  # the stub says bool
         self._demand.offer(wanted=status.matching, initial=True)
         self._lane.admit(self)
 
-    def _declare_cached(self, session: zenoh.Session) -> _Sending:
+    def _declare_cached(self, session: zenoh.Session) -> ext.AdvancedPublisher:
         publisher = ext.declare_advanced_publisher(
             session,
             self._key,
@@ -125,10 +118,10 @@ class ZenohPublisher(MessageWriter):
             publisher_detection=True,
         )
         self._declared.callback(publisher.undeclare)
-        kept = list(self._kept)
-        for payload, source, number in kept:  # another session's cache
-            publisher.put(payload, attachment=origin_text(source, number))
-        return _Sending(publisher, source_of(publisher.id), len(kept))
+        for newness, (payload, number) in zip(range(len(self._kept), 0, -1), self._kept, strict=True):
+            with suppress(zenoh.ZError):  # the others are sent
+                publisher.put(payload, attachment=stamp(self._name, number, newness))
+        return publisher
 
     def _on_matching(self, session: zenoh.Session, status: zenoh.MatchingStatus) -> None:
         if session is self._session:
@@ -136,22 +129,29 @@ class ZenohPublisher(MessageWriter):
 
     def write(self, payload: bytes | bytearray) -> None:
         """Send on the lane's thread."""
-        sending = self._sending
-        if sending is None:
+        if self._publisher is None:
             return
         with panics_are_errors():
-            placed = payload if self._shared is None else self._shared.place(payload)
-            if placed is None:
-                self.count_dropped(1)
-                return
-            if self.kept:  # first: what a lost link does not take goes to the next session
-                self._kept.append((bytes(payload), sending.source, sending.number))
-            sending.number += 1
-            try:
-                sending.publisher.put(placed)
-            except zenoh.ZError:
-                if not self.kept:
-                    raise
+            if self._qos is QoS.IMAGE:
+                self._write_image(self._publisher, payload)
+            else:
+                self._write_numbered(self._publisher, payload)
+
+    def _write_image(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: bytes | bytearray) -> None:
+        placed = payload if self._shared is None else self._shared.place(payload)
+        if placed is None:
+            self.count_dropped(1)
+        else:
+            publisher.put(placed)
+
+    def _write_numbered(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: bytes | bytearray) -> None:
+        self._number += 1
+        self._kept.append((bytes(payload), self._number))  # first: what a lost link does not take goes to the next one
+        try:
+            publisher.put(payload, attachment=stamp(self._name, self._number, 0))
+        except zenoh.ZError:
+            if not self.kept:
+                raise
 
     def undeclare(self) -> None:
         """Write what waits, as far as that is quick, and undeclare."""
@@ -159,7 +159,7 @@ class ZenohPublisher(MessageWriter):
         try:
             self._declared.close()
         finally:
-            self._session = self._sending = None
+            self._session = self._publisher = None
             self._demand.forget()
 
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
+from random import uniform
 from typing import Final, Protocol
 
 import zenoh
@@ -25,6 +26,10 @@ from bus.serving import serves
 from bus.settings import BusSettings, port_of
 
 RETRY_S: Final = 0.5
+"""Between attempts, and up to as long again: a fleet does not try in step."""
+
+BRIEF_S: Final = 5.0
+"""A session that lived no longer is followed by another one only after RETRY_S."""
 
 REST_S: Final = 0.2
 """How long nothing follows the end of a session.
@@ -38,6 +43,9 @@ IN_A_ROW: Final = 8
 
 SETTLING_S: Final = 1.0
 """Longest wait for that; short of the deadline for closing."""
+
+LOOK_S: Final = 0.1
+"""How often it is looked meanwhile whether there is still anything to wait for."""
 
 _NOBODY: Final = "nobody"
 """A presence that is not there."""
@@ -72,6 +80,7 @@ class SessionThread:
         self._stopping = threading.Event()
         self._stopped = False
         self._retry_at: float | None = None
+        self._opened_at = 0.0
         self._unsettled = 0
         self._cut = threading.Event()
         self._ended: zenoh.Session | None = None  # see REST_S
@@ -143,7 +152,7 @@ class SessionThread:
                     timeout=None if self._retry_at is None else max(0, self._retry_at - time.monotonic())
                 )
             except queue.Empty:
-                self._retry_at = time.monotonic() + RETRY_S
+                self._retry_after(RETRY_S)
                 self.do(self._open)
             else:
                 job()
@@ -168,7 +177,7 @@ class SessionThread:
                 ) from error
             if first:  # Zenoh does not say why: refused, not answered and another's certificate look the same
                 _log.warning("waiting for a link to %s: no Zenoh router answers there", self._where)
-            self._retry_at = time.monotonic() + RETRY_S
+            self._retry_after(RETRY_S)
             return
         if self._settings.mode != "client" and self._settings.connect:
             _log.info("connecting to %s", self._where)
@@ -179,13 +188,14 @@ class SessionThread:
 
     def _use(self, session: zenoh.Session) -> None:
         self._retry_at = None
-        self._session = session
+        self._session, self._opened_at = session, time.monotonic()
         self._links.clear()
         self._cut.clear()
         self._unsettled = 0
         listener = Callback(partial(self._on_link, session), indirect=False)
         session.info.declare_link_events_listener(listener, history=True)
         if self._settings.mode == "client" and not session.info.links():
+            _log.warning("lost the link to %s as it came up", self._where)
             self._end(session)
             return
         for declaration in list(self._kept):
@@ -213,7 +223,7 @@ class SessionThread:
         callback: Callback[zenoh.Reply] = Callback(lambda _: None, settled.set, indirect=False)
         with contextlib.suppress(zenoh.ZError):
             session.liveliness().get(_NOBODY, callback, timeout=SETTLING_S)
-            while not (settled.wait(REST_S) or self._stopping.is_set() or self._cut.is_set()):
+            while not (settled.wait(LOOK_S) or self._stopping.is_set() or self._cut.is_set()):
                 pass
 
     def _end(self, session: zenoh.Session) -> None:
@@ -225,7 +235,10 @@ class SessionThread:
         _close(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
         for declaration in self._kept:
             _take_back(declaration)
-        self._retry_at = time.monotonic() + REST_S
+        self._retry_after(REST_S if time.monotonic() > self._opened_at + BRIEF_S else RETRY_S)
+
+    def _retry_after(self, least_s: float) -> None:
+        self._retry_at = time.monotonic() + uniform(least_s, 2 * least_s)  # noqa: S311 - no secret
 
     @property
     def _where(self) -> str:

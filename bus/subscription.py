@@ -14,8 +14,8 @@ from zenoh.handlers import Callback
 from bus.api import Latest, Queue, Sample
 from bus.caches import Caches
 from bus.gathering import taking
-from bus.history import History, Numbered
-from bus.origins import CACHE, origin_of, source_of, source_of_cache
+from bus.history import Fetch, History, Numbered
+from bus.numbering import CACHE, is_sent_again, owner_of, stamp_of
 from bus.reading import SampleReader
 
 _PUT: Final = zenoh.SampleKind.PUT
@@ -41,8 +41,7 @@ class ZenohSubscription(SampleReader):
 
     def take(self, samples: Sequence[zenoh.Sample]) -> None:
         """Take in what came live."""
-        put = (sample for sample in samples if sample.kind == _PUT)
-        self.arrive_all(_sample(sample) for sample in put if origin_of(sample) is None)
+        self.arrive_all(_sample(sample) for sample in samples if sample.kind == _PUT and not is_sent_again(sample))
 
 
 class HistorySubscription(ZenohSubscription):
@@ -69,20 +68,25 @@ class HistorySubscription(ZenohSubscription):
         self._caches = Caches(submit, recover, self._on_kept, self._on_fetched)
         self._history: History[Sample | None] = History(recover, self._caches.ask, self._deliver, self.miss)
         self._one_at_a_time = threading.Lock()
+        self._session: zenoh.Session | None = None
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread, presences first: what is live waits for what those who are there keep."""
         with self._one_at_a_time:
+            self._session = session
             self._history.cut_off()
         self._caches.use(session)
-        presences: Any = session.liveliness().declare_subscriber(
-            f"{self._key_expr}{CACHE}**", Callback(self._on_presence, indirect=False), history=True
+        caches, liveliness = f"{self._key_expr}{CACHE}**", session.liveliness()
+        presences: Any = liveliness.declare_subscriber(
+            caches, Callback(partial(self._on_presence, session), indirect=False)
         )
         self._declared.callback(presences.undeclare)
+        present = Callback(partial(self._on_present, session), partial(self._on_all_present, session), indirect=False)
+        liveliness.get(caches, present)
         super().declare(session)
 
     def undeclare(self) -> None:
-        """Undeclare; what waits for older messages does so until their publisher is there again."""
+        """Undeclare; what waits for older messages does so until it is known who is still there."""
         self._caches.use(None)
         super().undeclare()
 
@@ -92,26 +96,35 @@ class HistorySubscription(ZenohSubscription):
         with self._one_at_a_time:
             self._history.live(numbered)
 
-    def _on_presence(self, presence: zenoh.Sample) -> None:
-        cache = str(presence.key_expr)
-        source = source_of_cache(cache)
-        if source is None:
-            return
-        with self._one_at_a_time:
-            if presence.kind == _PUT:
-                self._history.appear(source, cache)
-            else:
-                self._history.leave(source)
+    def _on_present(self, session: zenoh.Session, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._on_presence(session, reply.ok)
 
-    def _on_kept(self, sample: zenoh.Sample) -> None:
+    def _on_presence(self, session: zenoh.Session, presence: zenoh.Sample) -> None:
+        cache = str(presence.key_expr)
+        key, _ = owner_of(cache)
+        with self._one_at_a_time:
+            if session is not self._session:
+                return
+            if presence.kind == _PUT:
+                self._history.appear(key, cache)
+            else:
+                self._history.leave(key, cache)
+
+    def _on_all_present(self, session: zenoh.Session) -> None:
+        with self._one_at_a_time:
+            if session is self._session:
+                self._history.all_appeared()
+
+    def _on_kept(self, fetch: Fetch, sample: zenoh.Sample) -> None:
         numbered = self._numbered([sample])
         with self._one_at_a_time:
             for each in numbered:
-                self._history.kept(each)
+                self._history.kept(fetch, each)
 
-    def _on_fetched(self, source: str) -> None:
+    def _on_fetched(self, fetch: Fetch) -> None:
         with self._one_at_a_time:
-            self._history.fetched(source)
+            self._history.fetched(fetch)
 
     def _deliver(self, messages: list[Sample | None]) -> None:
         self.arrive_all(message for message in messages if message is not None)
@@ -121,9 +134,10 @@ class HistorySubscription(ZenohSubscription):
         numbered: list[Numbered[Sample | None]] = []
         for sample in samples:
             message = _sample(sample) if sample.kind == _PUT else None
-            if (info := sample.source_info) is not None:
-                source = source_of(info.source_id)
-                numbered.append(Numbered(source, info.source_sn, message, origin_of(sample)))
+            if (stamped := stamp_of(sample)) is not None:
+                publisher, number, newness = stamped
+                key = str(sample.key_expr) if message is None else message.key
+                numbered.append(Numbered(key, publisher, number, message, newness, sample.source_info))
             elif message is not None:
                 self.arrive_all([message])
         return numbered

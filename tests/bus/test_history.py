@@ -7,8 +7,14 @@ import pytest
 from bus import history
 from bus.history import Fetch, History, Numbered
 
-HERE = "session/1"
-CACHE = "fleet/r1/front/classes/@adv/pub/session/1/_"
+KEY = "fleet/r1/front/classes"
+HERE = f"{KEY}/@adv/pub/session/1/_"
+NEXT = f"{KEY}/@adv/pub/next/1/_"
+OURS = 7
+
+
+def message(number: int, newness: int = 0, publisher: int = OURS, key: str = KEY) -> Numbered[int]:
+    return Numbered(key, publisher, number, number, newness, f"place of {number}")
 
 
 class Received:
@@ -23,57 +29,99 @@ class Received:
     def _miss(self, number: int) -> None:
         self.missed += number
 
-    def appear(self, source: str = HERE, kept: Iterable[int] = ()) -> None:
-        """Have a publisher come whose cache has these."""
-        self.history.appear(source, CACHE)
-        self.answer(kept, source)
+    @property
+    def outcome(self) -> tuple[list[int], int]:
+        return self.messages, self.missed
 
-    def answer(self, kept: Iterable[int], source: str = HERE) -> None:
+    def appear(self, cache: str = HERE, kept: Iterable[int] | None = ()) -> None:
+        """Have a publisher come whose cache has these, or does not answer yet."""
+        self.history.appear(KEY, cache)
+        if kept is not None:
+            self.answer(*kept)
+
+    def answer(self, *kept: int) -> None:
+        """Have the cache that was asked last answer."""
         for number in kept:
-            self.history.kept(Numbered(source, number, number))
-        self.history.fetched(source)
+            self.history.kept(self.fetches[-1], message(number))
+        self.history.fetched(self.fetches[-1])
 
-    def live(self, *numbers: int, source: str = HERE) -> None:
-        self.history.live(Numbered(source, number, number) for number in numbers)
+    def live(self, *numbers: int, publisher: int = OURS, key: str = KEY) -> None:
+        self.history.live(message(number, publisher=publisher, key=key) for number in numbers)
 
-    def taken_along(self, *numbers: int, source: str, origin: str = HERE) -> None:
-        """Have a publisher put again on a session what it sent on another one, there numbered from 0."""
-        self.history.live(
-            Numbered(source, number, message, (origin, message)) for number, message in enumerate(numbers)
-        )
+    def again(self, *numbers: int) -> None:
+        """Have a publisher put on a new session what it keeps."""
+        self.history.live(message(number, newness=len(numbers) - index) for index, number in enumerate(numbers))
 
 
 def test_what_is_kept_comes_first_and_once() -> None:
     got = Received()
-    got.history.appear(HERE, CACHE)
+    got.appear(kept=None)
     got.live(3, 4)
     assert got.messages == []
-    got.answer([1, 2, 3])
+    got.answer(1, 2, 3)
     got.live(5)
-    assert got.messages == [1, 2, 3, 4, 5]
-    assert got.fetches == [Fetch(CACHE, HERE, None)]
-    assert got.missed == 0
+    assert got.outcome == ([1, 2, 3, 4, 5], 0)
+    assert got.fetches == [Fetch(KEY, HERE)]
 
 
-def test_publishers_do_not_wait_for_each_other() -> None:
+def test_where_the_last_is_enough_what_is_live_waits_for_nothing() -> None:
+    got = Received(recover=1)
+    got.appear(kept=None)
+    got.live(3)
+    assert got.messages == [3]
+    got.answer(2)
+    got.live(4)
+    assert got.outcome == ([3, 4], 0)
+
+
+@pytest.mark.parametrize("recover", [1, 9])
+def test_what_a_cache_has_does_not_overtake_what_is_on_its_way(recover: int) -> None:
+    got = Received(recover)
+    got.appear(kept=None)
+    got.live(2, 3)
+    got.answer(5)  # put after those two, so that it comes live, after 4
+    got.live(4, 5)
+    assert got.outcome == ([2, 3, 4, 5], 0)
+
+
+def test_what_comes_live_after_the_cache_had_it_comes_once() -> None:
     got = Received()
-    got.history.appear(HERE, CACHE)
-    got.live(7, source="other/1")
+    got.appear(kept=[4, 5])
+    got.live(4, 5, 6)
+    assert got.outcome == ([4, 5, 6], 0)
+
+
+def test_publishers_of_other_keys_are_not_waited_for() -> None:
+    got = Received()
+    got.appear(kept=None)
+    got.live(7, key="fleet/r2/front/classes")
     assert got.messages == [7]
+
+
+def test_publishers_of_a_key_have_numbers_of_their_own() -> None:
+    got = Received()
+    got.live(5, publisher=1)
+    got.live(2, publisher=2)
+    got.live(6, publisher=1)
+    got.live(4, publisher=2)
+    assert got.outcome == ([5, 2, 6, 4], 1)
+
+
+def test_only_the_publishers_of_a_key_that_were_heard_last_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(history, "PUBLISHERS_REMEMBERED", 2)
+    got = Received()
+    for publisher in range(3):
+        got.live(0, publisher=publisher)
+    got.live(0, publisher=2)
+    got.live(0, publisher=0)
+    assert got.messages == [0, 0, 0, 0]
 
 
 def test_who_has_no_cache_is_not_waited_for() -> None:
     got = Received()
     got.live(5, 6, 9)
-    assert (got.messages, got.missed, got.fetches) == ([5, 6, 9], 2, [])
-
-
-def test_no_more_is_taken_of_a_cache_than_is_wanted() -> None:
-    got = Received(recover=2)
-    got.history.appear(HERE, CACHE)
-    got.live(4)
-    got.answer([0, 1, 2, 3])
-    assert (got.messages, got.missed) == ([2, 3, 4], 0)
+    assert got.outcome == ([5, 6, 9], 2)
+    assert got.fetches == []
 
 
 def test_a_hole_is_filled_where_more_than_the_last_is_wanted() -> None:
@@ -81,38 +129,39 @@ def test_a_hole_is_filled_where_more_than_the_last_is_wanted() -> None:
     got.appear()
     got.live(0, 1, 4, 5)
     assert got.messages == [0, 1]
-    assert got.fetches[1:] == [Fetch(CACHE, HERE, 1)]
-    got.answer([2, 3, 4, 5])
-    assert (got.messages, got.missed) == ([0, 1, 2, 3, 4, 5], 0)
+    assert got.fetches[1:] == [Fetch(KEY, HERE, ("place of 1",))]
+    got.answer(2, 3, 4, 5)
+    assert got.outcome == ([0, 1, 2, 3, 4, 5], 0)
 
 
 def test_what_no_cache_has_any_more_is_missed() -> None:
     got = Received()
     got.appear()
     got.live(0, 5)
-    got.answer([4, 5])
-    assert (got.messages, got.missed) == ([0, 4, 5], 3)
+    got.answer(4, 5)
+    assert got.outcome == ([0, 4, 5], 3)
 
 
 def test_a_hole_is_only_counted_where_the_last_is_enough() -> None:
     got = Received(recover=1)
     got.appear()
     got.live(0, 3)
-    assert (got.messages, got.missed, len(got.fetches)) == ([0, 3], 2, 1)
+    assert got.outcome == ([0, 3], 2)
+    assert len(got.fetches) == 1
 
 
 def test_old_and_doubled_ones_are_left_out() -> None:
     got = Received()
     got.appear()
     got.live(0, 1, 1, 0, 2)
-    assert (got.messages, got.missed) == ([0, 1, 2], 0)
+    assert got.outcome == ([0, 1, 2], 0)
 
 
-def test_numbers_start_anew_at_their_end() -> None:
+def test_numbers_may_start_anew_at_their_end() -> None:
     got = Received()
     got.appear()
     got.live(2**32 - 2, 2**32 - 1, 0, 1)
-    assert (got.messages, got.missed) == ([2**32 - 2, 2**32 - 1, 0, 1], 0)
+    assert got.outcome == ([2**32 - 2, 2**32 - 1, 0, 1], 0)
 
 
 def test_who_was_cut_off_gets_what_it_has_not_got_yet() -> None:
@@ -120,11 +169,22 @@ def test_who_was_cut_off_gets_what_it_has_not_got_yet() -> None:
     got.appear()
     got.live(0, 1)
     got.history.cut_off()
-    got.history.appear(HERE, CACHE)
+    got.appear(kept=None)
+    got.history.all_appeared()
     got.live(5)
-    got.answer([2, 3, 4])
-    assert got.fetches[1:] == [Fetch(CACHE, HERE, 1)]
-    assert (got.messages, got.missed) == ([0, 1, 2, 3, 4, 5], 0)
+    got.answer(2, 3, 4)
+    assert got.fetches[1:] == [Fetch(KEY, HERE, ("place of 1",))]
+    assert got.outcome == ([0, 1, 2, 3, 4, 5], 0)
+
+
+def test_who_was_cut_off_gets_the_last_where_that_is_enough() -> None:
+    got = Received(recover=1)
+    got.appear()
+    got.live(0, 1)
+    got.history.cut_off()
+    got.appear(kept=[4])
+    got.live(4, 5)
+    assert got.outcome == ([0, 1, 4, 5], 2)
 
 
 @pytest.mark.parametrize("seen_to_leave", [True, False])
@@ -133,95 +193,124 @@ def test_who_is_cut_off_while_a_cache_is_asked_asks_it_again(*, seen_to_leave: b
     got.appear(kept=[0])
     got.live(3)
     if seen_to_leave:  # which comes before the link's own end
-        got.history.leave(HERE)
+        got.history.leave(KEY, HERE)
     got.history.cut_off()
-    got.history.kept(Numbered(HERE, 1, 1))
-    got.history.appear(HERE, CACHE)
+    got.answer(1)  # too late
+    got.appear(kept=None)
+    got.history.all_appeared()
     got.live(5)
-    got.answer([1, 2, 3, 4])
-    assert got.fetches[1:] == [Fetch(CACHE, HERE, 0), Fetch(CACHE, HERE, 0)]
-    assert (got.messages, got.missed) == ([0, 1, 2, 3, 4, 5], 0)
+    got.answer(1, 2, 3, 4)
+    assert got.fetches[1:] == [Fetch(KEY, HERE, ("place of 0",))] * 2
+    assert got.outcome == ([0, 1, 2, 3, 4, 5], 0)
+
+
+def test_what_waits_for_a_publisher_that_does_not_come_back_is_not_lost() -> None:
+    got = Received()
+    got.appear(kept=[0])
+    got.live(3)
+    got.history.cut_off()
+    assert got.messages == [0]
+    got.history.all_appeared()
+    assert got.outcome == ([0, 3], 2)
+    got.live(4)
+    assert got.messages == [0, 3, 4]
+
+
+def test_who_leaves_and_is_there_again_while_its_cache_is_asked_is_asked_once_more() -> None:
+    got = Received()
+    got.appear(kept=None)
+    got.history.leave(KEY, HERE)
+    got.appear(kept=[])  # this is the first one's end
+    assert len(got.fetches) == 2
+    got.live(3)
+    got.answer(1, 2)
+    assert got.outcome == ([1, 2, 3], 0)
+
+
+def test_all_caches_of_a_key_are_waited_for() -> None:
+    got = Received()
+    got.history.appear(KEY, HERE)
+    got.history.appear(KEY, NEXT)
+    got.live(3)
+    got.answer(2)
+    assert got.messages == []
+    got.history.fetched(got.fetches[0])
+    assert got.outcome == ([2, 3], 0)
+
+
+def test_a_cache_answers_for_its_own_key() -> None:
+    got = Received()
+    got.history.appear(KEY, HERE)
+    got.history.kept(got.fetches[0], message(5, key="fleet/r2/front/classes"))
+    got.answer(1)
+    assert got.outcome == ([1], 0)
 
 
 def test_a_cache_that_takes_long_does_not_hold_up_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(history, "MOST_HELD", 3)
-    got = Received(recover=1)
-    got.history.appear(HERE, CACHE)
-    got.live(10, 11, 12, 13)
-    assert got.messages == [10, 11, 12, 13]
-    got.live(14)
-    got.answer([9])
-    assert (got.messages, got.missed) == ([10, 11, 12, 13, 14], 0)
+    got = Received(recover=2)
+    got.appear(kept=None)
+    got.live(10, 11, 12, 13, 14)
+    assert got.messages == [10, 11, 12, 13, 14]
+    got.live(15)
+    got.answer(9)
+    assert got.outcome == ([10, 11, 12, 13, 14, 15], 0)
 
 
 def test_what_a_publisher_takes_to_its_next_session_comes_once() -> None:
     got = Received()
     got.appear()
     got.live(0, 1)
-    got.history.leave(HERE)
-    got.history.appear("next/1", CACHE)
-    got.taken_along(0, 1, 2, source="next/1")
-    got.live(3, source="next/1")
-    got.history.fetched("next/1")
-    got.live(4, source="next/1")
-    assert (got.messages, got.missed) == ([0, 1, 2, 3, 4], 0)
+    got.history.leave(KEY, HERE)
+    got.appear(NEXT, kept=None)
+    got.again(0, 1, 2)
+    got.live(3)
+    got.answer(0, 1, 2)
+    got.live(4)
+    assert got.outcome == ([0, 1, 2, 3, 4], 0)
 
 
-def test_it_comes_once_after_two_sessions_too_to_who_was_not_there_for_the_first() -> None:
-    got = Received()
-    got.history.appear("next/1", CACHE)
-    got.taken_along(0, 1, source="next/1")
-    got.history.fetched("next/1")
-    got.history.leave("next/1")
-    got.history.appear("last/1", CACHE)
-    got.taken_along(0, 1, source="last/1")
-    got.history.fetched("last/1")
-    assert (got.messages, got.missed) == ([0, 1], 0)
-
-
-def test_what_was_lost_between_two_sessions_is_missed() -> None:
+def test_what_was_lost_between_two_sessions_is_missed_once() -> None:
     got = Received()
     got.appear()
     got.live(0, 1)
-    got.taken_along(4, 5, source="next/1")
-    assert (got.messages, got.missed) == ([0, 1, 4, 5], 2)
+    got.again(4, 5)
+    got.live(6)
+    assert got.outcome == ([0, 1, 4, 5, 6], 2)
 
 
-def test_what_is_held_of_a_session_comes_before_what_was_taken_to_the_next() -> None:
+@pytest.mark.parametrize("asked_at_its_end", [True, False])
+def test_of_what_is_taken_along_no_more_comes_than_is_wanted(*, asked_at_its_end: bool) -> None:
+    got = Received(recover=2)
+    got.appear(NEXT, kept=None if asked_at_its_end else [])
+    got.again(0, 1, 2, 3)
+    if asked_at_its_end:
+        got.answer()
+    assert got.outcome == ([2, 3], 0)
+
+
+def test_not_every_key_whose_publishers_left_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(history, "KEYS_REMEMBERED", 2)
     got = Received()
-    got.history.appear(HERE, CACHE)
-    got.live(5, 6, 7)
-    got.history.appear("next/1", CACHE)
-    got.taken_along(7, 8, source="next/1")
-    got.history.fetched("next/1")
-    got.history.fetched(HERE)
-    assert (got.messages, got.missed) == ([5, 6, 7, 8], 0)
-
-
-def test_who_claims_to_go_on_for_another_does_not_silence_it() -> None:
-    got = Received()
-    got.appear()
-    got.live(0)
-    got.taken_along(9, source="other/1")
-    got.live(1)
-    assert got.messages == [0, 9, 1]
-
-
-def test_of_what_is_taken_along_no_more_comes_than_is_wanted() -> None:
-    got = Received(recover=1)
-    got.history.appear("next/1", CACHE)
-    got.taken_along(0, 1, 2, source="next/1")
-    got.history.fetched("next/1")
-    assert (got.messages, got.missed) == ([2], 0)
-
-
-def test_not_everybody_who_left_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(history, "GONE_REMEMBERED", 2)
-    got = Received()
-    for name in ("a/1", "b/1", "c/1"):
-        got.appear(name)
-        got.live(0, source=name)
-        got.history.leave(name)
-    got.live(0, source="a/1")
-    got.live(0, source="c/1")
+    keys = [f"fleet/r{number}/front/classes" for number in range(3)]
+    for key in keys:
+        got.history.appear(key, f"{key}/@adv/pub/session/1/_")
+        got.history.live([message(0, key=key)])
+        got.history.fetched(got.fetches[-1])
+    got.history.cut_off()
+    got.live(0, key=keys[0])  # all are still known: who is there is not
+    assert got.messages == [0, 0, 0]
+    got.history.all_appeared()
+    got.live(0, key=keys[2])
+    got.live(0, key=keys[0])
     assert got.messages == [0, 0, 0, 0]
+
+
+def test_what_waits_under_a_key_that_is_forgotten_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(history, "KEYS_REMEMBERED", 1)
+    got = Received()
+    got.appear(kept=None)
+    got.live(3)
+    got.history.cut_off()
+    got.live(8, 9, key="fleet/r2/front/classes")
+    assert got.messages == [3, 8, 9]

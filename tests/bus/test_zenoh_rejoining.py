@@ -6,9 +6,10 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Final
 
+import pytest
 import zenoh
 
-from bus import QUEUE, Bus, Presence, Publisher, QoS, open_bus
+from bus import QUEUE, Bus, Presence, Publisher, QoS, caches, open_bus
 from bus.config import session_config
 from bus.declarations import ZenohWatch
 from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
@@ -120,6 +121,38 @@ async def test_who_joins_anew_still_has_what_was_kept() -> None:
             late.subscribe(KEY, QUEUE(9), recover=KEPT) as subscription,
         ):
             assert [(await next_of(subscription)).payload for _ in range(KEPT)] == [b"1", b"2", b"3"]
+
+
+async def test_who_wants_the_last_has_no_more_of_what_a_publisher_takes_to_its_next_session() -> None:
+    async with behind_a_relay() as (endpoint, relay, there, out), open_bus(client(endpoint)) as here:
+        async with here.subscribe(KEY, QUEUE(999), recover=999) as first:
+            for number in range(300):
+                out.put(b"%d" % number)
+            await until(lambda: first.counts.received == 300)
+        async with here.subscribe(KEY, QUEUE(999)) as subscription:
+            assert (await next_of(subscription)).payload == b"299"
+            await cut_for_a_while(relay, there)
+            await until(lambda: out.wanted)
+            out.put(b"live")
+            assert (await next_of(subscription)).payload == b"live"
+            assert (subscription.counts.received, subscription.counts.missed) == (2, 0)
+
+
+async def test_what_waits_for_a_publisher_that_ends_meanwhile_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    endpoint = free_endpoint()
+    async with running(ROUTER, endpoint, str(LEASE_S)), AsyncExitStack() as stack:
+        own = await stack.enter_async_context(severable(int(endpoint.rpartition(":")[2])))
+        monkeypatch.setattr(caches, "ASKED_AT_ONCE", 0)  # no cache answers
+        here = await stack.enter_async_context(open_bus(client(f"tcp/127.0.0.1:{own.port}")))
+        subscription = await stack.enter_async_context(here.subscribe(KEY, QUEUE(9), recover=KEPT))
+        async with open_bus(client(endpoint)) as there, there.publisher(KEY, QoS.RESULT, kept=KEPT) as out:
+            await until(lambda: out.wanted)
+            out.put(b"waits")
+            await asyncio.sleep(LEASE_S / 2)
+            assert subscription.counts.received == 0
+            own.sever()
+        own.mend()
+        assert (await next_of(subscription)).payload == b"waits"
 
 
 async def test_what_was_wanted_of_a_session_before_is_not_for_ever() -> None:
