@@ -44,6 +44,8 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
     read = _read(settings, folder, "--model")
     if settings.detection_model is None:
         return _ready(read, settings, folder)
+    if not read.weights.segments:
+        raise ModelError(f"{read.what}: it has no masks, which --detection-model needs it for")
     boxes = {"model": settings.detection_model, "refine": False}
     read_boxes = _read(settings.model_copy(update=boxes), folder, "--detection-model")
     model = _ready(read, settings, folder)

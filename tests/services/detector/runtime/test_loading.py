@@ -85,6 +85,17 @@ def test_classes_that_the_model_for_boxes_does_not_know_are_refused_before_anyth
     assert not cache.exists()
 
 
+def test_a_model_without_masks_is_refused_beside_one_that_needs_its_masks(tmp_path: Path, model_folder: Path) -> None:
+    load(settings(model_folder), model_folder / "ultralytics").close()  # Ultralytics is offline by then
+    from ultralytics.models import YOLO  # noqa: PLC0415
+
+    boxes = tmp_path / "boxes.pt"
+    YOLO("yolo11n.yaml").save(boxes)
+    with pytest.raises(ModelError) as refused:
+        load_all(settings(model_folder, model=str(boxes), detection_model=str(boxes)), model_folder / "ultralytics")
+    assert str(refused.value) == f"--model {boxes}: it has no masks, which --detection-model needs it for"
+
+
 def test_a_model_of_another_task(tmp_path: Path, model_folder: Path) -> None:
     load(settings(model_folder), model_folder / "ultralytics").close()  # Ultralytics is offline by then
     from ultralytics.models import YOLO  # noqa: PLC0415
