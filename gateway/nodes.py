@@ -16,6 +16,11 @@ def node_name(robot: str, boot_id: str) -> str:
     return f"{PREFIX}{ros_chunk(robot)}_{boot_id[:8]}"
 
 
+def is_of(node: str, robot: str) -> bool:
+    """Whether a ROS node, by its global name, is a gateway of the robot that `node_name` named."""
+    return re.fullmatch(f"{PREFIX}{ros_chunk(robot)}_[0-9a-f]{{8}}", node.rpartition("/")[2]) is not None
+
+
 def is_gateway(node: str) -> bool:
     """Whether a ROS node is a gateway, this robot's or another one's, by its global name."""
     return node.rpartition("/")[2].startswith(PREFIX)

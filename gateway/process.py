@@ -18,6 +18,7 @@ from gateway.outgoing.returned import actions_return, alerts_return, camera_retu
 from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
 from gateway.own_host import warn_of_own_host
+from gateway.predecessors import clear_predecessors
 from gateway.requests.answering import answering
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
@@ -69,6 +70,7 @@ async def run(settings: GatewaySettings) -> int:
         async with answering(bus, node, settings, boot_id, clock), bus.announce(keys.robot_alive(settings.robot)):
             work = (
                 warn_of_own_host(settings),
+                clear_predecessors(node, settings.robot),
                 explorer.run(offers),
                 shaping.run(bus),
                 follow_sim_time(node, clock),

@@ -24,6 +24,11 @@ class SystemState:
     subscribers: Mapping[str, tuple[str, ...]]
     services: Mapping[str, tuple[str, ...]]
 
+    def nodes(self) -> set[str]:
+        """Return the names of all nodes that are registered for anything."""
+        books = (self.publishers, self.subscribers, self.services)
+        return {node for book in books for nodes in book.values() for node in nodes}
+
 
 class MasterClient:
     """Calls one master on behalf of one node."""

@@ -8,8 +8,9 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from random import Random
 from typing import TYPE_CHECKING, Any, Self
 
+from gateway.ros1.dead import unregister_dead
 from gateway.ros1.errors import Ros1Error
-from gateway.ros1.master import MasterClient
+from gateway.ros1.master import MasterClient, SystemState
 from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
 from gateway.ros1.publisher import Publication
@@ -24,7 +25,7 @@ from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import XmlRpcServer
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Collection, Mapping, Sequence
+    from collections.abc import AsyncGenerator, AsyncIterator, Callable, Collection, Mapping, Sequence
     from types import TracebackType
 
 _log = logging.getLogger(__name__)
@@ -91,13 +92,17 @@ class Node:
         """Whether the master answered when it was last asked; None before that."""
         return self._registrar.master_answers
 
-    async def looks(self) -> AsyncIterator[Look]:
+    async def looks(self) -> AsyncGenerator[Look, None]:
         """Yield what the master says each time that it is looked at, without asking it once more; the newest counts."""
         number = 0
         while True:
             look = await self._registrar.look_after(number)
             number = look.number
             yield look
+
+    async def unregister_dead(self, name: str, state: SystemState) -> bool:
+        """Take a node off the master whose address refuses connections; see `dead.unregister_dead`."""
+        return await unregister_dead(name, state, client=self._client, master_uri=self.master_uri)
 
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:

@@ -1,6 +1,6 @@
 import pytest
 
-from gateway.nodes import is_gateway, node_name, ros_chunk
+from gateway.nodes import is_gateway, is_of, node_name, ros_chunk
 from gateway.ros1.names import validate_global
 
 
@@ -19,6 +19,17 @@ def test_robots_whose_names_look_alike_to_ros_have_different_nodes() -> None:
 @pytest.mark.parametrize("node", ["/camera", "/fleetsight_gateway_r1/camera", "/fleetsight_gateway"])
 def test_other_nodes_are_no_gateways(node: str) -> None:
     assert not is_gateway(node)
+
+
+@pytest.mark.parametrize("robot", ["r1", "forklift-7.b"])
+def test_a_robots_gateways_are_known_by_the_names_that_they_get_and_by_no_others(robot: str) -> None:
+    name = node_name(robot, "0123456789abcdef")
+    assert is_of(f"/{name}", robot)
+    assert is_of(f"/ns/{name}", robot)
+    for other in (f"/{name}0", f"/{name}/camera", f"/{name[:-1]}", f"/{name[:-1]}g", f"/x{name}", "/camera"):
+        assert not is_of(other, robot)
+    assert not is_of(f"/{node_name(f'{robot}_01234567', 'f' * 32)}", robot)
+    assert not is_of(f"/{name}", f"{robot}_0")
 
 
 def test_what_ros_cannot_write_is_an_underscore() -> None:

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from bus import Publisher, QoS, Subscription
+from gateway.nodes import is_gateway
+from gateway.ros1.master import MasterClient
 from gateway.ros1.node import Node
+from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.stream import MALFORMED
 from schemas import codec
 from schemas.detections import ClassList
@@ -93,6 +96,30 @@ async def test_a_master_that_is_killed_ten_times_in_a_row_stops_nothing(ros: Ros
         await stream(rig, lambda status: status.publishers == 1)
         await seen(frames, 20)
         results.cancel()
+
+
+async def test_gateways_that_are_killed_do_not_pile_up_at_the_master(ros: RosEnvironment, rig: FleetRig) -> None:
+    last = ""
+    for _ in range(3):
+        gateway = await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+        last = await next_gateway(ros, last)
+        gateway.process.kill()
+        await gateway.process.wait()
+    await rig.gateway("r1", ros.master_uri, {"front": TOPIC})
+    await next_gateway(ros, last)
+
+
+async def next_gateway(ros: RosEnvironment, last: str) -> str:
+    """Wait until the master knows one gateway, and another one than the last; return its name."""
+    async with XmlRpcClient() as client, asyncio.timeout(30):
+        master = MasterClient(client, uri=ros.master_uri, caller_id="/test")
+        while True:
+            state = await master.get_system_state()
+            nodes = {name for names in (*state.publishers.values(), *state.subscribers.values()) for name in names}
+            gateways = [name for name in nodes if is_gateway(name)]
+            if len(gateways) == 1 and gateways != [last]:
+                return gateways[0]
+            await asyncio.sleep(0.1)
 
 
 async def test_publishers_that_are_killed_and_stay_registered_delay_nobody_and_may_come_back(

@@ -22,6 +22,7 @@ async def ask(method: str, *arguments: Any, answer: Any) -> Any:
 async def test_system_state() -> None:
     state = await ask("get_system_state", answer=[[["/t", ["/a", "/b"]]], [], [["/s", ["/a"]]]])
     assert state == SystemState({"/t": ("/a", "/b")}, {}, {"/s": ("/a",)})
+    assert state.nodes() == {"/a", "/b"}
 
 
 @pytest.mark.parametrize(
