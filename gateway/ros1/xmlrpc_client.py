@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from urllib.parse import urlsplit
 
 from gateway.ros1.errors import HttpError, UnreachableError
+from gateway.ros1.places import Places
 from gateway.ros1.resolver import Resolver
 from gateway.ros1.wire.http import ClientExchange
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, MethodCall, result_of
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from gateway.ros1.wire.xmlrpc import Body
 
 _PIECE_BYTES: Final = 16 << 10
-_MAX_CONNECTIONS: Final = 64
 _HTTP_PORT: Final = 80
 
 
@@ -30,11 +30,11 @@ class XmlRpcClient:
     def __init__(self, *, timeout: float = 5.0, max_body_bytes: int = DEFAULT_MAX_BODY_BYTES) -> None:
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
-        self._places: asyncio.Semaphore | None = None
+        self._places: Places | None = None
         self.resolver = Resolver()
 
     async def __aenter__(self) -> Self:
-        self._places = asyncio.Semaphore(_MAX_CONNECTIONS)
+        self._places = Places()
         return self
 
     async def __aexit__(
@@ -54,7 +54,7 @@ class XmlRpcClient:
         if self._places is None:
             raise RuntimeError("XmlRpcClient is used before it is entered")
         try:
-            async with asyncio.timeout(self._timeout), self._places:
+            async with asyncio.timeout(self._timeout), self._places.at(urlsplit(uri).hostname or ""):
                 body = await self._exchange(uri, MethodCall(method, params))
         except TimeoutError as error:
             raise UnreachableError(f"{uri} {method}: no answer within {self._timeout} s") from error

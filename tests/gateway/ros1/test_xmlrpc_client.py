@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.ros1.errors import Ros1Error, UnreachableError, XmlRpcError
+from gateway.ros1.places import AT_A_HOST
 from gateway.ros1.wire.xmlrpc import MethodResponse, encode
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 
@@ -70,6 +71,20 @@ async def test_no_answer_ends_at_the_deadline() -> None:
     async with peer(b"") as uri, XmlRpcClient(timeout=0.05) as client:
         with pytest.raises(UnreachableError, match="no answer within"):
             await client.call(uri, "getUri", "/a")
+
+
+async def test_a_machine_that_keeps_silent_keeps_nobody_from_calling_another() -> None:
+    async with peer(b"") as silent, peer(ok(GOOD)) as uri, XmlRpcClient(timeout=60) as client:
+        unanswered = [
+            asyncio.create_task(client.call(silent.replace("127.0.0.1", "localhost"), "getUri", "/a"))
+            for _ in range(2 * AT_A_HOST)
+        ]
+        await asyncio.sleep(0)
+        async with asyncio.timeout(30):
+            assert await client.call(uri, "getUri", "/a") == "value"
+        for call in unanswered:
+            call.cancel()
+        await asyncio.wait(unanswered)
 
 
 async def test_client_has_to_be_entered() -> None:
