@@ -228,13 +228,15 @@ class StreamKey:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """A consumer's word that it subscribes to a camera's stream, and by which clock (so on which machine) it runs.
+    """A consumer's word that it subscribes to a camera's stream or to one of ROBOT_STREAMS, and where it runs.
+
+    clock_id: of its machine. consumer: has one token of a stream on a machine.
 
     Raises:
         SchemaError: a name that cannot be a chunk of a key.
     """
 
-    key: StreamKey
+    key: "SensorKey"
     clock_id: str
     consumer: str
 
@@ -249,7 +251,7 @@ class Wanted:
 def every_wanted(robot: str) -> str:
     """Return the key expression of the presence tokens of those who subscribe to a robot's streams."""
     check_name("robot", robot)
-    return f"fleet/{robot}/*/*/{WANTED}/*/*"
+    return f"fleet/{robot}/*/**/{WANTED}/*/*"
 
 
 def parse_wanted(key: str) -> Wanted:
@@ -261,8 +263,15 @@ def parse_wanted(key: str) -> Wanted:
     stream, _, consumer = key.partition(f"/{WANTED}/")
     match consumer.split("/"):
         case [clock_id, name]:
-            return Wanted(parse_stream(stream), clock_id, name)
+            return Wanted(_parse_wanted_stream(stream), clock_id, name)
     raise SchemaError(f"not the key of somebody who subscribes: {key[:200]!r}")
+
+
+def _parse_wanted_stream(key: str) -> "SensorKey":
+    match key.split("/"):
+        case ["fleet", robot, stream] if stream in ROBOT_STREAMS:
+            return RobotStreamKey(robot, stream)
+    return parse_stream(key)
 
 
 @dataclass(frozen=True, slots=True)

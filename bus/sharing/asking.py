@@ -6,7 +6,7 @@ import time
 from bus.api import Bus, QoS
 from schemas import codec, keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
-from schemas.keys import Wanted
+from schemas.keys import StreamKey
 
 
 class Asked:
@@ -30,25 +30,25 @@ class Asked:
         self.from_ns = time.time_ns() + round(self._wait_s * 1e9)
         self._changed.set()
 
-    async def tell(self, bus: Bus, token: Wanted) -> None:
-        """Tell the gateway who wants the frames, and each change, for ever."""
+    async def tell(self, bus: Bus, frames: StreamKey, consumer: str) -> None:
+        """Tell the gateway who wants the frames of a stream, and each change, for ever."""
         if self.hz is None:
             self._changed.clear()
             await self._changed.wait()
-        key = keys.budget(token.key.camera)
+        key = keys.budget(frames.camera)
         async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
             while True:
                 self._changed.clear()
-                publisher.put(codec.encode(self._budget(token)))
+                publisher.put(codec.encode(self._budget(frames, consumer)))
                 self._wait_s = 0.0
                 await self._changed.wait()
 
-    def _budget(self, token: Wanted) -> RateBudget:
+    def _budget(self, frames: StreamKey, consumer: str) -> RateBudget:
         return RateBudget(
-            robot=token.key.camera.robot,
-            camera=token.key.camera.camera,
-            consumer=token.consumer,
-            stream=token.key.stream,
+            robot=frames.camera.robot,
+            camera=frames.camera.camera,
+            consumer=consumer,
+            stream=frames.stream,
             hz=self.hz,
             wait_s=self._wait_s,
         )

@@ -6,7 +6,7 @@ from typing import Final
 
 from schemas.budget import RateBudget
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, SensorKey, Stream, StreamKey, Wanted
 
 MAX_BUDGETS: Final = 10_000
 
@@ -49,7 +49,7 @@ class Budgets:
     """
 
     def __init__(self) -> None:
-        self._allowances: dict[tuple[StreamKey, str], Allowance] = {}
+        self._allowances: dict[tuple[SensorKey, str], Allowance] = {}
 
     def say(self, camera: CameraKey, budget: RateBudget, now_ns: int) -> None:
         """Take a consumer's word on a camera.

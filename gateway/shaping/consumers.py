@@ -11,7 +11,7 @@ from gateway.shaping.budgets import Budgets
 from schemas import codec, keys
 from schemas.budget import RateBudget
 from schemas.errors import SchemaError
-from schemas.keys import StreamKey, Wanted
+from schemas.keys import SensorKey, StreamKey, Wanted
 
 MAX_CONSUMERS: Final = 10_000
 BUDGETS_WAITING: Final = 1_000
@@ -29,7 +29,7 @@ class Consumers:
         self._robot = robot
         self._clock_id = clock_id
         self._near = near
-        self._known: dict[StreamKey, set[Wanted]] = {}
+        self._known: dict[SensorKey, set[Wanted]] = {}
         self._count = 0
         self._budgets = Budgets()
 
@@ -41,7 +41,7 @@ class Consumers:
         known = self._known.get(key)
         return known is None or self._budgets.passes(key, known, now_ns)
 
-    def all_here(self, key: StreamKey) -> bool:
+    def all_here(self, key: SensorKey) -> bool:
         """Return whether everybody who says to subscribe to the stream is on this machine, and somebody does."""
         known = self._known.get(key)
         return self._near and bool(known) and all(each.clock_id == self._clock_id for each in known or ())

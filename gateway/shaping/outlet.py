@@ -107,11 +107,11 @@ class Outlet:
     def _pass_on(self, payload: bytes, moment: Moment | None = None) -> None:
         if self._pacer is None:
             self._send(payload)
-        elif not self._plan.droppable:
-            self._pacer.charge(len(payload))
-            self._send(payload)
         elif self._plan.all_here():
             self._dropped[OVER_BUDGET] += self._pacer.discard(self)
+            self._send(payload)
+        elif not self._plan.droppable:
+            self._pacer.charge(len(payload))
             self._send(payload)
         else:
             self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send, moment=moment, lose=self._lose)

@@ -57,7 +57,7 @@ class Shaping:
 
     def _plan(self, key: SensorKey) -> Plan:
         if not isinstance(key, StreamKey):
-            return Plan(all_here=lambda: False, droppable=kind_of(key).qos is QoS.IMAGE)
+            return Plan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).qos is QoS.IMAGE)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
         return Plan(
             factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import uuid
 from asyncio import TaskGroup
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -88,12 +89,14 @@ class Camera:
 
     async def run(self, points: CameraKey, publish: Callable[[ObjectClouds], None]) -> None:
         """Work with the points of that sensor until cancelled."""
-        token = Wanted(StreamKey(points, Stream.POINTS), clock_id(), self._worker)
         tf, tf_static = (RobotStreamKey(self._key.robot, stream) for stream in (TF, TF_STATIC))
+        wants_points = Wanted(StreamKey(points, Stream.POINTS), clock_id(), self._worker)
+        wants_tf = Wanted(tf, clock_id(), uuid.uuid4().hex)  # other cameras here want them too
         bus, waiting = self._bus, self._waiting
         try:
             async with (
-                bus.announce(str(token)),
+                bus.announce(str(wants_points)),
+                bus.announce(str(wants_tf)),
                 bus.subscribe(str(tf_static), QUEUE(TRANSFORMS_WAITING)) as static,
                 bus.subscribe(str(tf), QUEUE(TRANSFORMS_WAITING), history=False) as moving,
                 bus.subscribe(self._key.stream(Stream.INFO), LATEST) as infos,

@@ -30,7 +30,7 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
     asked: how many frames its gateway is asked for; who gives a second opinion spares the others, which come if others
     ask for them. worker, role: under whose name the gateway is told where they go.
     """
-    token = Wanted(StreamKey(camera.key, Stream.COLOR), clock_id(), role.consumer(worker))
+    color, consumer = StreamKey(camera.key, Stream.COLOR), role.consumer(worker)
 
     async def receive() -> None:
         camera.account.begin()
@@ -41,11 +41,11 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
 
         try:
             async with (
-                bus.announce(str(token)),
+                bus.announce(str(Wanted(color, clock_id(), consumer))),
                 asyncio.TaskGroup() as group,
-                bus.subscribe(camera.key.stream(Stream.COLOR), LATEST, history=False) as frames,
+                bus.subscribe(str(color), LATEST, history=False) as frames,
             ):
-                telling = group.create_task(asked.tell(bus, token))
+                telling = group.create_task(asked.tell(bus, color, consumer))
                 async for sample in frames:
                     accept(camera, board, sample, lateness, passes)
                 telling.cancel()

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import time
+import uuid
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -15,7 +16,7 @@ from schemas import codec
 from schemas.detections import Detections
 from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
-from schemas.keys import Stream, StreamKey, Wanted
+from schemas.keys import TF, RobotStreamKey, Stream, StreamKey, Wanted
 from schemas.status import UNWANTED
 from services.distance.account import FAILED, REPLACED, UNJOINED, Account
 from services.distance.measuring import View, measure_apart, unknown
@@ -49,11 +50,13 @@ class Camera:
 async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[], None]) -> None:
     """Measure a camera's newest detections until cancelled. done: called after each of them."""
     key = camera.account.camera
-    token = str(Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker))
+    depth = Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker)
+    transforms = Wanted(RobotStreamKey(key.robot, TF), clock_id(), uuid.uuid4().hex)  # other cameras here want them too
     taking = Taking(camera.account, camera.sensed)
     try:
         async with (
-            bus.announce(token),
+            bus.announce(str(depth)),
+            bus.announce(str(transforms)),
             asyncio.TaskGroup() as group,
             bus.subscribe(key.stream(Stream.DETECTIONS), LATEST, history=False) as samples,
         ):

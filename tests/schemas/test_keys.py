@@ -52,9 +52,26 @@ def test_a_consumers_token_says_what_it_wants_and_where(
     assert matches(str(token), keys.every_wanted(robot))
 
 
+@given(names, st.sampled_from(sorted(keys.ROBOT_STREAMS)), names, names)
+def test_so_does_the_token_of_who_wants_a_whole_robots_stream(
+    robot: str, stream: str, clock_id: str, consumer: str
+) -> None:
+    token = Wanted(RobotStreamKey(robot, stream), clock_id, consumer)
+    assert str(token) == f"fleet/{robot}/{stream}/wanted/{clock_id}/{consumer}"
+    assert keys.parse_wanted(str(token)) == token
+    assert matches(str(token), keys.every_wanted(robot))
+
+
 @pytest.mark.parametrize(
     "key",
-    ["fleet/r1/front/color/wanted/a", "fleet/r1/front/color/wanted/a/b/c", "fleet/r1/wanted/a/b", "wanted/a/b", "a"],
+    [
+        "fleet/r1/front/color/wanted/a",
+        "fleet/r1/front/color/wanted/a/b/c",
+        "fleet/r1/wanted/a/b",
+        "wanted/a/b",
+        "a",
+        "fleet/r1/status/wanted/a/b",
+    ],
 )
 def test_other_keys_are_no_consumers_tokens(key: str) -> None:
     with pytest.raises(SchemaError):

@@ -2,12 +2,14 @@
 
 import asyncio
 import logging
+import uuid
 from typing import Final
 
 from bus import QUEUE, Bus
+from bus.clock import clock_id
 from schemas import codec, keys
 from schemas.errors import SchemaError
-from schemas.keys import RobotStreamKey
+from schemas.keys import RobotStreamKey, Wanted
 from schemas.transforms import Transforms
 from services.monitor.live_views.shared import Shared
 from services.monitor.mapping.pose import Whereabouts
@@ -29,9 +31,11 @@ def robots(bus: Bus) -> Robots:
 
 async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:
     """Keep up to date where a robot is until cancelled."""
-    async with asyncio.TaskGroup() as group:
+    moving = RobotStreamKey(robot, keys.TF)
+    token = Wanted(moving, clock_id(), uuid.uuid4().hex)
+    async with bus.announce(str(token)), asyncio.TaskGroup() as group:
         group.create_task(_take(bus, RobotStreamKey(robot, keys.TF_STATIC), where))
-        group.create_task(_take(bus, RobotStreamKey(robot, keys.TF), where))
+        group.create_task(_take(bus, moving, where))
 
 
 async def _take(bus: Bus, key: RobotStreamKey, where: Whereabouts) -> None:

@@ -8,11 +8,10 @@ from bus.fake import FakeNetwork
 from bus.sharing.asking import Asked
 from schemas import codec, keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 from tests.contract.waiting import next_of
 
 FRONT = CameraKey("r1", "front")
-TOKEN = Wanted(StreamKey(FRONT, Stream.COLOR), "clock", "w1")
 
 
 @asynccontextmanager
@@ -24,7 +23,7 @@ async def telling(asked: Asked) -> AsyncIterator[Subscription]:
         theirs.subscribe(keys.every_budget("r1"), QUEUE(9)) as budgets,
         asyncio.TaskGroup() as group,
     ):
-        task = group.create_task(asked.tell(ours, TOKEN))
+        task = group.create_task(asked.tell(ours, StreamKey(FRONT, Stream.COLOR), "w1"))
         await asyncio.sleep(0)
         yield budgets
         task.cancel()

@@ -16,6 +16,7 @@ from schemas.keys import sensor_key
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from schemas.transforms import Transforms
 from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
 from tests.gateway.shaping.frames import cloud, frame, picture
@@ -24,8 +25,8 @@ from tests.gateway.shaping.test_scaling import info
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
 
-COLOR, DEPTH, INFO, POINTS, BATTERY = (
-    sensor_key("r1", name) for name in ("front/color", "front/depth", "front/info", "front/points", "ros/battery")
+COLOR, DEPTH, INFO, POINTS, BATTERY, TF = (
+    sensor_key("r1", name) for name in ("front/color", "front/depth", "front/info", "front/points", "ros/battery", "tf")
 )
 
 
@@ -179,6 +180,24 @@ async def test_what_stays_on_this_machine_needs_no_uplink(rig: Rig) -> None:
     color.put(numbered(3, size=30))
     assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 3]
     assert color.counts.dropped == {OVER_BUDGET: 2}
+
+
+@pytest.mark.parametrize(("clock", "sent"), [("here", [0]), ("there", [])])
+async def test_transforms_take_of_the_uplink_what_leaves_this_machine_and_go_at_once(
+    rig: Rig, clock: str, sent: list[int]
+) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")  # 10,000 bytes a second, 1,000 of them ahead
+    moving, arrived = await rig.outlet(TF, shaping)
+    color, frames = await rig.outlet(COLOR, shaping)
+    rig.listens(TF, clock)
+    rig.listens(COLOR, "there")
+    for _ in range(100):
+        moving.put(Transforms(header=header(camera=""), transforms=[]))
+    assert moving.counts.bytes > 10_000
+    color.put(numbered(0))
+    await until(lambda: arrived.counts.received == 100, "no transforms are left out")
+    assert frames.counts.received == len(sent)
+    assert color.counts.bytes == sum(len(codec.encode(numbered(seq))) for seq in sent)
 
 
 async def test_an_outlet_that_is_closed_sends_nothing_more(rig: Rig) -> None:

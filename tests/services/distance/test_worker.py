@@ -12,9 +12,9 @@ from bus import QUEUE, Bus, Subscription
 from bus.clock import clock_id
 from bus.fake import FakeNetwork
 from bus.version import VERSION
-from schemas import worker_keys
+from schemas import keys, worker_keys
 from schemas.distances import Distances
-from schemas.keys import TF, TF_STATIC, CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
 from schemas.status import WorkerStatus
 from services.distance.account import DOUBLE
 from services.distance.camera import WAITED
@@ -112,11 +112,12 @@ async def test_where_a_robot_is_is_not_guessed_from_where_it_was_when_somebody_l
     assert measured.places[2].unknown == "the transform from base_link to map is known from 0.033 s after the stamp"
 
 
-async def test_the_gateway_is_told_where_its_depth_goes(rig: Rig) -> None:
-    token = str(Wanted(StreamKey(FRONT, Stream.DEPTH), clock_id(), "w1"))
-    async with rig.bus.watch(token) as watch, rig.wanted():
+async def test_the_gateway_is_told_where_its_depth_and_transforms_go(rig: Rig) -> None:
+    async with rig.bus.watch(keys.every_wanted("r1")) as watch, rig.wanted():
         async with asyncio.timeout(60):
-            assert (await anext(watch)).alive
+            depth, moving = sorted([keys.parse_wanted((await anext(watch)).key) for _ in range(2)], key=str)
+    assert depth == Wanted(StreamKey(FRONT, Stream.DEPTH), clock_id(), "w1")
+    assert (moving.key, moving.clock_id) == (RobotStreamKey("r1", TF), clock_id())
 
 
 async def test_detections_wait_for_the_depth_of_their_instant(rig: Rig) -> None:
