@@ -79,12 +79,14 @@ class PublisherCounts:
 class SubscriptionCounts:
     """Samples that arrived, and those among them dropped here before they were taken.
 
-    missed: those that never arrived, by the numbers of publishers of LATCHED, RESULT and STATUS.
+    missed: those that never arrived, by the numbers of publishers of LATCHED, RESULT and STATUS. unread: those that
+    arrived and of which whoever takes samples knows nothing: they wait, or went and were in no `replaced` yet.
     """
 
     received: int
     dropped: int
     missed: int = 0
+    unread: int = 0
 
 
 MAX_REQUEST_BYTES: Final = 16 * 1024 * 1024

@@ -27,6 +27,7 @@ class Inbox(Generic[T]):
         self.received = 0
         self.dropped = 0
         self.missed = 0
+        self.unread = 0
 
     def offer(self, key: str, item: T) -> None:
         """Bring an item. Any thread; never waits for the reader."""
@@ -38,6 +39,7 @@ class Inbox(Generic[T]):
             if self._ended:
                 return
             self.received += len(items)
+            self.unread += len(items)
             for key, item in items:
                 self.dropped += self._mailbox.offer(key, item)
             if self._waiter is None or self._called:
@@ -70,7 +72,7 @@ class Inbox(Generic[T]):
             with self._lock:
                 if self._ended:
                     raise StopAsyncIteration
-                taken = self._mailbox.take()
+                taken = self._take()
                 if taken is not None:
                     return taken
                 waiter = self._waiter = self._loop.create_future()
@@ -82,7 +84,13 @@ class Inbox(Generic[T]):
     def take_waiting(self, most: int) -> list[Taken[str, T]]:
         """Take what is there already, in order."""
         with self._lock:
-            return list(islice(iter(self._mailbox.take, None), most))
+            return list(islice(iter(self._take, None), most))
+
+    def _take(self) -> Taken[str, T] | None:
+        taken = self._mailbox.take()
+        if taken is not None:
+            self.unread -= 1 + taken.dropped
+        return taken
 
     def _wake(self) -> None:
         with self._lock:

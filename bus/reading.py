@@ -47,7 +47,8 @@ class SampleReader:
     @property
     def counts(self) -> SubscriptionCounts:
         """What became of the samples so far."""
-        return SubscriptionCounts(self._inbox.received, self._inbox.dropped, self._inbox.missed)
+        inbox = self._inbox
+        return SubscriptionCounts(inbox.received, inbox.dropped, inbox.missed, inbox.unread)
 
     def __aiter__(self) -> Self:
         return self

@@ -134,13 +134,17 @@ class Camera:
         malformed: str,
         take: Callable[[M], None],
     ) -> None:
-        async for sample in samples:
-            if schema in _LOST:
-                self._account.dropped[_LOST[schema]] += sample.replaced
-            message = self._decoded(sample, schema, of, malformed)
-            if message is not None:
-                take(message)
-                self._news.set()
+        try:
+            async for sample in samples:
+                if schema in _LOST:
+                    self._account.dropped[_LOST[schema]] += sample.replaced
+                message = self._decoded(sample, schema, of, malformed)
+                if message is not None:
+                    take(message)
+                    self._news.set()
+        finally:
+            if schema is Detections:
+                self._account.dropped[UNWANTED] += samples.counts.unread
 
     def _decoded(self, sample: Sample, schema: type[M], of: CameraKey | RobotStreamKey, malformed: str) -> M | None:
         try:

@@ -46,9 +46,12 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
                 bus.subscribe(str(color), LATEST, history=False) as frames,
             ):
                 telling = group.create_task(asked.tell(bus, color, consumer))
-                async for sample in frames:
-                    accept(camera, board, sample, lateness, passes)
-                telling.cancel()
+                try:
+                    async for sample in frames:
+                        accept(camera, board, sample, lateness, passes)
+                    telling.cancel()
+                finally:
+                    camera.account.dropped[UNWANTED] += frames.counts.unread
         finally:
             camera.account.dropped[UNWANTED] += board.discard(camera.key)
 

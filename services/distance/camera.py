@@ -61,16 +61,23 @@ async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[]
             bus.subscribe(key.stream(Stream.DETECTIONS), LATEST, history=False) as samples,
         ):
             group.create_task(taking.run(bus))
-            async for sample in samples:
-                camera.account.dropped[REPLACED] += sample.replaced
-                try:
-                    await _answer(camera, sample, publisher, taking.news)
-                except SchemaError as error:
-                    camera.account.malformed("detections")
-                    log.warning("%s: detections left out: %s", key, error)
-                done()
+            try:
+                async for sample in samples:
+                    camera.account.dropped[REPLACED] += sample.replaced
+                    await _take(camera, sample, publisher, taking.news)
+                    done()
+            finally:
+                camera.account.dropped[UNWANTED] += samples.counts.unread
     finally:
         taking.end()
+
+
+async def _take(camera: Camera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
+    try:
+        await _answer(camera, sample, publisher, news)
+    except SchemaError as error:
+        camera.account.malformed("detections")
+        log.warning("%s: detections left out: %s", camera.account.camera, error)
 
 
 async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:

@@ -113,6 +113,7 @@ async def test_latest_keeps_the_newest_of_each_key_and_counts(buses: tuple[Bus, 
         for number in range(5):
             a.put(b"a%d" % number)
         await until(lambda: subscription.counts.received == 6)
+        assert subscription.counts == SubscriptionCounts(received=6, dropped=4, unread=6)
         samples = {sample.key: sample for sample in [await next_of(subscription), await next_of(subscription)]}
         assert (samples["cam/a"].payload, samples["cam/a"].replaced) == (b"a4", 4)
         assert (samples["cam/b"].payload, samples["cam/b"].replaced) == (b"b0", 0)
@@ -144,6 +145,7 @@ async def test_what_waits_comes_in_batches_until_the_end(buses: tuple[Bus, Bus])
             batches = subscription.batches(3)
             batch = [(sample.payload[0], sample.replaced) for sample in await anext(batches)]
             assert batch == [(3, 3), (4, 0), (5, 0)]
+            assert subscription.counts == SubscriptionCounts(received=8, dropped=3, unread=2)
             assert [sample.payload[0] for sample in await anext(batches)] == [6, 7]
             waiting = asyncio.create_task(anext(batches, None))
             out.put(b"more")
@@ -230,7 +232,7 @@ async def test_each_of_several_publishers_of_one_key_keeps_its_last(buses: tuple
                 assert {(await next_of(last_one)).payload for _ in maps} == maps
                 plain.put(b"end")
                 assert (await next_of(last_one)).payload == b"end"
-            assert first.counts == SubscriptionCounts(received=5, dropped=0)
+            assert first.counts == SubscriptionCounts(received=5, dropped=0, unread=1)
 
 
 async def test_what_is_put_at_once_reaches_those_who_want_no_history(buses: tuple[Bus, Bus]) -> None:

@@ -118,6 +118,23 @@ async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
     assert account.done == 1
 
 
+async def test_detections_that_nobody_has_read_when_it_ends_are_counted() -> None:
+    asked, account = asyncio.Event(), Account(FRONT)
+    camera = Camera(account, Sensed((), Joiner(DEPTH_IMAGE)), Views(Limits()), Criteria(), "w1", Stuck(asked))
+    network = FakeNetwork()
+    async with network.open_bus() as theirs, network.open_bus() as ours, robot(theirs) as front:
+        working = asyncio.create_task(work(ours, camera, Faltering(), lambda: None))
+        await front.until_wanted()
+        for seq in range(3):
+            front.send(Stream.DEPTH, depth(wall(2.0), seq))
+            front.send(Stream.DETECTIONS, detections(list(BOX), seq))
+            async with asyncio.timeout(60):
+                await asked.wait()  # the first is being worked out from now on
+        working.cancel()
+        await asyncio.wait([working])
+    assert account.load(serving=True).dropped == {UNWANTED: 3}
+
+
 async def test_an_answer_that_nobody_wants_any_more_while_it_is_worked_out_is_counted() -> None:
     asked = asyncio.Event()
     account = await answers(Faltering(), Stuck(asked), 1, done=asked)

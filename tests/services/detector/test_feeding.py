@@ -1,0 +1,41 @@
+"""A camera's frames on a fake bus on their way to the board of a detector."""
+
+import asyncio
+
+from bus import QUEUE, QoS
+from bus.fake import FakeNetwork
+from bus.sharing.asking import Asked
+from schemas import codec
+from schemas.image import ImageFrame
+from schemas.keys import Stream
+from schemas.status import UNWANTED
+from services.detector.account import REPLACED, Account
+from services.detector.board import Board
+from services.detector.camera import serving
+from services.detector.feeding import feed
+from services.detector.role import DETECTOR
+from tests.contract.waiting import until
+from tests.services.detector.test_worker import FRONT, frame
+
+
+async def test_frames_that_wait_unread_or_on_the_board_when_it_ends_are_counted() -> None:
+    network, account, board = FakeNetwork(), Account(FRONT), Board()
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        theirs.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as colors,
+        theirs.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)),
+        serving(ours, FRONT, account) as camera,
+        asyncio.TaskGroup() as group,
+    ):
+        feeding = group.create_task(feed(ours, camera, board, Asked(), worker="w1", role=DETECTOR))
+        await until(lambda: colors.wanted)
+        for seq in range(2):
+            colors.put(codec.encode(frame(seq)))
+            await asyncio.wait_for(board.filled(1, 0), 5)
+        await until(lambda: account.dropped[REPLACED] == 1)
+        feeding.cancel()
+        for seq in range(2, 5):
+            colors.put(codec.encode(frame(seq)))
+        await asyncio.wait([feeding])
+    assert +account.dropped == {REPLACED: 1, UNWANTED: 4}
