@@ -39,14 +39,16 @@ class Caches:
         self._answer = answer
         self._answered = answered
         self._session: zenoh.Session | None = None
+        self._turn = 0  # of asking; callbacks that held the session would let go of it at any time (see bus.session)
         self._waiting: deque[Fetch] = deque()
-        self._asked = 0
+        self._asked: set[str] = set()
 
     def use(self, session: zenoh.Session | None) -> None:
         """Ask on this session, or not at all; forget what was asked on another one. Session's thread only."""
         self._session = session
+        self._turn += 1
         self._waiting.clear()
-        self._asked = 0
+        self._asked.clear()
 
     def ask(self, fetch: Fetch) -> None:
         """Ask a cache when its turn comes."""
@@ -57,17 +59,17 @@ class Caches:
         self._go_on()
 
     def _go_on(self) -> None:
-        while self._session is not None and self._waiting and self._asked < ASKED_AT_ONCE:
+        while self._session is not None and self._waiting and len(self._asked) < ASKED_AT_ONCE:
             self._send(self._session, self._waiting.popleft())
 
     def _send(self, session: zenoh.Session, fetch: Fetch) -> None:
-        self._asked += 1
-        done = partial(self._submit, partial(self._done, session, fetch))
+        self._asked.add(fetch.cache)
+        done = partial(self._submit, partial(self._done, self._turn, fetch))
         try:
             with panics_are_errors():
                 session.get(
                     f"{fetch.cache}?{_after(fetch)}_max={self._recover}",
-                    Callback(partial(self._on_reply, session, fetch), done, indirect=False),
+                    Callback(partial(self._on_reply, self._turn, fetch), done, indirect=False),
                     accept_replies=zenoh.ReplyKeyExpr.ANY,
                     consolidation=zenoh.ConsolidationMode.NONE,
                     timeout=TIMEOUT_S,
@@ -76,13 +78,13 @@ class Caches:
             _log.debug("%s was not asked: %s", fetch.cache, error)
             done()
 
-    def _on_reply(self, session: zenoh.Session, fetch: Fetch, reply: zenoh.Reply) -> None:
-        if session is self._session and reply.ok is not None:
+    def _on_reply(self, turn: int, fetch: Fetch, reply: zenoh.Reply) -> None:
+        if turn == self._turn and reply.ok is not None:
             self._answer(fetch, reply.ok)
 
-    def _done(self, session: zenoh.Session, fetch: Fetch) -> None:
-        if session is self._session:
-            self._asked -= 1
+    def _done(self, turn: int, fetch: Fetch) -> None:
+        if turn == self._turn and fetch.cache in self._asked:  # an error may end it twice
+            self._asked.discard(fetch.cache)
             self._answered(fetch)
             self._go_on()
 

@@ -15,8 +15,11 @@ that is more; then they are taken as they are."""
 KEYS_REMEMBERED: Final = 10_000
 """Keys without a publisher of which it is known what came: what was kept comes again when it is back."""
 
-PUBLISHERS_REMEMBERED: Final = 16
-"""Of one key, those heard last."""
+PUBLISHERS_REMEMBERED: Final = 128
+"""Of one key, those heard last; a gateway has one for each of as many as 64 that latch a topic."""
+
+NONE: Final = -1
+"""Less than any number."""
 
 WRAPPED: Final = 1 << 31
 """A number so much smaller than the last is a newer one: Zenoh's own have 32 bits."""
@@ -51,12 +54,17 @@ class Fetch(NamedTuple):
 class _Publisher:
     """What came of one.
 
-    last: the number taken last, and its place; live: the newest that came on this session as it was sent.
+    last: the number taken last, and its place. live: the newest that came since it is there, so that all newer ones
+    come by themselves. sought: the newest that had come when a cache was asked last.
     """
 
-    last: int | None = None
+    last: int = NONE
     place: Any = None
-    live: int = -1
+    live: int = NONE
+    sought: int = NONE
+
+    def is_behind_hole(self, number: int) -> bool:
+        return self.last != NONE and number > self.last + 1
 
 
 @dataclass(slots=True)
@@ -64,9 +72,10 @@ class _Key(Generic[M]):
     """What is known of a key.
 
     caches: of publishers that are there. asked: those that are being asked, and whether they are to be asked once more.
-    held: what came live and waits for what they have; kept: what they have answered.
+    held: what came live and waits for what they have, None if nothing has to; kept: what they have answered.
     """
 
+    name: str
     publishers: OrderedDict[int | str, _Publisher] = field(default_factory=OrderedDict)
     caches: set[str] = field(default_factory=set)
     asked: dict[str, bool] = field(default_factory=dict)
@@ -79,7 +88,14 @@ class _Key(Generic[M]):
             known = self.publishers[name] = _Publisher()
             if len(self.publishers) > PUBLISHERS_REMEMBERED:
                 self.publishers.popitem(last=False)
+        else:
+            self.publishers.move_to_end(name)
         return known
+
+    def out_of_sight(self) -> None:
+        """What came of its publishers so far says nothing of what else is on its way."""
+        for publisher in self.publishers.values():
+            publisher.live = NONE
 
 
 @dataclass
@@ -100,13 +116,16 @@ class History(Generic[M]):
     miss: Callable[[int], None]
     _keys: dict[str, _Key[M]] = field(default_factory=dict)
     _deserted: OrderedDict[str, None] = field(default_factory=OrderedDict)
+    _all_appeared: bool = True
 
     def appear(self, key: str, cache: str) -> None:
         """A key's publisher is there, for the first time or again, and its cache can be asked."""
         known = self._known(key)
-        known.caches.add(cache)
+        if cache not in known.caches:
+            known.out_of_sight()
+            known.caches.add(cache)
         self._deserted.pop(key, None)
-        self._ask(key, known, cache)
+        self._ask(known, cache)
 
     def leave(self, key: str, cache: str) -> None:
         """A publisher is not there any more, or cannot be reached."""
@@ -117,44 +136,46 @@ class History(Generic[M]):
 
     def cut_off(self) -> None:
         """Nobody can be reached any more; what waits for older ones waits until it is known who is still there."""
+        self._all_appeared = False
         for key, known in self._keys.items():
+            known.out_of_sight()
             known.caches.clear()
             known.asked.clear()
             known.kept.clear()
-            for publisher in known.publishers.values():
-                publisher.live = -1
             self._deserted[key] = None
 
     def all_appeared(self) -> None:
         """Whoever is there has appeared; nothing more comes of what the others kept."""
+        self._all_appeared = True
         ready: list[M] = []
-        for key in self._deserted:
-            self._release(self._keys[key], ready)
-        self._forget_deserted()
+        for known in self._keys.values():
+            if known.held is not None and not (known.asked and known.caches):
+                self._release(known, ready)
+        self._forget_deserted(ready)
         self._deliver(ready)
 
-    def live(self, messages: Iterable[Numbered[M]]) -> None:
-        """Take messages as they come."""
+    def live(self, messages: Iterable[Numbered[M]], *, current: bool = True) -> None:
+        """Take messages as they come. current: since the last `cut_off`, as far as that is known."""
         ready: list[M] = []
         for each in messages:
             key, name, number, message, newness, place = each
             known = self._keys.get(key) or self._known(key)
-            if known.held is not None:
-                known.held.append(each)
-                if len(known.held) > max(MOST_HELD, 2 * self.recover):
-                    self._take_held(known, ready)
-            elif (by := known.publishers.get(name)) and by.last == number - 1 and not newness:  # nearly always
+            by = known.publishers.get(name)
+            if known.held is None and by and by.last == number - 1 and not newness and current:  # nearly always
                 by.last = by.live = number
                 by.place = place
                 ready.append(message)
-            else:
-                self._take_live(known, each, ready)
+            elif newness <= self.recover:
+                by = known.publisher(name)
+                if current:
+                    by.live = max(by.live, number)
+                self._take_live(known, by, each, ready)
         self._deliver(ready)
 
     def kept(self, fetch: Fetch, message: Numbered[M]) -> None:
         """Take what a cache has."""
         known = self._known(fetch.key)
-        if fetch.cache in known.asked and message.key == fetch.key:
+        if fetch.cache in known.asked and message.key == fetch.key and message.newness <= self.recover:
             known.kept.append(message)
 
     def fetched(self, fetch: Fetch) -> None:
@@ -162,7 +183,7 @@ class History(Generic[M]):
         known = self._known(fetch.key)
         again = known.asked.pop(fetch.cache, None)
         if again:
-            self._ask(fetch.key, known, fetch.cache)
+            self._ask(known, fetch.cache)
         elif again is not None and not known.asked:
             ready: list[M] = []
             self._release(known, ready)
@@ -171,77 +192,92 @@ class History(Generic[M]):
     def _known(self, key: str) -> _Key[M]:
         known = self._keys.get(key)
         if known is None:
-            known = self._keys[key] = _Key()
+            known = self._keys[key] = _Key(key)
             self._desert(key)
         return known
 
     def _desert(self, key: str) -> None:
         self._deserted[key] = None
         self._deserted.move_to_end(key)
-        self._forget_deserted()
+        ready: list[M] = []
+        self._forget_deserted(ready)
+        self._deliver(ready)
 
-    def _forget_deserted(self) -> None:
+    def _forget_deserted(self, ready: list[M]) -> None:
         while len(self._deserted) > KEYS_REMEMBERED:
             key, _ = self._deserted.popitem(last=False)
-            ready: list[M] = []
             self._release(self._keys.pop(key), ready)
-            self._deliver(ready)
 
-    def _ask(self, key: str, known: _Key[M], cache: str) -> None:
+    def _ask(self, known: _Key[M], cache: str) -> None:
         if self.recover > 1 and known.held is None:
             known.held = []
+        for publisher in known.publishers.values():
+            publisher.sought = max(publisher.sought, publisher.last)
+        for each in known.held or ():
+            publisher = known.publisher(each.publisher)
+            publisher.sought = max(publisher.sought, each.number)
         if cache in known.asked:
             known.asked[cache] = True
             return
         known.asked[cache] = False
         places = tuple(each.place for each in known.publishers.values() if each.place is not None)
-        self.fetch(Fetch(key, cache, places))
+        self.fetch(Fetch(known.name, cache, places))
 
-    def _take_live(self, known: _Key[M], each: Numbered[M], ready: list[M]) -> None:
-        publisher = known.publisher(each.publisher)
-        last = publisher.last
-        is_next = last is None or each.number <= last + 1
-        if self.recover > 1 and known.caches and not (is_next or each.newness):
-            for cache in known.caches:
-                self._ask(each.key, known, cache)
+    def _take_live(self, known: _Key[M], by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
+        """Take what came live, or hold it while there may be older ones to come."""
+        if known.held is not None:
+            known.held.append(each)
+            if len(known.held) > max(MOST_HELD, 2 * self.recover):
+                self._take_waiting(known, ready, seek=False)
+        elif self.recover > 1 and not self._all_appeared:
             known.held = [each]
-            return
-        publisher.live = each.number
-        self._take(publisher, each, ready)
+        elif self.recover > 1 and known.caches and by.is_behind_hole(each.number):
+            known.held = [each]
+            self._seek(known)
+        else:
+            self._take(by, each, ready)
 
-    def _take(self, publisher: _Publisher, each: Numbered[M], ready: list[M]) -> None:
-        """Take a message unless it came before or is more than what is wanted; count those before it that did not."""
-        if each.newness > self.recover:
-            return
-        last = publisher.last
-        if last is not None and last - each.number < WRAPPED:
-            if each.number <= last:
+    def _seek(self, known: _Key[M]) -> None:
+        for cache in known.caches:
+            self._ask(known, cache)
+
+    def _take(self, by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
+        """Take a message unless it came before; count those before it that did not."""
+        if by.last - each.number < WRAPPED:
+            if each.number <= by.last:
                 return
-            if each.number > last + 1:
-                self.miss(each.number - last - 1)
-        publisher.last, publisher.place = each.number, each.place
+            if by.is_behind_hole(each.number):
+                self.miss(each.number - by.last - 1)
+        by.last, by.place = each.number, each.place
         ready.append(each.message)
 
-    def _take_held(self, known: _Key[M], ready: list[M]) -> None:
-        """Take what is held, and before it what caches have that does not come live as well."""
-        held = known.held or []
-        for each in held:
-            publisher = known.publisher(each.publisher)
-            publisher.live = max(publisher.live, each.number)
-        older = [each for each in known.kept if not 0 <= known.publisher(each.publisher).live < each.number]
-        for each in sorted(older + held, key=_number):
-            self._take(known.publisher(each.publisher), each, ready)
-        held.clear()
+    def _take_waiting(self, known: _Key[M], ready: list[M], *, seek: bool) -> None:
+        """Take what is held and what caches answered, in order.
+
+        What is newer than the newest that came live does so, too, after what is in between.
+        seek: holes among what came after caches were asked are worth asking again; what is behind them is held on.
+        """
+        waiting = [(each, True) for each in known.held or ()] + [(each, False) for each in known.kept]
+        rest: list[Numbered[M]] = []
+        for each, came in sorted(waiting, key=lambda one: one[0].number):
+            by = known.publisher(each.publisher)
+            if not by.is_behind_hole(each.number):
+                self._take(by, each, ready)
+            elif came and seek and each.number > by.sought:
+                rest.append(each)
+            elif came or by.live == NONE or each.number <= min(by.live, by.sought):
+                self._take(by, each, ready)
         known.kept.clear()
+        known.held = rest
 
     def _release(self, known: _Key[M], ready: list[M]) -> None:
-        self._take_held(known, ready)
-        known.held = None
+        """Take all that waits, as complete as it gets."""
+        self._take_waiting(known, ready, seek=self.recover > 1 and bool(known.caches))
+        if known.held:
+            self._seek(known)
+        else:
+            known.held = None
 
     def _deliver(self, ready: list[M]) -> None:
         if ready:
             self.deliver(ready)
-
-
-def _number(message: Numbered[Any]) -> int:
-    return message.number

@@ -29,18 +29,19 @@ class ZenohSubscription(SampleReader):
         self._key_expr = key_expr
         self._together = isinstance(keep, Queue) and "*" in key_expr and not few
         self._declared = ExitStack()
+        self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
         declare = partial(session.declare_subscriber, self._key_expr)
-        self._declared.enter_context(taking(declare, self.take, together=self._together))
+        self._declared.enter_context(taking(declare, partial(self.take, self._turn), together=self._together))
 
     def undeclare(self) -> None:
         """Undeclare."""
         self._declared.close()
 
-    def take(self, samples: Sequence[zenoh.Sample]) -> None:
-        """Take in what came live."""
+    def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:  # noqa: ARG002 - for those with a history
+        """Take in what came live, in a turn that may be over."""
         self.arrive_all(_sample(sample) for sample in samples if sample.kind == _PUT and not is_sent_again(sample))
 
 
@@ -68,21 +69,20 @@ class HistorySubscription(ZenohSubscription):
         self._caches = Caches(submit, recover, self._on_kept, self._on_fetched)
         self._history: History[Sample | None] = History(recover, self._caches.ask, self._deliver, self.miss)
         self._one_at_a_time = threading.Lock()
-        self._session: zenoh.Session | None = None
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread, presences first: what is live waits for what those who are there keep."""
         with self._one_at_a_time:
-            self._session = session
+            self._turn += 1
             self._history.cut_off()
         self._caches.use(session)
         caches, liveliness = f"{self._key_expr}{CACHE}**", session.liveliness()
         presences: Any = liveliness.declare_subscriber(
-            caches, Callback(partial(self._on_presence, session), indirect=False)
+            caches, Callback(partial(self._on_presence, self._turn), indirect=False)
         )
         self._declared.callback(presences.undeclare)
-        present = Callback(partial(self._on_present, session), partial(self._on_all_present, session), indirect=False)
-        liveliness.get(caches, present)
+        done = partial(self._on_all_present, self._turn)
+        liveliness.get(caches, Callback(partial(self._on_present, self._turn), done, indirect=False))
         super().declare(session)
 
     def undeclare(self) -> None:
@@ -90,34 +90,35 @@ class HistorySubscription(ZenohSubscription):
         self._caches.use(None)
         super().undeclare()
 
-    def take(self, samples: Sequence[zenoh.Sample]) -> None:
-        """Take in what came live."""
-        numbered = self._numbered(samples)
+    def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:
+        """See `ZenohSubscription.take`."""
+        numbered, others = _numbered(samples)
+        self.arrive_all(others)
         with self._one_at_a_time:
-            self._history.live(numbered)
+            self._history.live(numbered, current=turn == self._turn)
 
-    def _on_present(self, session: zenoh.Session, reply: zenoh.Reply) -> None:
+    def _on_present(self, turn: int, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
-            self._on_presence(session, reply.ok)
+            self._on_presence(turn, reply.ok)
 
-    def _on_presence(self, session: zenoh.Session, presence: zenoh.Sample) -> None:
+    def _on_presence(self, turn: int, presence: zenoh.Sample) -> None:
         cache = str(presence.key_expr)
         key, _ = owner_of(cache)
         with self._one_at_a_time:
-            if session is not self._session:
+            if turn != self._turn:
                 return
             if presence.kind == _PUT:
                 self._history.appear(key, cache)
             else:
                 self._history.leave(key, cache)
 
-    def _on_all_present(self, session: zenoh.Session) -> None:
+    def _on_all_present(self, turn: int) -> None:
         with self._one_at_a_time:
-            if session is self._session:
+            if turn == self._turn:
                 self._history.all_appeared()
 
     def _on_kept(self, fetch: Fetch, sample: zenoh.Sample) -> None:
-        numbered = self._numbered([sample])
+        numbered, _ = _numbered([sample])
         with self._one_at_a_time:
             for each in numbered:
                 self._history.kept(fetch, each)
@@ -129,18 +130,20 @@ class HistorySubscription(ZenohSubscription):
     def _deliver(self, messages: list[Sample | None]) -> None:
         self.arrive_all(message for message in messages if message is not None)
 
-    def _numbered(self, samples: Iterable[zenoh.Sample]) -> list[Numbered[Sample | None]]:
-        """Return those that have numbers, deletions as None, which have one too; others are taken in as they are."""
-        numbered: list[Numbered[Sample | None]] = []
-        for sample in samples:
-            message = _sample(sample) if sample.kind == _PUT else None
-            if (stamped := stamp_of(sample)) is not None:
-                publisher, number, newness = stamped
-                key = str(sample.key_expr) if message is None else message.key
-                numbered.append(Numbered(key, publisher, number, message, newness, sample.source_info))
-            elif message is not None:
-                self.arrive_all([message])
-        return numbered
+
+def _numbered(samples: Iterable[zenoh.Sample]) -> tuple[list[Numbered[Sample | None]], list[Sample]]:
+    """Return those that have numbers, deletions as None, which have one too, and the others."""
+    numbered: list[Numbered[Sample | None]] = []
+    others: list[Sample] = []
+    for sample in samples:
+        message = _sample(sample) if sample.kind == _PUT else None
+        if (stamped := stamp_of(sample)) is not None:
+            publisher, number, newness = stamped
+            key = str(sample.key_expr) if message is None else message.key
+            numbered.append(Numbered(key, publisher, number, message, newness, sample.source_info))
+        elif message is not None:
+            others.append(message)
+    return numbered, others
 
 
 def _sample(arrived: zenoh.Sample) -> Sample:
