@@ -91,6 +91,10 @@ class MovingBOTSORT(BOTSORT):
         same = np.equal.outer([each.cls for each in tracks], [each.cls for each in detections])
         return np.where(same, 1 - overlaps(boxes, found, cut, self.size), 1).astype(np.float32)
 
+    def _format_output(self) -> NDArray[np.float32]:
+        """Return this frame's tracks, those seen for the first time among them: evidence decides, not the count."""
+        return np.array([each.result for each in self.tracked_stracks], np.float32)
+
 
 CLASSES: Final[dict[Kind, type[Any]]] = {"bytetrack": BYTETracker, "botsort": MovingBOTSORT}
 

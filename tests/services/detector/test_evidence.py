@@ -3,9 +3,15 @@ import pytest
 from services.detector.evidence import MAX_TRACKS, NEUTRAL, Evidence
 
 
-@pytest.mark.parametrize(("score", "number"), [(NEUTRAL - 0.01, None), (NEUTRAL, 1), (1.0, 1)])
-def test_one_sighting_is_enough_if_it_speaks_for_a_thing(score: float, number: int | None) -> None:
+@pytest.mark.parametrize(("score", "number"), [(NEUTRAL, None), (0.52, None), (0.53, 1), (1.0, 1)])
+def test_one_sighting_is_enough_if_it_is_sure(score: float, number: int | None) -> None:
     assert Evidence().weigh([(7, score)]) == [number]
+
+
+def test_who_has_a_number_keeps_it_on_less_than_it_took_and_gets_it_back_on_as_little() -> None:
+    evidence = Evidence()
+    scores = (0.6, NEUTRAL - 0.15, NEUTRAL - 0.15, NEUTRAL + 0.15)
+    assert [evidence.weigh([(7, score)])[0] for score in scores] == [1, 1, None, 1]
 
 
 def test_what_is_never_sure_never_earns_a_number() -> None:

@@ -15,10 +15,7 @@ from tests.services.detector.requests import frame_of
 
 @pytest.mark.parametrize("kind", ["bytetrack", "botsort"])
 def test_what_moves_a_little_keeps_its_number_and_what_leaves_takes_it_along(kind: str, model_folder: Path) -> None:
-    keep_offline(model_folder / "ultralytics", download=False)
-    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
-
-    tracker = UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack")
+    tracker = tracker_in(model_folder, kind)
     picture = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
 
     def seen(step: int, *lefts: float) -> list[int | None]:
@@ -39,11 +36,11 @@ def textured(height: int, width: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
-def tracker_in(model_folder: Path) -> Tracker:
+def tracker_in(model_folder: Path, kind: str = "botsort") -> Tracker:
     keep_offline(model_folder / "ultralytics", download=False)
     from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
 
-    return UltralyticsTracker("botsort")
+    return UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack")
 
 
 def follower(model_folder: Path, hz: int = 5) -> Callable[..., int | None]:
@@ -66,10 +63,7 @@ def follower(model_folder: Path, hz: int = 5) -> Callable[..., int | None]:
 def test_only_who_looks_at_the_image_follows_when_the_camera_swings(
     kind: str, *, followed: bool, model_folder: Path
 ) -> None:
-    keep_offline(model_folder / "ultralytics", download=False)
-    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
-
-    tracker = UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack")
+    tracker = tracker_in(model_folder, kind)
     wide = textured(480, 960)
 
     def seen(step: int, swung: int) -> int | None:
@@ -82,7 +76,7 @@ def test_only_who_looks_at_the_image_follows_when_the_camera_swings(
     assert (set(numbers) == {1}) is followed
 
 
-@pytest.mark.parametrize(("score", "number"), [(0.26, None), (0.5, 1)])
+@pytest.mark.parametrize(("score", "number"), [(0.26, None), (0.6, 1)])
 def test_what_was_seen_well_goes_on_when_it_is_less_so_and_what_was_not_has_no_number(
     score: float, number: int | None, model_folder: Path
 ) -> None:
@@ -91,17 +85,28 @@ def test_what_was_seen_well_goes_on_when_it_is_less_so_and_what_was_not_has_no_n
     assert numbers == [number] * 4
 
 
+@pytest.mark.parametrize(("kind", "numbers"), [("botsort", [1, 2]), ("bytetrack", [1, None])])
+def test_only_who_knows_places_well_gives_numbers_at_first_sight(
+    kind: str, numbers: list[int | None], model_folder: Path
+) -> None:
+    """The second of two things comes into view in the second frame."""
+    tracker, picture = tracker_in(model_folder, kind), textured(240, 320)
+    things = [Detection(name="box", score=0.6, box=Box(left, 20, left + 40, 60)) for left in (10, 200)]
+    assert tracker.update(things[:1], frame_of(picture, seq=0)) == [1]
+    assert tracker.update(things, frame_of(picture, seq=1)) == numbers
+
+
 def test_a_detection_goes_on_with_a_track_of_its_class_alone(model_folder: Path) -> None:
     seen = follower(model_folder)
     labels = [0, 0, 1, 1, 0]
-    assert [seen(step, 10 + 6 * label, 0.9, label) for step, label in enumerate(labels)] == [1, 1, None, 2, 1]
+    assert [seen(step, 10 + 6 * label, 0.9, label) for step, label in enumerate(labels)] == [1, 1, 2, 2, 1]
 
 
-@pytest.mark.parametrize(("hz", "frames", "number"), [(5, 10, 1), (5, 12, None), (20, 40, 1), (20, 42, None)])
+@pytest.mark.parametrize(("hz", "frames", "number"), [(5, 10, 1), (5, 12, 2), (20, 40, 1), (20, 42, 2)])
 def test_what_is_lost_is_looked_for_for_so_long_at_whatever_rate(
     hz: int, frames: int, number: int | None, model_folder: Path
 ) -> None:
-    """It is found again the given number of frames after it was seen last."""
+    """It is seen again the given number of frames after it was seen last; as another thing if that is too late."""
     seen = follower(model_folder, hz)
     assert [seen(step, 10, 0.9) for step in range(2)] == [1, 1]
     for step in range(2, 1 + frames):
