@@ -37,7 +37,9 @@ from bus import Bus, BusSettings, open_bus
 from services.toolbox.demo.ports import free_ports
 
 HZ: Final = 5.0
-WARM_UP_FRAMES: Final = 100
+WARM_UP_FRAMES: Final = 300
+"""By then all of the memory that cameras share with the worker is mapped, and its runtime has what it keeps."""
+
 NAMES: Final = {"auto": ("worker_fps", "bare_fps"), "torch": ("torch_fps", "bare_torch_fps")}
 """What the speeds of the worker and of the bare loop are called, by runtime."""
 PACKAGES: Final = ("torch", "ultralytics-opencv-headless", "onnxruntime", "openvino", "eclipse-zenoh")
