@@ -164,6 +164,7 @@ class History(Generic[M]):
             if known.held is None and by and by.last == number - 1 and not newness and current:  # nearly always
                 by.last = by.live = number
                 by.place = place
+                known.publishers.move_to_end(name)
                 ready.append(message)
             elif newness <= self.recover:
                 by = known.publisher(name)
@@ -254,7 +255,8 @@ class History(Generic[M]):
     def _take_waiting(self, known: _Key[M], ready: list[M], *, seek: bool) -> None:
         """Take what is held and what caches answered, in order.
 
-        What is newer than the newest that came live does so, too, after what is in between.
+        What is newer than the newest that came live does so, too, after what is in between; or else what follows shows
+        the hole.
         seek: holes among what came after caches were asked are worth asking again; what is behind them is held on.
         """
         waiting = [(each, True) for each in known.held or ()] + [(each, False) for each in known.kept]

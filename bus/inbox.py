@@ -36,7 +36,7 @@ class Inbox(Generic[T]):
     def offer_all(self, items: Sequence[tuple[str, T]]) -> None:
         """Bring several items, in order. Any thread; never waits for the reader."""
         with self._lock:
-            if self._ended:
+            if self._ended or not items:
                 return
             self.received += len(items)
             self.unread += len(items)

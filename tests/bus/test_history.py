@@ -115,6 +115,10 @@ def test_only_the_publishers_of_a_key_that_were_heard_last_are_remembered(monkey
     got.live(0, publisher=2)
     got.live(0, publisher=0)
     assert got.messages == [0, 0, 0, 0]
+    got.live(1, publisher=2)
+    got.live(0, publisher=1)
+    got.live(1, publisher=2)
+    assert got.messages == [0, 0, 0, 0, 1, 0]
 
 
 def test_who_has_no_cache_is_not_waited_for() -> None:
