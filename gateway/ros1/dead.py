@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from gateway.ros1.errors import Ros1Error, StatusError
+from gateway.ros1.hosts import is_loopback
 from gateway.ros1.master import MasterClient
 
 if TYPE_CHECKING:
@@ -17,7 +19,8 @@ if TYPE_CHECKING:
 async def unregister_dead(name: str, state: SystemState, *, client: XmlRpcClient, master_uri: str) -> bool:
     """Unregister a node's topics if its address refuses connections; return whether it does.
 
-    A node that keeps silent may be cut off and stays, and so does one whose port is another's by now.
+    A node that keeps silent may be cut off and stays, and so does one whose port is another's by now, or whose address
+    is a loopback's that may be another machine's.
 
     Raises:
         CallError, XmlRpcError: the master does not answer as it should.
@@ -28,6 +31,8 @@ async def unregister_dead(name: str, state: SystemState, *, client: XmlRpcClient
         uri = await master.lookup_node(name)
     except StatusError:
         return False  # it has gone in the meantime
+    if _is_loopback(uri) and not _is_loopback(master_uri):
+        return False
     if not await _refuses(uri, client, caller_id=name):
         return False
     for topic in _topics(name, state.publishers):
@@ -43,6 +48,10 @@ async def _refuses(uri: str, client: XmlRpcClient, *, caller_id: str) -> bool:
     except Ros1Error as error:
         return isinstance(error.__cause__, ConnectionRefusedError)
     return False
+
+
+def _is_loopback(uri: str) -> bool:
+    return is_loopback(urlsplit(uri).hostname or "")
 
 
 def _topics(name: str, by_topic: Mapping[str, Collection[str]]) -> list[str]:

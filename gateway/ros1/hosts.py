@@ -23,6 +23,14 @@ def listen_address(host: str) -> str:
     return "::" if address.version == 6 else "0.0.0.0"  # noqa: S104 - what ROS_IP asks for
 
 
+def is_loopback(host: str) -> bool:
+    """Whether a host's name or address is each machine's own for itself, as far as it tells."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
 def listen(host: str, port: int = 0) -> socket.socket:
     """Return a listening, non-blocking socket; port 0 takes a free one.
 

@@ -46,7 +46,7 @@ class Resolver:
                     return await connect(address)
             except OSError as error:
                 failed.append(OSError(f"no answer from {address}") if deadline.expired() else error)
-        raise failed[0]
+        raise next((each for each in failed if not isinstance(each, ConnectionRefusedError)), failed[0])
 
     async def _addresses(self, host: str) -> list[str]:
         if _is_address(host):

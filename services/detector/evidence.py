@@ -18,7 +18,7 @@ which is the chance from which on it pays to count one in (Lipton et al., "Optim
 Maximize F1 Measure", 2014)."""
 
 ENOUGH: Final = 0.8
-"""What a track must gather for its number: one sighting at a score of 0.52, or several that are less sure."""
+"""What a track must gather for its number: one sighting at a score of 0.53, or several that are less sure."""
 
 SUREST: Final = 0.98
 """What a single sighting counts as at most: a model that says 1 is not infinitely sure."""

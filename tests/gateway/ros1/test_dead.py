@@ -69,6 +69,15 @@ async def test_who_keeps_silent_stays(master: RosMaster, client: XmlRpcClient) -
         assert await api.get_system_state() == state
 
 
+async def test_whose_address_may_be_on_another_machine_stays(master: RosMaster, client: XmlRpcClient) -> None:
+    await registered("/other", refusing(), master, client)
+    api = await registered("/elsewhere", refusing(), master, client)
+    state = await api.get_system_state()
+    far = master.uri.replace("127.0.0.1", "0.0.0.0")  # noqa: S104 - here too, but no loopback by its name
+    assert not await unregister_dead("/elsewhere", state, client=client, master_uri=far)
+    assert await api.get_system_state() == state
+
+
 async def test_who_came_back_meanwhile_keeps_the_new_registrations(master: RosMaster, client: XmlRpcClient) -> None:
     api = await registered("/killed", refusing(), master, client)
     clearing = asyncio.create_task(

@@ -92,6 +92,16 @@ async def test_addresses_are_tried_in_turn_and_each_once(names: Names) -> None:
     assert names.asked == ["robot"] * 3
 
 
+async def test_a_refusal_by_one_address_says_nothing_of_a_host_that_cannot_be_reached_at_another(names: Names) -> None:
+    async def refusing_or_lost(address: str) -> str:
+        if address == names.known["robot"][0]:
+            raise ConnectionRefusedError(address)
+        raise OSError(f"no route to {address}")
+
+    with pytest.raises(OSError, match="no route to"):
+        await Resolver().connect("robot", refusing_or_lost)
+
+
 async def test_an_address_that_keeps_silent_leaves_time_for_the_next(
     names: Names, monkeypatch: pytest.MonkeyPatch
 ) -> None:
