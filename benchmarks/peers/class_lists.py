@@ -8,6 +8,7 @@ how many there were and how late the latest was handed to Zenoh.
 """
 
 import asyncio
+import gc
 import sys
 import time
 import uuid
@@ -107,6 +108,8 @@ class Fleet:
             )
             self._robots.append(Robot(key, self._first + index, publisher))
             await asyncio.sleep(COMING_S)
+        gc.collect()
+        gc.freeze()  # no robot stands still for a quarter of a second while a thousand others' objects are looked through
 
     async def _send(self, hz: float, seconds: float) -> float:
         """Send; return how late the latest was."""
