@@ -109,7 +109,7 @@ class Fleet:
             self._robots.append(Robot(key, self._first + index, publisher))
             await asyncio.sleep(COMING_S)
         gc.collect()
-        gc.freeze()  # no robot stands still for a quarter of a second while a thousand others' objects are looked through
+        gc.freeze()  # else all stand still for a quarter of a second while a thousand robots are looked through
 
     async def _send(self, hz: float, seconds: float) -> float:
         """Send; return how late the latest was."""
