@@ -2,8 +2,9 @@
 
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import count
 from typing import Final
 
 import zenoh
@@ -69,7 +70,7 @@ class Caches:
             with panics_are_errors():
                 session.get(
                     f"{fetch.cache}?{_after(fetch)}_max={self._recover}",
-                    Callback(partial(self._on_reply, self._turn, fetch), done, indirect=False),
+                    Callback(partial(self._on_reply, self._turn, fetch, count()), done, indirect=False),
                     accept_replies=zenoh.ReplyKeyExpr.ANY,
                     consolidation=zenoh.ConsolidationMode.NONE,
                     timeout=TIMEOUT_S,
@@ -78,8 +79,8 @@ class Caches:
             _log.debug("%s was not asked: %s", fetch.cache, error)
             done()
 
-    def _on_reply(self, turn: int, fetch: Fetch, reply: zenoh.Reply) -> None:
-        if turn == self._turn and reply.ok is not None:
+    def _on_reply(self, turn: int, fetch: Fetch, before: Iterator[int], reply: zenoh.Reply) -> None:
+        if turn == self._turn and reply.ok is not None and next(before) < self._recover:  # whatever it sends
             self._answer(fetch, reply.ok)
 
     def _done(self, turn: int, fetch: Fetch) -> None:

@@ -77,7 +77,7 @@ class ZenohPublisher(MessageWriter):
         self._name = getrandbits(32)
         self._number = 0
         self._declared = ExitStack()
-        self._session: zenoh.Session | None = None
+        self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
 
@@ -88,7 +88,7 @@ class ZenohPublisher(MessageWriter):
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread, then let the lane write."""
-        self._session = session
+        self._turn += 1
         matching = session.declare_publisher(
             self._key,
             encoding=self._encoding,
@@ -97,7 +97,7 @@ class ZenohPublisher(MessageWriter):
             reliability=Reliability.BEST_EFFORT,
         )
         self._declared.callback(matching.undeclare)
-        listener = matching.declare_matching_listener(Callback(partial(self._on_matching, session), indirect=False))
+        listener = matching.declare_matching_listener(Callback(partial(self._on_matching, self._turn), indirect=False))
         self._declared.callback(listener.undeclare)
         self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
         status: Any = matching.matching_status  # the stub says bool
@@ -123,8 +123,8 @@ class ZenohPublisher(MessageWriter):
                 publisher.put(payload, attachment=stamp(self._name, number, newness))
         return publisher
 
-    def _on_matching(self, session: zenoh.Session, status: zenoh.MatchingStatus) -> None:
-        if session is self._session:
+    def _on_matching(self, turn: int, status: zenoh.MatchingStatus) -> None:
+        if turn == self._turn:
             self._demand.offer(wanted=status.matching)
 
     def write(self, payload: bytes | bytearray) -> None:
@@ -159,7 +159,8 @@ class ZenohPublisher(MessageWriter):
         try:
             self._declared.close()
         finally:
-            self._session = self._publisher = None
+            self._turn += 1
+            self._publisher = None
             self._demand.forget()
 
 

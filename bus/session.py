@@ -76,6 +76,7 @@ class SessionThread:
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._kept: dict[Declaration, None] = {}
         self._session: zenoh.Session | None = None
+        self._turn = 0  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
         self._links: set[tuple[str, str]] = set()  # those that were sought
         self._stopping = threading.Event()
         self._stopped = False
@@ -189,10 +190,11 @@ class SessionThread:
     def _use(self, session: zenoh.Session) -> None:
         self._retry_at = None
         self._session, self._opened_at = session, time.monotonic()
+        self._turn += 1
         self._links.clear()
         self._cut.clear()
         self._unsettled = 0
-        listener = Callback(partial(self._on_link, session), indirect=False)
+        listener = Callback(partial(self._on_link, self._turn), indirect=False)
         session.info.declare_link_events_listener(listener, history=True)
         if self._settings.mode == "client" and not session.info.links():
             _log.warning("lost the link to %s as it came up", self._where)
@@ -228,9 +230,8 @@ class SessionThread:
 
     def _end(self, session: zenoh.Session) -> None:
         """End a client's session that lost its link, and have another one opened."""
-        if session is not self._session:
-            return
         self._session, self._ended = None, session
+        self._turn += 1
         self._links.clear()
         _close(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
         for declaration in self._kept:
@@ -244,28 +245,28 @@ class SessionThread:
     def _where(self) -> str:
         return ", ".join(self._settings.connect) or "any address found by scouting"
 
-    def _on_link(self, session: zenoh.Session, event: zenoh.LinkEvent) -> None:
+    def _on_link(self, turn: int, event: zenoh.LinkEvent) -> None:
         """Have the session's thread act on it; this one is Zenoh's."""
         up = event.kind == zenoh.SampleKind.PUT
-        if not up and self._settings.mode == "client" and session is self._session:
+        if not up and self._settings.mode == "client" and turn == self._turn:
             self._cut.set()
-        self.do(partial(self._link_up if up else self._link_down, session, event.link.src, event.link.dst))
+        self.do(partial(self._link_up if up else self._link_down, turn, event.link.src, event.link.dst))
 
-    def _link_up(self, session: zenoh.Session, own: str, other: str) -> None:
+    def _link_up(self, turn: int, own: str, other: str) -> None:
         tune(own)
-        if session is self._session and self._is_sought(other):
+        if turn == self._turn and self._is_sought(other):
             self._links.add((own, other))
             _log.info("connected to %s", other)
 
-    def _link_down(self, session: zenoh.Session, own: str, other: str) -> None:
+    def _link_down(self, turn: int, own: str, other: str) -> None:
         is_client = self._settings.mode == "client"
-        if session is not self._session or not (is_client or (own, other) in self._links):
+        if turn != self._turn or self._session is None or not (is_client or (own, other) in self._links):
             return
         self._links.discard((own, other))
         if not self._stopped:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
         if is_client:
-            self._end(session)
+            self._end(self._session)
 
     def _is_sought(self, other: str) -> bool:
         """Whether a link is one that was asked for, and not others' to us, as far as ports tell: hosts have names.

@@ -1,11 +1,12 @@
 """Real sessions: where they listen, processes that have one, and what is left of them."""
 
 import asyncio
+import os
 import signal
 import sys
 import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -49,8 +50,9 @@ async def running(code: str, *arguments: str) -> AsyncIterator[asyncio.subproces
         yield process
     finally:
         if process.returncode is None:
-            process.send_signal(signal.SIGCONT)
-            process.kill()
+            with suppress(ProcessLookupError):  # its own methods take a dead one from under asyncio, which says so
+                os.kill(process.pid, signal.SIGCONT)
+                os.kill(process.pid, signal.SIGKILL)
         await process.communicate()
 
 

@@ -98,6 +98,15 @@ async def test_they_are_asked_for_what_came_after_their_own_last(places: list[Pl
         assert those.answers == [("key", b"5"), ("key", b"6")]
 
 
+async def test_one_that_answers_with_more_than_it_was_asked_for_is_heard_so_far() -> None:
+    with asked() as those:
+        those.ask("key")
+        await until(lambda: those.queries)
+        those.end(those.queries[0], *(b"%d" % number for number in range(RECOVER + MORE)))
+        await until(lambda: those.answered == ["key"])
+        assert those.answers == [("key", b"%d" % number) for number in range(RECOVER)]
+
+
 async def test_what_was_asked_on_a_session_that_is_over_is_answered_by_nobody() -> None:
     with asked() as those:
         those.ask("key")
