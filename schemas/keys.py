@@ -5,10 +5,11 @@ chunk is a name (see `schemas.header.Name`).
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import lru_cache
 from typing import Final
+from uuid import uuid4
 
 import msgspec
 
@@ -230,7 +231,7 @@ class StreamKey:
 class Wanted:
     """A consumer's word that it subscribes to a camera's stream or to one of ROBOT_STREAMS, and where it runs.
 
-    clock_id: of its machine. consumer: has one token of a stream on a machine.
+    clock_id: of its machine. consumer: has one token of a stream on a machine; by default a name that nobody else has.
 
     Raises:
         SchemaError: a name that cannot be a chunk of a key.
@@ -238,7 +239,7 @@ class Wanted:
 
     key: "SensorKey"
     clock_id: str
-    consumer: str
+    consumer: str = field(default_factory=lambda: uuid4().hex)
 
     def __post_init__(self) -> None:
         check_name("clock", self.clock_id)

@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import uuid
 from asyncio import TaskGroup
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -91,7 +90,7 @@ class Camera:
         """Work with the points of that sensor until cancelled."""
         tf, tf_static = (RobotStreamKey(self._key.robot, stream) for stream in (TF, TF_STATIC))
         wants_points = Wanted(StreamKey(points, Stream.POINTS), clock_id(), self._worker)
-        wants_tf = Wanted(tf, clock_id(), uuid.uuid4().hex)  # other cameras here want them too
+        wants_tf = Wanted(tf, clock_id())  # other cameras here want them too
         bus, waiting = self._bus, self._waiting
         try:
             async with (

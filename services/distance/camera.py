@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import time
-import uuid
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -51,7 +50,7 @@ async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[]
     """Measure a camera's newest detections until cancelled. done: called after each of them."""
     key = camera.account.camera
     depth = Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker)
-    transforms = Wanted(RobotStreamKey(key.robot, TF), clock_id(), uuid.uuid4().hex)  # other cameras here want them too
+    transforms = Wanted(RobotStreamKey(key.robot, TF), clock_id())  # other cameras here want them too
     taking = Taking(camera.account, camera.sensed)
     try:
         async with (

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from bus.keys import matches
 from schemas import keys
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.keys import TF, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
@@ -60,6 +60,11 @@ def test_so_does_the_token_of_who_wants_a_whole_robots_stream(
     assert str(token) == f"fleet/{robot}/{stream}/wanted/{clock_id}/{consumer}"
     assert keys.parse_wanted(str(token)) == token
     assert matches(str(token), keys.every_wanted(robot))
+
+
+def test_consumers_that_have_no_name_are_told_apart() -> None:
+    key = RobotStreamKey("r1", TF)
+    assert Wanted(key, "clock").consumer != Wanted(key, "clock").consumer
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import uuid
 from typing import Final
 
 from bus import QUEUE, Bus
@@ -32,7 +31,7 @@ def robots(bus: Bus) -> Robots:
 async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:
     """Keep up to date where a robot is until cancelled."""
     moving = RobotStreamKey(robot, keys.TF)
-    token = Wanted(moving, clock_id(), uuid.uuid4().hex)
+    token = Wanted(moving, clock_id())
     async with bus.announce(str(token)), asyncio.TaskGroup() as group:
         group.create_task(_take(bus, RobotStreamKey(robot, keys.TF_STATIC), where))
         group.create_task(_take(bus, moving, where))
