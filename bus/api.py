@@ -49,14 +49,16 @@ class Sample(msgspec.Struct, frozen=True, gc=False):
 
     `received_ns` is `time.time_ns()` at arrival in this process, or some milliseconds later where samples of many keys
     are fetched together, and each has a time of its own; one that waited for older ones of its publisher has an earlier
-    time than those. `replaced` counts the samples of this key that were dropped here since the last one taken.
+    time than those. `replaced` counts the samples of this key that were dropped here since the last one taken. `kept`
+    tells that it is one that its publisher kept, so that it may have been sent long before.
     """
 
     key: str
     payload: bytes
     encoding: str
     received_ns: int
-    replaced: int
+    replaced: int = 0
+    kept: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,7 +84,7 @@ class FakeNetwork:
             case _FakeSubscription():
                 for publisher in self.matching(handle.key, _FakePublisher):
                     for payload in list(publisher.kept)[-handle.history :] if handle.history else []:
-                        handle.arrive(publisher.key, payload, publisher.encoding)
+                        handle.arrive(publisher.key, payload, publisher.encoding, kept=True)
             case _FakeWatch():
                 for token in self.matching(handle.key, _FakeToken):
                     handle.arrive(token.key, alive=True)

@@ -28,9 +28,9 @@ class SampleReader:
     def __init__(self, keep: Latest | Queue, loop: AbstractEventLoop) -> None:
         self._inbox = Inbox(_mailbox(keep), loop)
 
-    def arrive(self, key: str, payload: bytes, encoding: str) -> None:
+    def arrive(self, key: str, payload: bytes, encoding: str, *, kept: bool = False) -> None:
         """Bring a sample. Any thread."""
-        self.arrive_all([Sample(key, payload, encoding, time.time_ns(), 0)])
+        self.arrive_all([Sample(key, payload, encoding, time.time_ns(), kept=kept)])
 
     def arrive_all(self, samples: Iterable[Sample]) -> None:
         """Bring samples, in order. Any thread."""

@@ -118,7 +118,7 @@ class HistorySubscription(ZenohSubscription):
                 self._history.all_appeared()
 
     def _on_kept(self, fetch: Fetch, sample: zenoh.Sample) -> None:
-        numbered, _ = _numbered([sample])
+        numbered, _ = _numbered([sample], kept=True)
         with self._one_at_a_time:
             for each in numbered:
                 self._history.kept(fetch, each)
@@ -131,13 +131,17 @@ class HistorySubscription(ZenohSubscription):
         self.arrive_all(message for message in messages if message is not None)
 
 
-def _numbered(samples: Iterable[zenoh.Sample]) -> tuple[list[Numbered[Sample | None]], list[Sample]]:
+def _numbered(
+    samples: Iterable[zenoh.Sample], *, kept: bool = False
+) -> tuple[list[Numbered[Sample | None]], list[Sample]]:
     """Return those that have numbers, deletions as None, which have one too, and the others."""
     numbered: list[Numbered[Sample | None]] = []
     others: list[Sample] = []
     for sample in samples:
-        message = _sample(sample) if sample.kind == _PUT else None
-        if (stamped := stamp_of(sample)) is not None:
+        stamped = stamp_of(sample)
+        older = kept or (stamped is not None and stamped[2] > 0)
+        message = _sample(sample, kept=older) if sample.kind == _PUT else None
+        if stamped is not None:
             publisher, number, newness = stamped
             key = str(sample.key_expr) if message is None else message.key
             numbered.append(Numbered(key, publisher, number, message, newness, sample.source_info))
@@ -146,6 +150,6 @@ def _numbered(samples: Iterable[zenoh.Sample]) -> tuple[list[Numbered[Sample | N
     return numbered, others
 
 
-def _sample(arrived: zenoh.Sample) -> Sample:
+def _sample(arrived: zenoh.Sample, *, kept: bool = False) -> Sample:
     """Return what came, with a time of its own: what came live at once has an order in time too."""
-    return Sample(str(arrived.key_expr), arrived.payload.to_bytes(), str(arrived.encoding), time.time_ns(), 0)
+    return Sample(str(arrived.key_expr), arrived.payload.to_bytes(), str(arrived.encoding), time.time_ns(), kept=kept)

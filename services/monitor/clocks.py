@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
-from bus.offset import ClockOffset, Exchange
+from bus.offset import MAX_DRIFT, ClockOffset, Exchange
 from schemas.clock import ClockReading
 
 PERIOD_S: Final = 10.0
@@ -12,6 +12,9 @@ PERIOD_S: Final = 10.0
 
 MAX_UNCERTAINTY_NS: Final = 100_000_000
 """An offset that is known less well says nothing about ages, which are shown to a tenth of a second."""
+
+REMEMBERED_S: Final = MAX_UNCERTAINTY_NS / 1e9 / MAX_DRIFT
+"""How long an offset can be known well enough without being asked for again."""
 
 
 @dataclass(slots=True)
@@ -22,15 +25,22 @@ class _Clock:
 
 
 class Clocks:
-    """The clocks of the robots that are online, by robot."""
+    """The clocks of the robots that are online, or were not long ago, by robot."""
 
     def __init__(self) -> None:
         self._clocks: dict[str, _Clock] = {}
 
     def due(self, robots: Iterable[str], now_s: float) -> list[str]:
-        """Return which of the robots are to be asked now, PERIOD_S after the last time; all others are forgotten."""
+        """Return which of the robots online are to be asked now, PERIOD_S after the last time.
+
+        One that went is remembered while its offset is known, so that what it sent in the meantime can be dated.
+        """
         online = set(robots)
-        self._clocks = {robot: clock for robot, clock in self._clocks.items() if robot in online}
+        self._clocks = {
+            robot: clock
+            for robot, clock in self._clocks.items()
+            if robot in online or now_s - clock.asked_s < REMEMBERED_S
+        }
         asked = [robot for robot in sorted(online) if self._is_due(robot, now_s)]
         for robot in asked:
             self._clocks.setdefault(robot, _Clock(now_s)).asked_s = now_s

@@ -274,6 +274,10 @@ class Fleet:
             camera = self._cameras[key] = _Camera()
         return camera
 
+    def is_dated(self, header: Header, received_ns: int) -> bool:
+        """Whether it is known how old a frame was when something of it arrived."""
+        return self._theirs_ns(header.robot, received_ns) is not None
+
     def _lag_ns(self, header: Header, received_ns: int) -> int | None:
         """Return how old a frame was when something of it arrived, or None if its robot's clock says nothing of it."""
         theirs_ns = self._theirs_ns(header.robot, received_ns)

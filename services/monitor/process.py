@@ -33,7 +33,8 @@ from services.monitor.mapping.floor_plan_file import load_floor_plan
 from services.monitor.measuring import measure_clocks
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
-from services.monitor.turns import AT_ONCE, arrivals_in_turns
+from services.monitor.turns import AT_ONCE, arrivals_in_turns, in_turns
+from services.monitor.undated import Arrival, Undated
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.process import Web
 
@@ -139,9 +140,12 @@ async def watch_fleet(
 
     measured: is told of each camera whose distances came. problems: what programs are told beside the inventory.
     """
+    undated = Undated(fleet.is_dated)
 
     def take_list(sample: Sample) -> None:
-        told(_class_list(fleet, sample))
+        arrival = Arrival(_seen(sample), time.monotonic(), sample.received_ns)
+        for each in undated.arrive(arrival, kept=sample.kept):
+            told(fleet.see(*each) or ())
 
     streams: dict[str, Callable[[Sample], None]] = {
         keys.every_stream(Stream.OPINION): lambda sample: _opinion(fleet, sample),
@@ -160,13 +164,20 @@ async def watch_fleet(
         )
         group.create_task(_watch(bus, fleet, cameras, lambda key, alive: _camera(fleet, key, alive=alive)))
         group.create_task(measure_clocks(bus, fleet))
-        group.create_task(_tick(fleet, told))
+        group.create_task(_tick(fleet, undated, told))
 
 
-async def _tick(fleet: Fleet, told: Told) -> None:
+async def _tick(fleet: Fleet, undated: Undated, told: Told) -> None:
     while True:
         await asyncio.sleep(TICK_S)
-        told(fleet.tick(time.time_ns()))
+        now_ns = time.time_ns()
+        async for arrivals in in_turns(undated.due(now_ns)):
+            for each in arrivals:
+                try:
+                    told(fleet.see(*each) or ())
+                except InventoryFullError as error:
+                    _leave_out(fleet, each.seen.header.robot, error)
+        told(fleet.tick(now_ns))
 
 
 async def _receive(
@@ -215,10 +226,6 @@ def _leave_out(fleet: Fleet, key: str, error: SchemaError | InventoryFullError) 
     fleet.left_out[reason] += 1
     if fleet.left_out[reason].bit_count() == 1:
         log.warning("%s: left out: %s (%d %s so far)", key, error, fleet.left_out[reason], reason)
-
-
-def _class_list(fleet: Fleet, sample: Sample) -> Sequence[Change]:
-    return fleet.see(_seen(sample), time.monotonic(), sample.received_ns) or ()
 
 
 def _opinion(fleet: Fleet, sample: Sample) -> None:

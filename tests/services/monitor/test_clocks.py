@@ -1,5 +1,5 @@
 from schemas.clock import ClockReading
-from services.monitor.clocks import MAX_UNCERTAINTY_NS, PERIOD_S, Clocks
+from services.monitor.clocks import MAX_UNCERTAINTY_NS, PERIOD_S, REMEMBERED_S, Clocks
 
 NOW_NS = 1_700_000_000_000_000_000
 AHEAD_NS = 5_000_000_000
@@ -31,13 +31,17 @@ def test_what_a_clock_shows_now() -> None:
     assert clocks.theirs_ns("r2", "theirs", NOW_NS) is None
 
 
-def test_a_robot_that_went_is_forgotten() -> None:
+def test_a_robot_that_went_is_remembered_while_what_its_clock_shows_is_known() -> None:
     clocks = measured()
-    assert clocks.due(["r2"], 1) == ["r2"]
+    assert clocks.due(["r2"], REMEMBERED_S - 1) == ["r2"]
+    long_ns = int(REMEMBERED_S * 1e9)
+    assert clocks.theirs_ns("r1", "theirs", NOW_NS + long_ns // 2) == NOW_NS + long_ns // 2 + AHEAD_NS
+    assert clocks.theirs_ns("r1", "theirs", NOW_NS + long_ns) is None
+    clocks.due([], REMEMBERED_S)
     assert clocks.theirs_ns("r1", "theirs", NOW_NS) is None
     clocks.take("r1", reading(), asked_ns=NOW_NS, answered_ns=NOW_NS)
     assert clocks.theirs_ns("r1", "theirs", NOW_NS) is None
-    assert clocks.due(["r1", "r2"], 2) == ["r1"]
+    assert clocks.due(["r1", "r2"], REMEMBERED_S + 1) == ["r1"]
 
 
 def test_a_robot_on_another_machine_has_another_clock() -> None:
