@@ -5,7 +5,7 @@ from typing import Annotated, Final
 import msgspec
 
 from schemas.errors import SchemaError
-from schemas.header import Count, Header, Label, Spans
+from schemas.header import Header, Label, Spans
 from schemas.image import MAX_SIDE, Side
 
 MAX_DETECTIONS: Final = 1_000
@@ -89,7 +89,7 @@ class ClassCount(msgspec.Struct, frozen=True, gc=False):
     """How many objects of one class are in view, and the best score among them."""
 
     name: Label
-    count: Count
+    count: Annotated[int, msgspec.Meta(ge=0, le=MAX_DETECTIONS)]
     score: Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 

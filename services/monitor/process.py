@@ -156,7 +156,9 @@ async def watch_fleet(
     cameras = keys.every_stream_alive(Stream.COLOR)
     async with answer_inventory(bus, fleet, problems), asyncio.TaskGroup() as group:
         class_lists = keys.every_stream(Stream.CLASSES)
-        group.create_task(_receive(bus, fleet, class_lists, take_list, depth=LISTS_DEPTH, recover=KEPT_LISTS))
+        group.create_task(
+            _receive(bus, fleet, class_lists, take_list, depth=LISTS_DEPTH, recover=KEPT_LISTS, of="class lists")
+        )
         for key_expr, take in streams.items():
             group.create_task(_receive(bus, fleet, key_expr, take))
         group.create_task(
@@ -181,13 +183,20 @@ async def _tick(fleet: Fleet, undated: Undated, told: Told) -> None:
 
 
 async def _receive(
-    bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[Sample], None], *, depth: int = DEPTH, recover: int = 1
+    bus: Bus,
+    fleet: Fleet,
+    key_expr: str,
+    take: Callable[[Sample], None],
+    *,
+    depth: int = DEPTH,
+    recover: int = 1,
+    of: str = "messages",
 ) -> None:
     async with (
         bus.subscribe(key_expr, QUEUE(depth), recover=recover) as subscription,
         asyncio.TaskGroup() as group,
     ):
-        counting = group.create_task(_count_missed(fleet, subscription))
+        counting = group.create_task(_count_missed(fleet, subscription, of))
         async for batch in subscription.batches(AT_ONCE):
             for sample in batch:
                 if sample.replaced:
@@ -200,13 +209,13 @@ async def _receive(
         counting.cancel()
 
 
-async def _count_missed(fleet: Fleet, subscription: Subscription) -> None:
+async def _count_missed(fleet: Fleet, subscription: Subscription, of: str) -> None:
     counted = 0
     while True:
         await asyncio.sleep(TICK_S)
         missed = subscription.counts.missed
         if missed > counted:
-            fleet.left_out["messages lost on the way"] += missed - counted
+            fleet.left_out[f"{of} lost on the way"] += missed - counted
         counted = missed
 
 

@@ -64,7 +64,9 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     for reason, count in sorted(monitor.fleet.left_out.items())[:MAX_REASONS]:
         left_out.add_metric([reason], count)
     yield left_out
-    alerts = GaugeMetricFamily("fleetsight_alerts", "Alerts that are not resolved.", labels=["severity"])
+    alerts = GaugeMetricFamily(
+        "fleetsight_alerts", "Alerts of this monitor that are not resolved.", labels=["severity"]
+    )
     current = monitor.alerts()
     for severity in Severity:
         alerts.add_metric([severity], sum(alert.severity == severity for alert in current))

@@ -26,10 +26,11 @@ def watching_routes(monitor: Monitor, access: Access) -> APIRouter:
         told = {what: why for what, why in degraded.items() if why}
         answer: dict[str, object] = {"status": "dead" if dead else "degraded" if told else "ok"}
         visitor = request.scope[STATE]
-        if visitor is not None and visitor.may_look:
-            answer |= {"reason": dead, "degraded": told}
-        elif dead or told:
-            answer |= {"reason": "the fleet cannot be heard" if dead else "", "degraded": sorted(told)}
+        may_look = visitor is not None and visitor.may_look
+        if may_look or dead or told:
+            answer |= {"reason": dead and (dead if may_look else "the fleet cannot be heard"), "degraded": sorted(told)}
+        if may_look:
+            answer["details"] = told
         return JSONResponse(answer, 503 if dead else 200)
 
     @router.get(METRICS)

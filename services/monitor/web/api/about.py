@@ -6,6 +6,7 @@ from fastapi import APIRouter, HTTPException, Request
 
 from bus.version import VERSION
 from services.monitor.export.settings import moment
+from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.models import HistoryAnswer, MeAnswer, RulesAnswer, StatusAnswer
 from services.monitor.web.auth.visitor import visitor_of
@@ -31,13 +32,13 @@ def about_routes(monitor: Monitor) -> APIRouter:
             version=VERSION,
             now=moment(time.time_ns()),
             started=moment(monitor.started_ns),
-            problems=tuple(monitor.problems()),
+            problems=tuple(filter(None, [monitor.health.problem, *monitor.problems()])),
             left_out=monitor.fleet.left_out,
             history=HistoryAnswer.model_validate(monitor.history.status),
             robots=len(glance.robots),
             robots_online=len(monitor.fleet.inventory.robots()),
             cameras=len(glance.cameras),
-            alerts=len(monitor.alerts()),
+            alerts=await _alerts(monitor),
         )
 
     @router.get("/rules")
@@ -53,3 +54,10 @@ def about_routes(monitor: Monitor) -> APIRouter:
         )
 
     return router
+
+
+async def _alerts(monitor: Monitor) -> int | None:
+    try:
+        return len(await monitor.current_alerts())
+    except HistoryError:
+        return None

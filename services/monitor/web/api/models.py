@@ -225,7 +225,10 @@ class HistoryAnswer(Part):
 
 
 class StatusAnswer(Part):
-    """The monitor itself. problems: what keeps it from doing all that it should. left_out: messages, by reason."""
+    """The monitor itself. problems: what keeps it from doing all that it should. left_out: messages, by reason.
+
+    alerts: that are not resolved, whichever monitor raised them; None while another one does and they cannot be read.
+    """
 
     version: str
     now: datetime
@@ -236,7 +239,7 @@ class StatusAnswer(Part):
     robots: int
     robots_online: int
     cameras: int
-    alerts: int
+    alerts: int | None
 
 
 class MeAnswer(Part):

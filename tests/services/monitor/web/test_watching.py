@@ -24,7 +24,10 @@ async def test_a_dead_mesh_is_told_to_all_and_why_to_those_who_are_logged_in(web
         answer = await stranger.get("/healthz")
         assert (answer.status_code, answer.json()["status"]) == (503, "dead")
         assert answer.json()["reason"] == "the fleet cannot be heard"
-        assert (await program.get("/healthz")).json()["reason"].startswith("the bus has brought nothing for 2")
+        reason = "the bus has brought nothing for 2"
+        assert (await program.get("/healthz")).json()["reason"].startswith(reason)
+        (problem,) = (await program.get("/api/v1/status")).json()["problems"]
+        assert problem.startswith(reason)
 
 
 async def test_a_history_that_is_not_kept_is_degraded_and_no_more(tmp_path: Path) -> None:
@@ -36,8 +39,9 @@ async def test_a_history_that_is_not_kept_is_degraded_and_no_more(tmp_path: Path
             200,
             {"status": "degraded", "reason": "", "degraded": ["the history is not being kept"]},
         )
-        told = (await program.get("/healthz")).json()["degraded"]
-        assert "unable to open database file" in told["the history is not being kept"]
+        told = (await program.get("/healthz")).json()
+        assert told["degraded"] == ["the history is not being kept"]
+        assert "unable to open database file" in told["details"]["the history is not being kept"]
 
 
 async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: Web) -> None:

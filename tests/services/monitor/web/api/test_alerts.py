@@ -69,6 +69,7 @@ async def test_another_monitors_alerts_are_told_and_left_to_it(tmp_path: Path) -
         async with await web.program() as program:
             (item,) = (await program.get("/api/v1/alerts")).json()["items"]
             assert (item["id"], [act["who"] for act in item["acts"]]) == ("a1", ["ann"])
+            assert (await program.get("/api/v1/status")).json()["alerts"] == 1
             left = await program.post("/api/v1/alerts/a1/resolve")
             assert (left.status_code, left.json()) == (
                 409,
