@@ -107,3 +107,22 @@ async def test_monitoring_goes_on_without_the_database_and_what_was_seen_meanwhi
         async with opened(url) as store, asyncio.timeout(PATIENCE_S):
             while not await store.select(Interval, intervals.c.name == "pallet"):  # noqa: ASYNC110 - nobody tells
                 await asyncio.sleep(0.1)
+
+
+@pytest.mark.timeout(180)
+async def test_everything_up_to_the_last_heartbeat_of_a_killed_monitor_is_kept(
+    rig: FleetRig, postgresql: PostgreSQL, rules: Path
+) -> None:
+    url = postgresql.create("killed")
+    async with opened(url) as store, always_seeing(rig, "box") as front:
+        child = await monitor(rig, url, rules)
+        front.names = ("box", "pallet")
+        answer = await told(rig, lambda answer: len(answer.sightings) == 2)
+        (pallet,) = [each for each in answer.sightings if each.name == "pallet"]
+        async with asyncio.timeout(PATIENCE_S):
+            while await store.heartbeat_ns() < pallet.last_ns:  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(0.01)
+        child.process.kill()
+        await child.process.wait()
+        (there,) = await store.select(Interval, intervals.c.name == "pallet")
+    assert there.since_ns == pallet.first_ns
