@@ -55,6 +55,7 @@ from services.simulator.training.evaluation.scenes import generator_digest, held
 from services.toolbox.train.inference import open_follower, open_weights
 
 REPORT_EVERY: Final = 20
+RUNTIMES: Final = ("torch", "onnx", "openvino", "tensorrt")
 SEED: Final = 1
 DEFAULT_CONFIDENCE: Final[float] = DetectorSettings.model_fields["confidence"].default
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "lapx", "pycocotools", "numpy", "opencv-python-headless")
@@ -68,6 +69,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--drives", type=at_least_one, default=8, help="how many (default: 8)")
     parser.add_argument("--drive-frames", type=at_least_one, default=50, help="frames of each (default: 50)")
     parser.add_argument("--device", help="cpu, cuda:0, ...; the best there is unless given")
+    parser.add_argument("--runtime", choices=RUNTIMES, default=RUNTIMES[0], help="default: %(default)s")
     parser.add_argument(
         "--workers", type=at_least_one, default=os.cpu_count(), help="processes that render (default: cores)"
     )
@@ -93,6 +95,7 @@ class Plan:
     drives: int
     drive_frames: int
     device: str | None
+    runtime: str
     workers: int
     work_dir: Path
 
@@ -109,16 +112,18 @@ def measure(plan: Plan) -> dict[str, Any]:
     seeds, ways = held_out_seeds(SEED, plan.scenes), drive_seeds(SEED, plan.drives)
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        predict = open_weights(plan.weights, confidence=LOWEST_CONFIDENCE, device=plan.device, folder=Path(folder))
+        device, runtime, cache = plan.device, plan.runtime, Path(folder)
+        predict = open_weights(plan.weights, confidence=LOWEST_CONFIDENCE, device=device, folder=cache, runtime=runtime)
         progress = partial(note_step, every=REPORT_EVERY)
         views = held_out_views(plan.work_dir, seeds, plan.workers, progress)
         score = scored(views, predict, lambda done: progress("look", done, plan.scenes))
-        follow = open_follower(plan.weights, device=plan.device, folder=Path(folder))
+        follow = open_follower(plan.weights, device=device, folder=cache, runtime=runtime)
         drives = held_out_drives(plan.work_dir, ways, plan.drive_frames, plan.workers, progress)
         ids = followed(drives, follow, lambda done: note(f"follow {done}/{plan.drives}"))
     return {
         **report(score, ids, DEFAULT_CONFIDENCE),
         "seconds": round(time.monotonic() - began, 1),
+        "runtime": plan.runtime,
         "scenes": plan.scenes,
         "seeds": [seeds[0], seeds[-1]],
         "drives": plan.drives,

@@ -31,13 +31,17 @@ Follow = Callable[[Iterable[NDArray[np.uint8]], float], Sequence[Sequence[Detect
 """Finds and follows the objects in pictures that a camera takes so many of a second: `Predictor`, with tracks."""
 
 
-def open_weights(weights: Path, *, confidence: float, device: str | None, folder: Path) -> Predictor:
-    """Load `weights` as a detector does, for one thread; see `PredictorLoader`.
+def open_weights(
+    weights: Path, *, confidence: float, device: str | None, folder: Path, runtime: str = "torch"
+) -> Predictor:
+    """Load `weights` as a detector does, for one thread and a runtime; see `PredictorLoader`.
 
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
-    model = open_model(weights, device, folder=folder, confidence=confidence, max_detections=MAX_DETECTIONS)
+    model = open_model(
+        weights, device, folder=folder, confidence=confidence, max_detections=MAX_DETECTIONS, runtime=runtime
+    )
 
     def predict(image: NDArray[np.uint8]) -> Sequence[Detection]:
         (outcome,) = model.run([Request(CAMERA, framed(image), masks=True)])
@@ -46,13 +50,13 @@ def open_weights(weights: Path, *, confidence: float, device: str | None, folder
     return predict
 
 
-def open_follower(weights: Path, *, device: str | None, folder: Path) -> Follow:
-    """Load `weights` as a detector does, with a detector's own tracker and confidence, for one thread.
+def open_follower(weights: Path, *, device: str | None, folder: Path, runtime: str = "torch") -> Follow:
+    """Load `weights` as a detector does, with its own tracker and confidence, for one thread and a runtime.
 
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
-    settings = _settings(weights, device)
+    settings = _settings(weights, device, runtime=runtime)
     model, following = _loaded(settings, folder), tracking(settings.tracker)
     drives = count()
 
@@ -74,14 +78,14 @@ def open_follower(weights: Path, *, device: str | None, folder: Path) -> Follow:
     return follow
 
 
-def _settings(weights: Path, device: str | None, **more: float) -> DetectorSettings:
+def _settings(weights: Path, device: str | None, **more: float | str) -> DetectorSettings:
     return DetectorSettings.model_validate(
         {"model": str(weights), "device": device, "threads": 1, "runtime": "torch", **more}
     )
 
 
 def open_model(
-    weights: Path, device: str | None, *, folder: Path, refiner: Refiner | None = None, **more: float
+    weights: Path, device: str | None, *, folder: Path, refiner: Refiner | None = None, **more: float | str
 ) -> Pipeline:
     """Load `weights` as a detector does, for one thread. refiner: instead of that of the weights.
 

@@ -6,17 +6,20 @@ import pytest
 from benchmarks.accuracy.__main__ import main
 
 
+@pytest.mark.parametrize("runtime", ["torch", "openvino"])
 def test_one_object_on_standard_output_and_progress_elsewhere(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], runtime: str
 ) -> None:
     sizes = ["--scenes", "1", "--drives", "1", "--drive-frames", "2"]
-    main(["--json", *sizes, "--device", "cpu", "--workers", "1", "--work-dir", str(tmp_path)])
+    options = ["--device", "cpu", "--runtime", runtime, "--workers", "1", "--work-dir", str(tmp_path)]
+    main(["--json", *sizes, *options])
     printed = capfd.readouterr()
     found = json.loads(printed.out)
     assert (found["scenes"], found["seeds"]) == (1, [1_600_000, 1_600_000])
     assert (found["drives"], found["drive_seeds"], found["drive_frames"]) == (1, [1_700_000, 1_700_000], 2)
     assert {"mask_map50", "mask_map50_95", "classes_exact", "idf1", "idf1_masks", "machine", "versions"} <= found.keys()
     assert len(found["weights"]["sha256"]) == 64
+    assert found["runtime"] == runtime
     assert printed.err.splitlines()[-1] == "follow 1/1"
 
 
