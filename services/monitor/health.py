@@ -7,8 +7,8 @@ from uuid import uuid4
 
 from bus import LATEST, Bus, Publisher, QoS
 from schemas import keys
+from services.monitor.hearing import PULSE_S
 
-PERIOD_S: Final = 2.0
 STALLED_S: Final = 10.0
 """After how long without its own message the monitor counts as deaf."""
 
@@ -28,6 +28,10 @@ class Health:
         silent_s = time.monotonic() - self._heard_s
         return f"the bus has brought nothing for {silent_s:.0f} s" if silent_s > STALLED_S else ""
 
+    def heard_s(self) -> float | None:
+        """Return when a message of its own came last, on the steady clock; None while the fleet cannot be heard."""
+        return None if self.problem else self._heard_s
+
     async def run(self) -> None:
         """Send and listen, for ever."""
         key = keys.monitor_pulse(uuid4().hex)
@@ -43,4 +47,4 @@ class Health:
     async def _beat(self, publisher: Publisher) -> None:
         while True:
             publisher.put(b"")
-            await asyncio.sleep(PERIOD_S)
+            await asyncio.sleep(PULSE_S)

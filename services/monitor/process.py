@@ -23,6 +23,7 @@ from services.monitor.collecting import keep_collections_short
 from services.monitor.display import Problems, show
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
+from services.monitor.hearing import Hearing
 from services.monitor.history.archive import Archive
 from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.keeper import HistoryKeeper
@@ -101,9 +102,10 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     rules = RuleFile(settings.rules)
     await rules.load()
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
-    alerting = Alerting(rules, fleet.inventory)
+    health = Health(bus)
+    alerting = Alerting(rules, fleet.inventory, Hearing(health.heard_s, settings.lease_s))
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places)
-    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan)
+    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
 
     def told(changes: Sequence[Change]) -> None:
         if changes:
@@ -116,7 +118,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
             group.create_task(history.run()),
             group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads)),
             group.create_task(watch_fleet(bus, fleet, told, alerting.measured, monitor.problems)),
-            group.create_task(monitor.health.run()),
+            group.create_task(health.run()),
         ]
         try:
             yield monitor

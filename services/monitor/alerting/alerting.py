@@ -11,9 +11,11 @@ from uuid import uuid4
 from bus import Bus
 from schemas.alerts import Action, Alert
 from schemas.keys import CameraKey
+from services.monitor.alerting.absence import Absentees
 from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Webhooks
+from services.monitor.hearing import Hearing
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
@@ -39,6 +41,7 @@ class Alerting:
         self,
         rules: RuleFile,
         inventory: Inventory,
+        hearing: Hearing,
         *,
         settle_s: float = SETTLE_NS / NS,
         offer_s: float = OFFER_S,
@@ -46,6 +49,7 @@ class Alerting:
     ) -> None:
         self._rules = rules
         self._inventory = inventory
+        self._hearing = hearing
         self._settled_s = time.monotonic() + settle_s
         self._offer_s = offer_s
         self._offered_s = time.monotonic()
@@ -54,6 +58,7 @@ class Alerting:
         self._robots: set[str] = set()
         self._news = inventory.follow()
         self._speaking = Speaking(inventory, inventory.speaks, speaks=False)
+        self._absentees = Absentees(inventory, self._hearing)
         self._look_at_all = True
         self._unsteady: set[CameraKey] = set()
         self._alerts = alerts_to_robots()
@@ -65,7 +70,7 @@ class Alerting:
         if self._engine is None:
             self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex, most=self._most_subjects)
         self._engine.restore(alerts, time.time_ns())
-        self._look_at_all = True
+        self._begin_anew()
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
@@ -112,6 +117,9 @@ class Alerting:
         swept_s = 0.0
         while True:
             await asyncio.sleep(TICK_S)
+            turned = self._hearing.advance(time.monotonic())
+            if turned:
+                self._begin_anew()
             if not leads():
                 self._engine = None
             engine = self._engine
@@ -120,13 +128,18 @@ class Alerting:
             if engine.book is not self._rules.book:
                 engine.replace(self._rules.book, time.time_ns())
                 self._look_at_all = True
-            if time.monotonic() >= max(self._settled_s, swept_s + SWEEP_S):
+            if time.monotonic() >= max(self._settled_s, 0 if turned else swept_s + SWEEP_S):
                 swept_s = time.monotonic()
                 self._offer_again(engine)
                 await self._sweep(engine)
             for effect in engine.due(time.time_ns()):
                 keep(effect.alert)
                 self._tell(effect, engine)
+
+    def _begin_anew(self) -> None:
+        """Have everything looked at as if nobody had been missed before."""
+        self._absentees.clear()
+        self._look_at_all = True
 
     def _offer_again(self, engine: RuleEngine) -> None:
         """Have everything looked at if there is room by now for what there was none for."""
@@ -135,17 +148,22 @@ class Alerting:
             self._look_at_all = self._look_at_all or engine.has_room_again()
 
     async def _sweep(self, engine: RuleEngine) -> None:
-        """Look at every camera that changed, began to speak or fell silent; at all if they are due."""
+        """Look at every camera that changed, came, went, began to speak or fell silent; at all if they are due."""
         everything, self._look_at_all = self._look_at_all, False
         robots, cameras = self._take_news()
         turned = self._speaking.advance(time.time_ns(), self._views(cameras))
         if everything:
             robots, turned = self._robots, list(self._inventory.cameras())
-        unsteady = self._unsteady | self._inventory.disputed()
+        unsteady = self._unsteady | self._inventory.disputed() | cameras
         async for camera in in_turns({*turned, *self._views(unsteady)}):
+            self._absentees.look_at_camera(camera, time.time_ns(), time.monotonic())
             self._look(engine, camera, time.time_ns())
-        async for robot in in_turns(list(robots)):
-            engine.robot(robot, alive=self._inventory.is_alive(robot), now_ns=time.time_ns())
+        gone, silent = self._absentees.ripen()
+        async for camera in in_turns(self._views(silent)):
+            self._look(engine, camera, time.time_ns())
+        async for robot in in_turns([*robots, *gone]):
+            alive, at_ns = self._absentees.look_at_robot(robot, time.time_ns(), time.monotonic())
+            engine.robot(robot, alive=alive, now_ns=at_ns)
 
     def _take_news(self) -> tuple[AbstractSet[str], AbstractSet[CameraKey]]:
         """Return the robots and the cameras that are new, came or went."""
@@ -160,10 +178,16 @@ class Alerting:
     def _look(self, engine: RuleEngine, camera: CameraView, now_ns: int) -> None:
         self._unsteady.discard(camera.key)
         if engine.concerns(camera.key):
-            look = look_at(self._inventory, camera, now_ns)
+            look = self._look_of(camera, now_ns)
             engine.look(look, now_ns)
             if look.nearest:  # which may grow old without any news
                 self._unsteady.add(camera.key)
+
+    def _look_of(self, camera: CameraView, now_ns: int) -> Look:
+        if self._hearing.deaf:
+            return Look(camera.key, speaks=False)
+        silent_ns = self._absentees.silent_ns(camera.key)
+        return look_at(self._inventory, camera, now_ns, silent_ns, complete=self._hearing.settled)
 
     def _tell(self, effect: Effect, engine: RuleEngine) -> None:
         alert, rule = effect.alert, effect.rule
@@ -182,13 +206,17 @@ class Alerting:
         return self._engine
 
 
-def look_at(inventory: Inventory, camera: CameraView, now_ns: int) -> Look:
-    """Return what is known of a camera now."""
+def look_at(
+    inventory: Inventory, camera: CameraView, now_ns: int, silent_ns: int | None = None, *, complete: bool = True
+) -> Look:
+    """Return what is known of a camera now. silent_ns, complete: see `Look`."""
     since_ns = now_ns - inventory.limits.stale_ns
     sighted = list(camera.sighted())
     return Look(
         key=camera.key,
         speaks=inventory.speaks(camera, now_ns),
+        silent_ns=silent_ns,
+        complete=complete,
         counts={name: tracked.count.count for name, tracked in sighted},
         nearest={name: near for name, tracked in sighted if (near := tracked.nearest_since(since_ns)) is not None},
         disagreements=camera.disagreements(since_ns),

@@ -22,23 +22,31 @@ from services.monitor.rules.model import (
 class Look(msgspec.Struct, frozen=True, gc=False):
     """What is known of one camera. speaks: it is so now; else it was so when the camera was heard last.
 
+    silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: what is missing is not
+    there; else, as soon after the monitor could hear nothing, it may be still to come.
     counts: by class, of those that were ever in view. nearest: metres by class, where known.
     disagreements: by class, what two models count.
     """
 
     key: CameraKey
     speaks: bool
+    silent_ns: int | None = None
+    complete: bool = True
     counts: Mapping[str, int] = {}
     nearest: Mapping[str, float] = {}
     disagreements: Mapping[str, tuple[int, int]] = {}
 
 
 class Finding(msgspec.Struct, frozen=True, gc=False):
-    """Whether what a rule is about is so for a class, and in words where it is."""
+    """Whether what a rule is about is so for a class, and in words where it is.
+
+    holds: None where it is not known any more. since_ns: since when it holds, epoch; now unless given.
+    """
 
     name: str
-    holds: bool
+    holds: bool | None
     text: str = ""
+    since_ns: int | None = None
 
 
 def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
@@ -54,7 +62,7 @@ def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
                 yield Finding(rule.of, holds=False)
         case SilentRule():
             if rule.of_cameras:
-                yield Finding("", not look.speaks, "" if look.speaks else f"{look.key} says nothing")
+                yield _silent(look)
         case OverRule() if look.speaks:
             over = look.counts.get(rule.of, 0) > rule.count
             yield Finding(rule.of, over, _counted(rule.of, look, f"over {rule.count}") if over else "")
@@ -93,9 +101,19 @@ def _counted(name: str, look: Look, bound: str) -> str:
     return f"{look.counts.get(name, 0)} {name} in view of {look.key}, {bound}"
 
 
+def _silent(look: Look) -> Finding:
+    if look.speaks:
+        return Finding("", holds=False)
+    if look.silent_ns is None:
+        return Finding("", holds=None)
+    return Finding("", holds=True, text=f"{look.key} says nothing", since_ns=look.silent_ns)
+
+
 def _nearer(rule: NearerRule, look: Look) -> Finding:
     """Return whether it is near; what is not in view, or at no known distance, is not."""
     nearest = look.nearest.get(rule.of)
+    if nearest is None and not look.complete and look.counts.get(rule.of, 0):
+        return Finding(rule.of, holds=None)
     if nearest is None or nearest >= rule.than_m:
         return Finding(rule.of, holds=False)
     text = f"{rule.of} {nearest:.2f} m from {look.key}, nearer than {rule.than_m:g} m"
@@ -106,7 +124,7 @@ def _disagreements(rule: DisagreeRule, look: Look) -> Iterator[Finding]:
     for name in [rule.of] if rule.of else look.counts:
         counts = look.disagreements.get(name)
         if counts is None:
-            yield Finding(name, holds=False)
+            yield Finding(name, holds=False if look.complete else None)
         else:
             text = f"two models count {counts[0]} and {counts[1]} {name} in view of {look.key}"
             yield Finding(name, holds=True, text=text)

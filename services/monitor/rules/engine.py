@@ -35,9 +35,10 @@ class Effect:
 
 @dataclass(slots=True, eq=False)
 class _Subject:
-    """What one rule is about in one place."""
+    """What one rule is about in one place. known: it is known whether it holds, or held at least when it was last."""
 
     holds: bool = False
+    known: bool = True
     since_ns: int = 0
     text: str = ""
     raised_ns: int | None = None
@@ -130,8 +131,8 @@ class RuleEngine:
             for found in findings(rule, look):
                 self._find(rule, (robot, camera, found.name), found, now_ns)
 
-    def robot(self, robot: str, *, alive: bool, now_ns: int) -> None:
-        """Take whether a robot's gateway is there."""
+    def robot(self, robot: str, *, alive: bool | None, now_ns: int) -> None:
+        """Take whether a robot's gateway is there, None if that is not known; now_ns: and since when it is not."""
         rules = self._robots.get(robot)
         if rules is None:
             silent = [rule for rule in self._book.rules if isinstance(rule, SilentRule) and not rule.of_cameras]
@@ -139,7 +140,8 @@ class RuleEngine:
             if len(self._robots) < MAX_SUBJECTS:
                 self._robots[robot] = rules
         for rule in rules:
-            self._find(rule, (robot, "", ""), Finding("", not alive, f"{robot} is silent"), now_ns)
+            found = Finding("", None if alive is None else not alive, f"{robot} is silent")
+            self._find(rule, (robot, "", ""), found, now_ns)
 
     def has_room_again(self) -> bool:
         """Whether there is room by now for what was left out, once: everything is to be offered again then."""
@@ -177,8 +179,9 @@ class RuleEngine:
                 self._raise(rule, place, self._subjects[rule.name][place], now_ns)
 
     def _is_known(self, rule: AnyRule, place: Place) -> bool:
-        """Whether what holds somewhere is known to hold now, and not only to have held when a camera spoke last."""
-        return isinstance(rule, SilentRule) or place[:2] not in self._unknown
+        """Whether what holds somewhere is known to hold now, and not only to have held when that was known last."""
+        known = self._subjects[rule.name][place].known
+        return known and (isinstance(rule, SilentRule) or place[:2] not in self._unknown)
 
     def _escalate_due(self, now_ns: int) -> None:
         for alert in [alert for alert, due_ns in self._escalations() if due_ns <= now_ns]:
@@ -238,8 +241,11 @@ class RuleEngine:
             subject = self._subject(rule.name, place)
             if subject is None:
                 return
+        subject.known = found.holds is not None
+        if found.holds is None:
+            return
         if found.holds and not subject.holds:
-            subject.holds, subject.since_ns = True, now_ns
+            subject.holds, subject.since_ns = True, now_ns if found.since_ns is None else found.since_ns
             self._waiting.add(rule.name, place, self._due_ns(rule, subject))
         elif not found.holds and subject.holds:
             subject.holds = False

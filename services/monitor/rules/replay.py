@@ -135,7 +135,9 @@ def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int
         of = memory.cameras[key]
         speaks = of.speaks is not False or not told
         disagreements = of.disagreements if told else {}
-        engine.look(Look(key, speaks, counts=of.counts, nearest=of.nearest, disagreements=disagreements), at_ns)
+        silent_ns = None if speaks else at_ns
+        look = Look(key, speaks, silent_ns, counts=of.counts, nearest=of.nearest, disagreements=disagreements)
+        engine.look(look, at_ns)
     for name in {name for step in steps for name in _robots(step, memory)} if told else ():
         engine.robot(name, alive=memory.robots[name].there, now_ns=at_ns)
 

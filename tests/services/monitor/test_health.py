@@ -2,6 +2,7 @@ import asyncio
 
 from bus.fake import FakeNetwork
 from services.monitor.health import STALLED_S, Health
+from tests.contract.waiting import until
 
 
 async def test_it_hears_itself() -> None:
@@ -9,10 +10,15 @@ async def test_it_hears_itself() -> None:
         health = Health(bus)
         health._heard_s -= 2 * STALLED_S
         assert health.problem.startswith("the bus has brought nothing for 2")
+        assert health.heard_s() is None
         running = asyncio.create_task(health.run())
         async with asyncio.timeout(5):
             while health.problem:  # noqa: ASYNC110 - nobody tells
                 await asyncio.sleep(0.01)
+        heard_s = health.heard_s()
+        assert heard_s is not None
+        await until(lambda: (health.heard_s() or 0) > heard_s)
         running.cancel()
         await asyncio.wait([running])
     assert str(health.problem) == "the bus is closed"
+    assert health.heard_s() is None

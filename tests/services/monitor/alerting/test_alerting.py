@@ -20,6 +20,7 @@ from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine, UnknownAlert
 from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known
+from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 RULES = """
@@ -57,7 +58,7 @@ async def rigged(tmp_path: Path, offer_s: float = OFFER_S, most_subjects: int = 
     rules = RuleFile(path)
     await rules.load()
     inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
-    alerting = Alerting(rules, inventory, settle_s=0, offer_s=offer_s, most_subjects=most_subjects)
+    alerting = Alerting(rules, inventory, hears(), settle_s=0, offer_s=offer_s, most_subjects=most_subjects)
     network = FakeNetwork()
     async with network.open_bus() as ours, network.open_bus() as theirs:
         made = Rig(alerting, rules, inventory, theirs)

@@ -15,6 +15,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
 from tests.contract.waiting import until
+from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import Receiver, receiving
 from tests.services.monitor.inventory.seeing import FRONT, seen
 
@@ -24,7 +25,7 @@ class Site:
 
     def __init__(self, rules: RuleFile) -> None:
         self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
-        self.alerting = Alerting(rules, self.inventory, settle_s=0)
+        self.alerting = Alerting(rules, self.inventory, hears(), settle_s=0)
         self.kept: list[Alert] = []
         self._seq = 0
 

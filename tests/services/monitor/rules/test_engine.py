@@ -105,10 +105,54 @@ def test_silence_of_robots_and_of_cameras() -> None:
     assert ruling.texts() == ["r1 is silent"]
     ruling.engine.robot("r1", alive=True, now_ns=12 * S)
     assert ruling.due(12) == ["1 resolved"]
-    assert ruling.look(13, speaks=False) == []
-    assert ruling.look(13, speaks=False, key=REAR) == ["2 raised"]
+    assert ruling.look(13, speaks=False, silent_ns=13 * S) == []
+    assert ruling.look(13, speaks=False, key=REAR) == []
+    assert ruling.look(13, speaks=False, silent_ns=13 * S, key=REAR) == ["2 raised"]
     assert ruling.texts() == ["r1/rear says nothing"]
     assert ruling.look(14, key=REAR) == ["2 resolved"]
+
+
+def test_silence_that_is_not_known_raises_and_resolves_nothing() -> None:
+    ruling = Ruling({"when": "silent", "for_s": 10}, {"when": "silent", "cameras": ["*"], "for_s": 10})
+    ruling.engine.robot("r1", alive=None, now_ns=0)
+    ruling.engine.robot("r2", alive=False, now_ns=S)
+    assert ruling.look(5, speaks=False, silent_ns=S) == []
+    ruling.engine.robot("r2", alive=None, now_ns=6 * S)
+    assert ruling.look(6, speaks=False) == []
+    assert ruling.due(60) == []
+    ruling.engine.robot("r2", alive=False, now_ns=S)
+    assert ruling.look(61, speaks=False, silent_ns=S) == ["1 raised", "2 raised"], "it held since before"
+    ruling.engine.robot("r2", alive=None, now_ns=62 * S)
+    assert ruling.look(62, speaks=False) == []
+    ruling.engine.robot("r2", alive=True, now_ns=63 * S)
+    assert ruling.look(63) == ["1 resolved", "2 resolved"]
+
+
+def test_for_so_long_counts_from_when_the_silence_began_not_from_when_it_was_sure() -> None:
+    ruling = Ruling({"when": "silent", "cameras": ["*"], "for_s": 10})
+    assert ruling.look(3, speaks=False, silent_ns=S) == []
+    assert ruling.due(10.9) == []
+    assert ruling.due(11) == ["1 raised"]
+
+
+@pytest.mark.parametrize(
+    ("rule", "so"),
+    [
+        ({"when": "nearer", "class": "box", "than_m": 2}, {"counts": {"box": 1}, "nearest": {"box": 1}}),
+        ({"when": "disagree"}, {"counts": {"box": 1}, "disagreements": {"box": (1, 2)}}),
+    ],
+)
+def test_what_is_still_to_come_after_a_deaf_time_raises_and_resolves_nothing(
+    rule: dict[str, Any], so: dict[str, Any]
+) -> None:
+    for for_s, before in ((0, ["1 raised"]), (5, [])):
+        ruling = Ruling({**rule, "for_s": for_s})
+        assert ruling.look(1, **so) == before
+        assert ruling.look(2, speaks=False) == []
+        assert ruling.look(30, counts={"box": 1}, complete=False) == []
+        assert ruling.due(31) == []
+        assert ruling.look(32, **so, complete=False) == ([] if before else ["1 raised"])
+        assert ruling.look(33, counts={"box": 1}) == ["1 resolved"]
 
 
 def test_it_must_hold_without_a_gap() -> None:

@@ -23,6 +23,7 @@ from services.monitor.rules.loading import RuleFileError
 from services.monitor.rules.process import run
 from services.monitor.rules.settings import RulesSettings
 from tests.contract.waiting import until
+from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.inventory.seeing import S, seen
 from tests.services.monitor.rules.test_replay import HISTORY
@@ -120,7 +121,7 @@ class Live:
 
     def __init__(self, url: str, rules: RuleFile) -> None:
         self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0), stale_ns=S))
-        self.alerting = Alerting(rules, self.inventory)
+        self.alerting = Alerting(rules, self.inventory, hears())
         self.history = HistoryKeeper(HistorySettings(history=url), self.inventory, self.alerting.lead)
         self.alerts: list[Alert] = []
 
@@ -177,17 +178,17 @@ async def test_what_a_monitor_raised_is_what_its_history_raises(
         await live.see(settle_s + 1, ours=2, theirs=2)
         await live.see(1.5, ours=2, theirs=1)
         live.inventory.robot_presence("r2", alive=False)
-        await live.see(1, ours=2, theirs=2)
+        await live.see(3, ours=2, theirs=2)
         live.inventory.robot_presence("r2", alive=True)
-        await asyncio.sleep(2.5)  # nobody looks
+        await asyncio.sleep(4)  # nobody looks
         await live.see(1, ours=2, theirs=2)
         await live.see(2, ours=0, theirs=0)
         await live.see(1, ours=2, theirs=2)
-        await asyncio.sleep(2.5)
+        await asyncio.sleep(4)
         first = live.alerts
     async with living(url, rules) as live:
         live.come("r1")
-        await live.see(settle_s + 1, ours=2, theirs=2)
+        await live.see(settle_s + 2.5, ours=2, theirs=2)
         live.come("r3")
         await live.see(1, ours=2, theirs=2)
         raised = [*first, *live.alerts]

@@ -29,6 +29,7 @@ from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.visitor import Role
 from services.monitor.web.listener import open_listener, url_of
 from services.monitor.web.server import serve
+from tests.services.monitor.alerting.hearing import hears
 
 PASSWORD: Final = "correct horse battery"  # noqa: S105 - nobody's
 
@@ -50,7 +51,7 @@ def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Moni
     settings = MonitorSettings(**{"history": "none", "web_port": 0, **given})
     fleet = Fleet("clock")
     rules = RuleFile(settings.rules)
-    alerting = Alerting(rules, fleet.inventory, settle_s=0)
+    alerting = Alerting(rules, fleet.inventory, hears(), settle_s=0)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
     return Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan)
 

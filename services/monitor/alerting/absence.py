@@ -1,0 +1,97 @@
+"""Who is not there, held back until that is sure. Pure."""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from schemas.keys import CameraKey
+from services.monitor.hearing import GAP_S, Hearing
+from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.debouncing import NS
+from services.monitor.inventory.inventory import Inventory
+
+K = TypeVar("K")
+
+
+@dataclass(frozen=True, slots=True)
+class _Absent:
+    since_ns: int
+    due_s: float
+
+
+class Absence(Generic[K]):
+    """Members that are not there. Of each it is sure when it is due, and the monitor heard itself since."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[K, _Absent] = {}
+        self._sure: dict[K, int] = {}
+
+    def note(self, who: K, since_ns: int, due_s: float) -> None:
+        """Note who is not there, unless that is noted already. since_ns: epoch. due_s: of the steady clock."""
+        if who not in self._sure:
+            self._waiting.setdefault(who, _Absent(since_ns, due_s))
+
+    def drop(self, who: K) -> None:
+        """Note who is there."""
+        self._waiting.pop(who, None)
+        self._sure.pop(who, None)
+
+    def clear(self) -> None:
+        """Forget everybody."""
+        self._waiting.clear()
+        self._sure.clear()
+
+    def ripen(self, heard_s: float) -> list[K]:
+        """Return of whom it is sure since this was asked last. heard_s: when the monitor heard itself last."""
+        ripe = [who for who, absent in self._waiting.items() if absent.due_s <= heard_s]
+        for who in ripe:
+            self._sure[who] = self._waiting.pop(who).since_ns
+        return ripe
+
+    def since_ns(self, who: K) -> int | None:
+        """Return since when somebody is not there, None while that is not sure."""
+        return self._sure.get(who)
+
+
+class Absentees:
+    """The robots and cameras of an inventory that are surely not there. now_s: of the steady clock; now_ns: epoch."""
+
+    def __init__(self, inventory: Inventory, hearing: Hearing) -> None:
+        self._inventory = inventory
+        self._hearing = hearing
+        self._robots = Absence[str]()
+        self._cameras = Absence[CameraKey]()
+
+    def clear(self) -> None:
+        """Begin anew: who was not there before may be by now."""
+        self._robots.clear()
+        self._cameras.clear()
+
+    def look_at_robot(self, robot: str, now_ns: int, now_s: float) -> tuple[bool | None, int]:
+        """Return whether a robot's gateway is there, None if that is not known, and since when it is not."""
+        if self._hearing.deaf:
+            return None, now_ns
+        if self._inventory.is_alive(robot):
+            self._robots.drop(robot)
+            return True, now_ns
+        if self._hearing.settled:
+            self._robots.note(robot, now_ns, now_s + GAP_S)
+        since_ns = self._robots.since_ns(robot)
+        return (None, now_ns) if since_ns is None else (False, since_ns)
+
+    def look_at_camera(self, camera: CameraView, now_ns: int, now_s: float) -> None:
+        """Note whether a camera is spoken for. Of its lists it is sure only when its own link would be lost, too."""
+        if self._inventory.speaks(camera, now_ns):
+            self._cameras.drop(camera.key)
+        elif self._hearing.settled:
+            early_s = self._hearing.lease_s - self._inventory.limits.stale_ns / NS
+            self._cameras.note(camera.key, now_ns, now_s + GAP_S + max(0, early_s))
+
+    def silent_ns(self, key: CameraKey) -> int | None:
+        """Return since when a camera is not spoken for, None while that is not sure."""
+        return self._cameras.since_ns(key)
+
+    def ripen(self) -> tuple[list[str], list[CameraKey]]:
+        """Return the robots and cameras of which it is sure since this was asked last."""
+        if not self._hearing.settled:
+            return [], []
+        return self._robots.ripen(self._hearing.heard_s), self._cameras.ripen(self._hearing.heard_s)

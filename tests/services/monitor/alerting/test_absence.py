@@ -1,0 +1,110 @@
+from services.monitor.alerting.absence import Absentees
+from services.monitor.hearing import GAP_S, Hearing
+from services.monitor.inventory.inventory import Inventory, Limits
+from tests.services.monitor.inventory.seeing import FRONT, S, seen
+
+LEASE_S = 2.0
+SETTLE_S = 3.0 + LEASE_S
+NAMES = ("r1", "r2")
+
+
+class Watch:
+    """A monitor of two robots and a camera, on a clock that the test sets."""
+
+    def __init__(self, limits: Limits | None = None) -> None:
+        self.inventory = Inventory(limits)
+        self.heard_s: float | None = 0.0
+        self.hearing = Hearing(lambda: self.heard_s, LEASE_S)
+        self.absentees = Absentees(self.inventory, self.hearing)
+        self._seq = 0
+        for robot in NAMES:
+            self.inventory.robot_presence(robot, alive=True)
+
+    def see(self, at_s: float) -> None:
+        self._seq += 1
+        self.inventory.see(seen(self._seq, {}), round(at_s * S))
+
+    def advance(self, now_s: float, *, heard: bool = True) -> None:
+        """Hear the monitor's own message at once, or nothing at all."""
+        self.heard_s = now_s if heard else None
+        if self.hearing.advance(now_s):
+            self.absentees.clear()
+
+    def robots(self, now_s: float, *, heard: bool = True) -> dict[str, tuple[bool | None, float]]:
+        """Return of each robot whether it is there, and since when it is not."""
+        self.advance(now_s, heard=heard)
+        self.absentees.ripen()
+        found = {robot: self.absentees.look_at_robot(robot, round(now_s * S), now_s) for robot in NAMES}
+        return {robot: (alive, at_ns / S) for robot, (alive, at_ns) in found.items()}
+
+    def silent_s(self, now_s: float) -> float | None:
+        """Look at the camera; return since when it is surely silent."""
+        self.advance(now_s)
+        camera = self.inventory.camera(FRONT)
+        assert camera
+        self.absentees.look_at_camera(camera, round(now_s * S), now_s)
+        self.absentees.ripen()
+        since_ns = self.absentees.silent_ns(FRONT)
+        return None if since_ns is None else since_ns / S
+
+
+def test_a_robot_that_goes_is_surely_gone_a_moment_later_since_it_went() -> None:
+    watch = Watch()
+    assert watch.robots(10) == {"r1": (True, 10), "r2": (True, 10)}
+    watch.inventory.robot_presence("r1", alive=False)
+    assert watch.robots(11) == {"r1": (None, 11), "r2": (True, 11)}
+    assert watch.robots(11 + GAP_S) == {"r1": (False, 11), "r2": (True, 11 + GAP_S)}
+    assert watch.robots(60)["r1"] == (False, 11)
+    watch.inventory.robot_presence("r1", alive=True)
+    assert watch.robots(61)["r1"] == (True, 61)
+
+
+def test_nobody_is_surely_gone_before_the_monitor_heard_itself_again() -> None:
+    watch = Watch()
+    watch.robots(10)
+    watch.inventory.robot_presence("r1", alive=False)
+    watch.robots(11)
+    watch.hearing.advance(11 + 2 * GAP_S)  # heard at 11 last
+    assert watch.absentees.ripen() == ([], [])
+    watch.advance(11 + 3 * GAP_S)
+    assert watch.absentees.ripen() == (["r1"], [])
+
+
+def test_who_goes_with_the_monitors_own_link_may_be_there_though_the_link_is_missed_later() -> None:
+    watch = Watch()
+    watch.robots(10)
+    for robot in NAMES:
+        watch.inventory.robot_presence(robot, alive=False)
+    assert {alive for alive, _ in watch.robots(11).values()} == {None}
+    assert {alive for alive, _ in watch.robots(11 + GAP_S / 2, heard=False).values()} == {None}
+    assert {alive for alive, _ in watch.robots(60, heard=False).values()} == {None}
+    assert {alive for alive, _ in watch.robots(100).values()} == {None}
+    watch.inventory.robot_presence("r1", alive=True)
+    assert watch.robots(101) == {"r1": (True, 101), "r2": (None, 101)}
+    settled_s = 100 + SETTLE_S
+    assert watch.robots(settled_s)["r2"] == (None, settled_s)
+    assert watch.robots(settled_s + GAP_S)["r2"] == (False, settled_s)
+
+
+def test_what_a_monitor_that_cannot_hear_knew_of_robots_is_not_known_any_more() -> None:
+    watch = Watch()
+    watch.robots(10)
+    watch.inventory.robot_presence("r1", alive=False)
+    watch.robots(11)
+    assert watch.robots(11 + GAP_S)["r1"] == (False, 11)
+    assert watch.robots(20, heard=False) == {"r1": (None, 20), "r2": (None, 20)}
+
+
+def test_a_camera_is_silent_a_moment_after_its_lists_ended_or_once_its_link_would_be_lost() -> None:
+    for stale_s, sure_s in ((3.0, GAP_S), (0.5, GAP_S + LEASE_S - 0.5)):
+        watch = Watch(Limits(stale_ns=round(stale_s * S)))
+        watch.inventory.camera_presence(FRONT, alive=True)
+        for at_s in (10, 10.1):
+            watch.see(at_s)
+        assert watch.silent_s(10.2) is None
+        ceased_s = 10.2 + stale_s
+        assert watch.silent_s(ceased_s) is None
+        assert watch.silent_s(ceased_s + sure_s - 0.1) is None
+        assert watch.silent_s(ceased_s + sure_s) == ceased_s
+        watch.see(30)
+        assert watch.silent_s(30.1) is None
