@@ -60,6 +60,7 @@ class Absentees:
         self._hearing = hearing
         self._robots = Absence[str]()
         self._cameras = Absence[CameraKey]()
+        self._came: set[CameraKey] = set()
 
     def clear(self) -> None:
         """Begin anew: who was not there before may be by now."""
@@ -78,20 +79,46 @@ class Absentees:
         since_ns = self._robots.since_ns(robot)
         return (None, now_ns) if since_ns is None else (False, since_ns)
 
-    def look_at_camera(self, camera: CameraView, now_ns: int, now_s: float) -> None:
-        """Note whether a camera is spoken for. Of its lists it is sure only when its own link would be lost, too."""
-        if self._inventory.speaks(camera, now_ns):
-            self._cameras.drop(camera.key)
-        elif self._hearing.settled:
-            early_s = self._hearing.lease_s - self._inventory.limits.stale_ns / NS
-            self._cameras.note(camera.key, now_ns, now_s + GAP_S + max(0, early_s))
+    def look_at_camera(self, camera: CameraView, now_ns: int, now_s: float, *, told: bool, ceased: bool) -> None:
+        """Note whether a camera is spoken for. told: it is new, came or went. ceased: it was spoken for until now.
+
+        One that came, or that was not heard of before, has as long until its lists are missed as one that had some.
+        """
+        key, stale_ns = camera.key, self._inventory.limits.stale_ns
+        online = self._inventory.online(key)
+        if online and (told or self._inventory.speaks(camera, now_ns)):
+            self._came.add(key)
+            self._cameras.drop(key)
+        if not self._hearing.settled or self._inventory.speaks(camera, now_ns):
+            return
+        if not online and key in self._came:
+            self._cameras.note(key, now_ns, now_s + GAP_S)
+        else:
+            self._await_list(key, now_ns - stale_ns if ceased else now_ns, now_ns, now_s)
+
+    def _await_list(self, key: CameraKey, from_ns: int, now_ns: int, now_s: float) -> None:
+        """Have a camera be silent if no list comes until it is stale. Before its lease a lost link is not noticed."""
+        stale_s = self._inventory.limits.stale_ns / NS
+        due_s = now_s + (from_ns - now_ns) / NS + max(stale_s, self._hearing.lease_s) + GAP_S
+        self._cameras.note(key, from_ns + self._inventory.limits.stale_ns, due_s)
 
     def silent_ns(self, key: CameraKey) -> int | None:
         """Return since when a camera is not spoken for, None while that is not sure."""
         return self._cameras.since_ns(key)
 
-    def ripen(self) -> tuple[list[str], list[CameraKey]]:
+    def ripen(self, now_ns: int, now_s: float) -> tuple[list[str], list[CameraView]]:
         """Return the robots and cameras of which it is sure since this was asked last."""
         if not self._hearing.settled:
             return [], []
-        return self._robots.ripen(self._hearing.heard_s), self._cameras.ripen(self._hearing.heard_s)
+        heard_s = self._hearing.heard_s
+        cameras = [self._inventory.camera(key) for key in self._cameras.ripen(heard_s)]
+        silent = [camera for camera in cameras if camera is not None and not self._goes_on(camera, now_ns, now_s)]
+        return self._robots.ripen(heard_s), silent
+
+    def _goes_on(self, camera: CameraView, now_ns: int, now_s: float) -> bool:
+        """Whether a camera that is there had a list lately after all; wait for the next one then."""
+        if not self._inventory.online(camera.key) or camera.last_ns < now_ns - self._inventory.limits.stale_ns:
+            return False
+        self._cameras.drop(camera.key)
+        self._await_list(camera.key, camera.last_ns, now_ns, now_s)
+        return True

@@ -151,15 +151,17 @@ class Alerting:
         """Look at every camera that changed, came, went, began to speak or fell silent; at all if they are due."""
         everything, self._look_at_all = self._look_at_all, False
         robots, cameras = self._take_news()
-        turned = self._speaking.advance(time.time_ns(), self._views(cameras))
+        turned = set(self._speaking.advance(time.time_ns(), self._views(cameras)))
+        looked_at = turned.union(self._views(self._unsteady | self._inventory.disputed() | cameras))
         if everything:
-            robots, turned = self._robots, list(self._inventory.cameras())
-        unsteady = self._unsteady | self._inventory.disputed() | cameras
-        async for camera in in_turns({*turned, *self._views(unsteady)}):
-            self._absentees.look_at_camera(camera, time.time_ns(), time.monotonic())
+            robots, looked_at = self._robots, set(self._inventory.cameras())
+        async for camera in in_turns(looked_at):
+            self._absentees.look_at_camera(
+                camera, time.time_ns(), time.monotonic(), told=camera.key in cameras, ceased=camera in turned
+            )
             self._look(engine, camera, time.time_ns())
-        gone, silent = self._absentees.ripen()
-        async for camera in in_turns(self._views(silent)):
+        gone, silent = self._absentees.ripen(time.time_ns(), time.monotonic())
+        async for camera in in_turns(silent):
             self._look(engine, camera, time.time_ns())
         async for robot in in_turns([*robots, *gone]):
             alive, at_ns = self._absentees.look_at_robot(robot, time.time_ns(), time.monotonic())

@@ -1,9 +1,11 @@
 from services.monitor.alerting.absence import Absentees
 from services.monitor.hearing import GAP_S, Hearing
+from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, Limits
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 LEASE_S = 2.0
+STALE_S = Limits().stale_ns / S
 SETTLE_S = 3.0 + LEASE_S
 NAMES = ("r1", "r2")
 
@@ -33,17 +35,20 @@ class Watch:
     def robots(self, now_s: float, *, heard: bool = True) -> dict[str, tuple[bool | None, float]]:
         """Return of each robot whether it is there, and since when it is not."""
         self.advance(now_s, heard=heard)
-        self.absentees.ripen()
+        self.ripen(now_s)
         found = {robot: self.absentees.look_at_robot(robot, round(now_s * S), now_s) for robot in NAMES}
         return {robot: (alive, at_ns / S) for robot, (alive, at_ns) in found.items()}
 
-    def silent_s(self, now_s: float) -> float | None:
+    def ripen(self, now_s: float) -> tuple[list[str], list[CameraView]]:
+        return self.absentees.ripen(round(now_s * S), now_s)
+
+    def silent_s(self, now_s: float, *, told: bool = False, ceased: bool = False) -> float | None:
         """Look at the camera; return since when it is surely silent."""
         self.advance(now_s)
         camera = self.inventory.camera(FRONT)
         assert camera
-        self.absentees.look_at_camera(camera, round(now_s * S), now_s)
-        self.absentees.ripen()
+        self.absentees.look_at_camera(camera, round(now_s * S), now_s, told=told, ceased=ceased)
+        self.ripen(now_s)
         since_ns = self.absentees.silent_ns(FRONT)
         return None if since_ns is None else since_ns / S
 
@@ -65,9 +70,9 @@ def test_nobody_is_surely_gone_before_the_monitor_heard_itself_again() -> None:
     watch.inventory.robot_presence("r1", alive=False)
     watch.robots(11)
     watch.hearing.advance(11 + 2 * GAP_S)  # heard at 11 last
-    assert watch.absentees.ripen() == ([], [])
+    assert watch.ripen(11 + 2 * GAP_S) == ([], [])
     watch.advance(11 + 3 * GAP_S)
-    assert watch.absentees.ripen() == (["r1"], [])
+    assert watch.ripen(11 + 3 * GAP_S) == (["r1"], [])
 
 
 def test_who_goes_with_the_monitors_own_link_may_be_there_though_the_link_is_missed_later() -> None:
@@ -103,8 +108,62 @@ def test_a_camera_is_silent_a_moment_after_its_lists_ended_or_once_its_link_woul
             watch.see(at_s)
         assert watch.silent_s(10.2) is None
         ceased_s = 10.2 + stale_s
-        assert watch.silent_s(ceased_s) is None
+        assert watch.silent_s(ceased_s, ceased=True) is None
         assert watch.silent_s(ceased_s + sure_s - 0.1) is None
         assert watch.silent_s(ceased_s + sure_s) == ceased_s
         watch.see(30)
         assert watch.silent_s(30.1) is None
+
+
+def test_a_camera_that_joins_is_silent_once_it_was_there_without_a_list_for_the_stale_time() -> None:
+    watch = Watch()
+    watch.inventory.camera_presence(FRONT, alive=True)
+    assert watch.silent_s(10, told=True) is None
+    assert watch.silent_s(10.1) is None
+    assert watch.silent_s(10 + STALE_S + GAP_S - 0.1) is None
+    assert watch.silent_s(10 + STALE_S + GAP_S) == 10 + STALE_S
+
+
+def test_a_camera_whose_lists_are_rare_is_silent_the_stale_time_after_its_newest() -> None:
+    watch = Watch()
+    watch.inventory.camera_presence(FRONT, alive=True)
+    assert watch.silent_s(10, told=True) is None
+    watch.see(12.9)
+    assert watch.silent_s(10 + STALE_S + GAP_S) is None
+    assert watch.silent_s(12.9 + STALE_S + GAP_S - 0.1) is None
+    assert watch.silent_s(12.9 + STALE_S + GAP_S) == 12.9 + STALE_S
+
+
+def test_a_camera_that_went_is_silent_at_once_and_one_that_is_back_has_its_time() -> None:
+    watch = Watch()
+    watch.inventory.camera_presence(FRONT, alive=True)
+    assert watch.silent_s(10, told=True) is None
+    watch.see(10.1)
+    watch.see(10.2)
+    assert watch.silent_s(10.3) is None
+    watch.inventory.camera_presence(FRONT, alive=False)
+    assert watch.silent_s(10.4, told=True) is None
+    assert watch.silent_s(10.4 + GAP_S) == 10.4
+    watch.inventory.camera_presence(FRONT, alive=True)
+    assert watch.silent_s(20, told=True) is None
+    assert watch.silent_s(20 + STALE_S + GAP_S) == 20 + STALE_S
+
+
+def test_a_camera_of_which_only_lists_or_history_tell_has_the_stale_time_to_come() -> None:
+    watch = Watch()
+    watch.see(10)
+    assert watch.silent_s(10.1, told=True) is None
+    assert watch.silent_s(10.1 + STALE_S + GAP_S - 0.1) is None
+    assert watch.silent_s(10.1 + STALE_S + GAP_S) == 10.1 + STALE_S
+
+
+def test_after_a_deaf_time_a_camera_has_the_stale_time_to_be_spoken_for() -> None:
+    watch = Watch()
+    watch.inventory.camera_presence(FRONT, alive=True)
+    watch.silent_s(10, told=True)
+    watch.advance(11, heard=False)
+    watch.advance(20)
+    settled_s = 20 + SETTLE_S
+    assert watch.silent_s(settled_s) is None
+    assert watch.silent_s(settled_s + STALE_S + GAP_S - 0.1) is None
+    assert watch.silent_s(settled_s + STALE_S + GAP_S) == settled_s + STALE_S

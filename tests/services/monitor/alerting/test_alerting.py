@@ -146,6 +146,29 @@ async def test_distances_and_silence_are_alerted(rig: Rig) -> None:
     await until(lambda: ("lost", AlertState.RESOLVED) in rig.states())
 
 
+async def test_a_camera_that_joins_says_nothing_only_when_it_stays_without_lists(rig: Rig) -> None:
+    rig.rules.book = load_rules(
+        "rules: [{name: mute, when: silent, cameras: ['*']}, {name: boxes, when: over, class: box, count: 0}]"
+    )
+    rear = CameraKey("r1", "rear")
+    rig.inventory.camera_presence(rear, alive=True)
+    rig.see(box=1)
+    await asyncio.sleep(3 * SWEEP_S)
+    seeing = asyncio.create_task(keep_seeing(rig))
+    await until(lambda: ("mute", AlertState.RAISED) in rig.states())
+    seeing.cancel()
+    assert {(each.rule, each.camera, each.state) for each in rig.kept} == {
+        ("boxes", "front", AlertState.RAISED),
+        ("mute", "rear", AlertState.RAISED),
+    }
+
+
+async def keep_seeing(rig: Rig) -> None:
+    while True:
+        rig.see(box=1)
+        await asyncio.sleep(0.1)
+
+
 async def test_what_there_was_no_room_for_is_alerted_once_there_is(tmp_path: Path) -> None:
     async with rigged(tmp_path, offer_s=0, most_subjects=1) as rig:
         for robot in ("r1", "r2"):
