@@ -30,7 +30,7 @@ def load_rules(text: str) -> RuleBook:
     """Read a rule file.
 
     Raises:
-        RuleFileError: it is no YAML, or says what no rule may say.
+        RuleFileError: it is no YAML, says what no rule may say, or names no `rules`, as a file that was emptied does.
     """
     if len(text) > MAX_BYTES:
         raise RuleFileError(1, f"a rule file has at most {MAX_BYTES} characters")
@@ -42,15 +42,22 @@ def load_rules(text: str) -> RuleBook:
         raise RuleFileError(line, error.problem or "not YAML") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise RuleFileError(1, " ".join(str(error).split())[:200] or "not YAML") from error
+    if content is None:
+        raise RuleFileError(1, f"nothing is in it; {NO_RULES}")
     try:
-        return RuleBook.model_validate({} if content is None else content)
+        book = RuleBook.model_validate(content)
     except ValidationError as error:
         mistakes = error.errors(include_url=False)  # a misspelt name first: it explains why another one is missing
         mistake = next((each for each in mistakes if each["type"] == "extra_forbidden"), mistakes[0])
         place = [part for part in mistake["loc"] if part not in KINDS]
         where = list(mistake.get("ctx", {}).get("place", place))
         raise RuleFileError(_line_of(root, where), _reason(place, mistake)) from error
+    if "rules" not in book.model_fields_set:
+        raise RuleFileError(1, f"rules is missing; {NO_RULES}")
+    return book
 
+
+NO_RULES: Final = "to have no rules, write `rules: []`"
 
 KINDS: Final = frozenset({"appears", "disappears", "over", "under", "nearer", "silent", "disagree"})
 """What pydantic puts into the place of a mistake to say which kind of rule it took it for."""

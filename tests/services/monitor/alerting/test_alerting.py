@@ -190,7 +190,7 @@ async def test_a_rule_that_goes_with_its_webhook_resolves_its_alert(rig: Rig) ->
     rig.see()
     rig.see(box=1)
     await until(lambda: rig.states() == [("any", AlertState.RAISED)])
-    rig.rules.book = load_rules("")
+    rig.rules.book = load_rules("rules: []")
     await until(lambda: rig.states()[1:] == [("any", AlertState.RESOLVED)])
     await asyncio.sleep(0.2)
     assert rig.alerting.alerts() == []

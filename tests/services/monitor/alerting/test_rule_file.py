@@ -17,9 +17,13 @@ def written(path: Path, text: str) -> Path:
 
 
 async def test_a_file_that_cannot_be_used_at_the_start_is_named(tmp_path: Path) -> None:
-    for name, text, reason in (("none", "", "No such file or directory"), ("bad", "rules: 1\n", "line 1: rules")):
+    for name, text, reason in (
+        ("none", None, "No such file or directory"),
+        ("bad", "rules: 1\n", "line 1: rules"),
+        ("empty", "", "line 1: nothing is in it"),
+    ):
         path = tmp_path / f"{name}.yaml"
-        if text:
+        if text is not None:
             written(path, text)
         with pytest.raises(RuleFileError) as caught:
             await RuleFile(path).load()
@@ -62,6 +66,24 @@ async def test_a_file_that_is_being_written_puts_no_rules_out_of_force(tmp_path:
     assert (names, file.problem) == ([["a"]] * 3, "")
     await file.look(path)
     assert [rule.name for rule in file.book.rules] == ["a", "b"]
+
+
+@pytest.mark.parametrize("text", ["", "# - {name: a, when: silent}\n"])
+async def test_a_file_that_was_emptied_puts_no_rules_out_of_force(tmp_path: Path, text: str) -> None:
+    path = written(tmp_path / "rules.yaml", ONE)
+    file = RuleFile(path)
+    await file.load()
+    written(path, text)
+    await file.look(path)
+    await file.look(path)
+    assert [rule.name for rule in file.book.rules] == ["a"]
+    assert file.problem.startswith(
+        f"{path}: line 1: nothing is in it; to have no rules, write `rules: []`; the rules stay"
+    )
+    written(path, "rules: []\n")
+    await file.look(path)
+    await file.look(path)
+    assert (file.book.rules, file.problem) == ((), "")
 
 
 async def test_a_file_that_is_back_as_it_was_is_no_problem_any_more(tmp_path: Path) -> None:

@@ -39,8 +39,8 @@ def test_a_rule_file() -> None:
     assert not lost.of_cameras
 
 
-def test_an_empty_file_has_no_rules() -> None:
-    assert load_rules("").rules == load_rules("# none yet\n").rules == ()
+def test_a_file_says_that_there_are_no_rules() -> None:
+    assert load_rules("rules: []").rules == load_rules("# none yet\nrules: []\n").rules == ()
 
 
 def changed(old: str, new: str) -> str:
@@ -76,6 +76,11 @@ def changed(old: str, new: str) -> str:
         (changed("Europe/Berlin", "Mars/Olympus"), 1, "no time zone 'Mars/Olympus'"),
         (changed("name: stop", "name: stop now"), 17, "rule 1: action.name: "),
         (changed("    when: silent", "    name: again\n    when: silent"), 19, "'name' is there twice"),
+        ("", 1, "nothing is in it; to have no rules, write `rules: []`"),
+        ("# none yet\n", 1, "nothing is in it; to have no rules, write `rules: []`"),
+        ("---\n...\n", 1, "nothing is in it"),
+        ("timezone: Europe/Berlin\n", 1, "rules is missing; to have no rules, write `rules: []`"),
+        ("rules:\n", 1, "rules: write it as a list"),
         ("rules: [", 1, "expected the node content"),
         ("rules:\n  - &a {name: x}\n  - *a\n", 3, "aliases are not taken"),
         ("- 1\n- 2\n", 1, "write it as a mapping, like {a: b}"),

@@ -108,6 +108,9 @@ async def test_the_command_prints_what_would_have_been_raised(
     file.write_text(rules.replace("count: 2", "count: many"), encoding="utf-8")
     with pytest.raises(RuleFileError, match=r"rules\.yaml: line 1: rule 1: count"):
         await run(RulesSettings(task="test", file=file, history=url))
+    file.write_text("", encoding="utf-8")
+    with pytest.raises(RuleFileError, match=r"rules\.yaml: line 1: nothing is in it"):
+        await run(RulesSettings(task="test", file=file, history=url))
     with pytest.raises(RuleFileError, match=r"none\.yaml: No such file"):
         await run(RulesSettings(task="test", file=tmp_path / "none.yaml", history=url))
     file.write_text(rules, encoding="utf-8")
