@@ -197,7 +197,8 @@ class Alerting:
         if rule is None:
             return
         webhooks = engine.book.webhooks
-        for name in [name for name in rule.webhooks if name in webhooks]:  # the rule may be of the book before
+        told = dict.fromkeys([*rule.webhooks, *(rule.escalate_webhooks if effect.escalated else ())])
+        for name in [name for name in told if name in webhooks]:  # the rule may be of the book before
             self._webhooks.post(webhooks[name], alert)
         if effect.raised and rule.action is not None:
             self._actions.send(action_of(rule.action, alert, uuid4().hex))

@@ -26,11 +26,15 @@ class UnknownAlertError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """An alert changed. rule: the one that raised it; None if it is gone. raised: it is new, so act."""
+    """An alert changed. rule: the one that raised it; None if it is gone. raised: it is new, so act.
+
+    escalated: it escalates, or had escalated before.
+    """
 
     alert: Alert
     rule: AnyRule | None
     raised: bool
+    escalated: bool = False
 
 
 @dataclass(slots=True, eq=False)
@@ -59,6 +63,7 @@ class RuleEngine:
         self._subjects: dict[str, dict[Place, _Subject]] = {rule.name: {} for rule in book.rules}
         self._waiting = Waiting()
         self._alerts: dict[str, tuple[Alert, Place]] = {}
+        self._escalated: set[str] = set()
         self._effects: list[Effect] = []
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
         self._robots: dict[str, list[SilentRule]] = {}
@@ -93,7 +98,8 @@ class RuleEngine:
     def restore(self, alerts: Iterable[Alert], now_ns: int) -> None:
         """Go on with the alerts of a monitor that ran before.
 
-        Those resolve that are double, and those of rules that are gone or, by now, about something else.
+        Those resolve that are double, and those of rules that are gone or, by now, about something else. One that was
+        acknowledged only after it was to escalate is taken to have done so.
         """
         rules = {rule.name: rule for rule in self._book.rules}
         for alert in alerts:
@@ -102,6 +108,8 @@ class RuleEngine:
                 continue
             self._alerts[alert.id] = (alert, place)
             rule = rules.get(alert.rule)
+            if _had_escalated(alert, rule):
+                self._escalated.add(alert.id)
             subject = self._subject(alert.rule, place) if rule is not None and is_about(rule, *place) else None
             if subject is None or subject.alert is not None:
                 self._change(alert, AlertState.RESOLVED, now_ns)
@@ -313,8 +321,19 @@ class RuleEngine:
         else:
             self._alerts[alert.id] = (changed, place)
         rule = next((rule for rule in self._book.rules if rule.name == alert.rule), None)
-        self._effects.append(Effect(changed, rule, raised=False))
+        if state is AlertState.ESCALATED:
+            self._escalated.add(alert.id)
+        self._effects.append(Effect(changed, rule, raised=False, escalated=alert.id in self._escalated))
+        if over:
+            self._escalated.discard(alert.id)
         return changed
+
+
+def _had_escalated(alert: Alert, rule: AnyRule | None) -> bool:
+    if rule is None or rule.escalate_after_s is None:
+        return alert.state is AlertState.ESCALATED
+    due_ns = alert.raised_ns + round(rule.escalate_after_s * NS)
+    return alert.state is AlertState.ESCALATED or alert.changed_ns >= due_ns
 
 
 def _local(now_ns: int, timezone: str | None) -> datetime:

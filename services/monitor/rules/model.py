@@ -20,6 +20,7 @@ DAYS: Final[tuple[Day, ...]] = get_args(Day)
 Text = Annotated[str, Field(min_length=1, max_length=MAX_LABEL)]
 Patterns = Annotated[tuple[Annotated[str, Field(min_length=1, max_length=64)], ...], Field(max_length=1_000)]
 Seconds = Annotated[float, Field(ge=0, le=86_400 * 30)]
+WebhookNames = Annotated[tuple[str, ...], Field(max_length=16)]
 
 
 class _Part(BaseModel):
@@ -41,7 +42,8 @@ class Rule(_Part):
 
     for_s: how long it must be so without a gap. between: local times of day, over midnight too. days: on which those
     begin. cooldown_s: after an alert was raised, none of the same rule, robot, camera and class for so long.
-    escalate_after_s: an alert that nobody acknowledged by then escalates.
+    escalate_after_s: an alert that nobody acknowledged by then escalates. webhooks: hear of all that becomes of an
+    alert; escalate_webhooks: from its escalation on.
     """
 
     name: Text
@@ -53,7 +55,8 @@ class Rule(_Part):
     for_s: Seconds = 0.0
     cooldown_s: Seconds = 0.0
     escalate_after_s: Annotated[float, Field(gt=0, le=86_400 * 30)] | None = None
-    webhooks: Annotated[tuple[str, ...], Field(max_length=16)] = ()
+    webhooks: WebhookNames = ()
+    escalate_webhooks: WebhookNames = ()
     action: RobotAction | None = None
 
     @field_validator("between", mode="before")
@@ -182,10 +185,11 @@ class RuleBook(_Part):
         for place, rule in enumerate(self.rules):
             if rule.name in names[:place]:
                 raise _mistake(place, "name", f"two rules are called {rule.name!r}")
-            for webhook in rule.webhooks:
-                if webhook not in self.webhooks:
-                    reason = f"rule {rule.name!r} names a webhook {webhook!r} that is not there"
-                    raise _mistake(place, "webhooks", reason)
+            for field, names_given in (("webhooks", rule.webhooks), ("escalate_webhooks", rule.escalate_webhooks)):
+                unknown = next((each for each in names_given if each not in self.webhooks), None)
+                if unknown is not None:
+                    reason = f"rule {rule.name!r} names a webhook {unknown!r} that is not there"
+                    raise _mistake(place, field, reason)
         return self
 
 

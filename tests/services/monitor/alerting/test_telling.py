@@ -1,6 +1,8 @@
 """What a rule file asks for, all the way: from class lists to what a webhook was posted."""
 
 import asyncio
+import hashlib
+import hmac
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -80,6 +82,35 @@ async def test_whatever_becomes_of_an_alert_is_posted_in_order_and_what_nobody_a
     assert {(each.rule, each.severity, each.robot, each.name) for each in made.kept} == {
         ("boxes", "critical", "r1", "box")
     }
+
+
+async def test_who_is_told_of_escalations_hears_of_an_alert_from_then_on_to_its_end(tmp_path: Path) -> None:
+    async with receiving(200) as (ops, to_ops), receiving(503, 200) as (boss, to_boss):
+        rules = (
+            f"webhooks: {{ops: {{url: '{to_ops.url}', secret: a long secret}},"
+            f" boss: {{url: '{to_boss.url}', secret: a longer secret}}}}\n"
+            "rules:\n"
+            "  - {name: boxes, when: over, class: box, count: 0, escalate_after_s: 0.3, webhooks: [ops],"
+            " escalate_webhooks: [ops, boss]}\n"
+            "  - {name: pallets, when: over, class: pallet, count: 0, webhooks: [ops], escalate_webhooks: [boss]}\n"
+        )
+        async with site(rules, tmp_path) as made:
+            made.see(box=1, pallet=1)
+            await until(lambda: len(made.kept) == 3)
+            assert made.kept[2].state is AlertState.ESCALATED
+            made.alerting.acknowledge(made.kept[2].id)
+            await until(lambda: len(made.kept) == 4)
+            made.see()
+            await until(lambda: len(ops.got) == 6 and len(boss.got) == 4)
+    assert posted(ops) == made.kept
+    assert posted(boss)[0] == posted(boss)[1], "the first one was tried again"
+    escalated = made.kept[2].id
+    assert posted(boss)[1:] == [each for each in made.kept[2:] if each.id == escalated]
+    assert [each.state for each in posted(boss)[1:]] == ["escalated", "acknowledged", "resolved"]
+    headers, body = boss.got[0]
+    stamped = headers["x-fleetsight-timestamp"].encode() + b"." + body
+    expected = hmac.new(b"a longer secret", stamped, hashlib.sha256).hexdigest()
+    assert headers["x-fleetsight-signature"] == f"sha256={expected}"
 
 
 async def test_two_models_that_count_a_camera_differently_are_alerted_until_they_agree(tmp_path: Path) -> None:

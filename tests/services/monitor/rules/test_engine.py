@@ -6,9 +6,10 @@ import pytest
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import ChangeKind
+from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import UnknownAlertError
 from tests.schemas.results import alert
-from tests.services.monitor.inventory.seeing import S
+from tests.services.monitor.inventory.seeing import FRONT, S
 from tests.services.monitor.rules.ruling import Ruling, book
 
 OVER = {"when": "over", "class": "box", "count": 2}
@@ -262,6 +263,37 @@ def test_the_life_of_an_alert() -> None:
     for change in (ruling.engine.acknowledge, ruling.engine.escalate, ruling.engine.resolve):
         with pytest.raises(UnknownAlertError, match="'1'"):
             change("1", S)
+
+
+def test_whether_an_alert_had_escalated_is_known_to_its_end() -> None:
+    ruling = Ruling({**OVER, "escalate_after_s": 10})
+
+    def escalated(at_s: float) -> list[tuple[str, bool]]:
+        return [(each.alert.state, each.escalated) for each in ruling.engine.due(round(at_s * S))]
+
+    ruling.engine.look(Look(FRONT, speaks=True, counts={"box": 3}), 0)
+    ruling.engine.look(Look(REAR, speaks=True, counts={"box": 3}), 0)
+    assert escalated(0) == [("raised", False), ("raised", False)]
+    ruling.engine.acknowledge("2", S)
+    assert escalated(10) == [("acknowledged", False), ("escalated", True)]
+    ruling.engine.acknowledge("1", 11 * S)
+    ruling.engine.resolve("1", 12 * S)
+    ruling.engine.resolve("2", 12 * S)
+    assert escalated(12) == [("acknowledged", True), ("resolved", True), ("resolved", False)]
+
+
+@pytest.mark.parametrize(
+    ("state", "changed_s", "escalated"),
+    [("raised", 5, False), ("escalated", 6, True), ("acknowledged", 14, False), ("acknowledged", 15, True)],
+)
+def test_of_an_alert_of_before_it_is_known_too(state: str, changed_s: int, *, escalated: bool) -> None:
+    ruling = Ruling({**OVER, "name": "too near", "class": "forklift", "escalate_after_s": 10})
+    before = msgspec.structs.replace(
+        alert(id_="kept"), state=AlertState(state), raised_ns=5 * S, changed_ns=changed_s * S
+    )
+    ruling.engine.restore([before], 5 * S)
+    ruling.engine.resolve("kept", 14 * S)
+    assert [each.escalated for each in ruling.engine.due(14 * S)] == [escalated]
 
 
 def test_changes_of_an_alert_are_in_order_though_the_clock_is_set_back() -> None:

@@ -21,6 +21,7 @@ rules:
     cooldown_s: 60
     escalate_after_s: 300
     webhooks: [ops]
+    escalate_webhooks: [ops]
     action: {name: stop, payload: "{class} at {camera}"}
   - name: lost
     when: silent
@@ -54,9 +55,9 @@ def changed(old: str, new: str) -> str:
         (changed("than_m: 2", "than_m: -2"), 8, "rule 1: than_m: Input should be greater than 0"),
         (changed("    than_m: 2\n", ""), 5, "rule 1: than_m is missing"),
         (changed("than_m: 2", "than: 2"), 8, "'than' is not known here"),
-        (changed("for_s: 30", "fors: 30"), 20, "'fors' is not known here"),
-        (changed("when: silent", "when: asleep"), 18, "`when` is one of"),
-        (changed("    when: silent\n", ""), 18, "rule 2: `when` is missing"),
+        (changed("for_s: 30", "fors: 30"), 21, "'fors' is not known here"),
+        (changed("when: silent", "when: asleep"), 19, "`when` is one of"),
+        (changed("    when: silent\n", ""), 19, "rule 2: `when` is missing"),
         (changed("severity: critical", "severity: panic"), 13, "rule 1: severity: "),
         (changed("[mon, tue]", "[mon, someday]"), 12, "rule 1: days: Input should be 'mon'"),
         (changed('["22:00", "06:00"]', "[22:00, 06:00]"), 11, "write times in quotes"),
@@ -65,17 +66,18 @@ def changed(old: str, new: str) -> str:
         (changed('["22:00", "06:00"]', '["06:00", "06:00"]'), 11, "begins when it ends"),
         (changed("cooldown_s: 60", "cooldown_s: !!bool 60"), 14, "'60' is no bool"),
         (changed("cooldown_s: 60", "cooldown_s: 2026-13-01"), 14, "'2026-13-01' is no timestamp"),
-        (changed("webhooks: [ops]", "webhooks: [opps]"), 16, "'opps' that is not there"),
-        (changed("webhooks: [ops]", "webhooks: ops"), 16, "rule 1: webhooks: write it as a list, like [a, b]"),
+        (changed("    webhooks: [ops]", "    webhooks: [opps]"), 16, "'opps' that is not there"),
+        (changed("    webhooks: [ops]", "    webhooks: ops"), 16, "rule 1: webhooks: write it as a list, like [a, b]"),
+        (changed("escalate_webhooks: [ops]", "escalate_webhooks: [boss]"), 17, "'boss' that is not there"),
         ("rules:\n  - silent\n", 2, "rule 1: write it as a mapping, like {a: b}"),
-        (changed('{name: stop, payload: "{class} at {camera}"}', "stop"), 17, "rule 1: action: write it as a mapping"),
+        (changed('{name: stop, payload: "{class} at {camera}"}', "stop"), 18, "rule 1: action: write it as a mapping"),
         ("webhooks: [ops]\n", 1, "webhooks: write it as a mapping, like {a: b}"),
         (changed('"06:00"', '"6:00"'), 11, "rule 1: between: write times like '09:00', up to '23:59'"),
         (changed('"06:00"', '"24:00"'), 11, "rule 1: between: write times like '09:00', up to '23:59'"),
-        (changed("name: lost", "name: too near"), 18, "two rules are called 'too near'"),
+        (changed("name: lost", "name: too near"), 19, "two rules are called 'too near'"),
         (changed("Europe/Berlin", "Mars/Olympus"), 1, "no time zone 'Mars/Olympus'"),
-        (changed("name: stop", "name: stop now"), 17, "rule 1: action.name: "),
-        (changed("    when: silent", "    name: again\n    when: silent"), 19, "'name' is there twice"),
+        (changed("name: stop", "name: stop now"), 18, "rule 1: action.name: "),
+        (changed("    when: silent", "    name: again\n    when: silent"), 20, "'name' is there twice"),
         ("", 1, "nothing is in it; to have no rules, write `rules: []`"),
         ("# none yet\n", 1, "nothing is in it; to have no rules, write `rules: []`"),
         ("---\n...\n", 1, "nothing is in it"),
