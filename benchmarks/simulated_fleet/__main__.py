@@ -16,6 +16,7 @@ import psutil
 from benchmarks.arguments import parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note
+from benchmarks.targets import at_least, at_most
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message
@@ -24,6 +25,12 @@ from services.toolbox.demo.ports import free_ports
 
 TOPICS: Final = ("/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw")
 STREAMS: Final = "color,depth"
+KEPT_UP: Final = 0.98
+"""The share of its rate that the worst served subscriber is to get: else the fleet limits whoever tries it."""
+
+CPU_SHARE: Final = 0.5
+"""Of a core: what is left is the demo's."""
+
 SEEDS: Final = range(1, 4)
 """Of the warehouses, which the robots share."""
 
@@ -60,7 +67,8 @@ async def run(robots: int, hz: float, seconds: float, frames: int) -> dict[str, 
         measured = await _measured(psutil.Process(fleet.process.pid), received, seconds)
     settings = {"robots": robots, "hz": hz, "streams": STREAMS, "frames": frames, "image": "640x480"}
     about = {"machine": machine(), "versions": versions(["numpy"]), "seeds": list(SEEDS)}
-    return {**measured, **settings, **about}
+    targets = {**at_least(measured, "hz_least", KEPT_UP * hz), **at_most(measured, "cpu_share", CPU_SHARE)}
+    return {"targets": targets, **measured, **settings, **about}
 
 
 async def _measured(process: psutil.Process, received: Counter[tuple[int, str]], seconds: float) -> dict[str, Any]:
