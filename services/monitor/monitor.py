@@ -9,6 +9,7 @@ from bus import Bus
 from schemas.alerts import Alert, AlertState
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.doubt import known_until_ns
 from services.monitor.fleet import Fleet
 from services.monitor.glance import Glance, SnapshotMaker, Workers
 from services.monitor.health import Health
@@ -93,6 +94,10 @@ class Monitor:
     def acts_of(self, alert_id: str) -> tuple[Act, ...]:
         """Return what people did with an alert that is not resolved, in order."""
         return self.history.acts.of(alert_id)
+
+    def known_until_ns(self, alert: Alert) -> int | None:
+        """Return until when it was known what an alert says; None while it is, see `doubt`."""
+        return known_until_ns(alert, self.fleet.inventory, time.time_ns())
 
     def acknowledge(self, alert_id: str, by: str) -> Alert:
         """Note that somebody looks after an alert; raises UnknownAlertError. by: a user's name."""

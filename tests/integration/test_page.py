@@ -154,6 +154,24 @@ async def test_an_alert_is_acknowledged_escalated_and_resolved_by_somebody(site:
         await expect(ended).to_contain_text(f"resolved by {who}")
 
 
+async def test_an_alert_of_a_robot_that_is_gone_says_that_it_is_not_of_now(site: Site, tmp_path: Path) -> None:
+    site.fleet.enter(Robot("r5", {"box": 3}))
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/alerts")
+        row = page.locator("[data-alert]", has_text="r5/front, over 1")
+        await expect(row).to_be_visible()
+        await expect(row).not_to_have_class(re.compile("fs-stale"))
+        await site.fleet.leave("r5")
+        await expect(row).to_have_class(re.compile("fs-stale"))
+        await expect(row).to_contain_text("not known now: r5 is offline, last seen")
+        current = page.locator("[data-alert]", has_text="r1/front, over 1")
+        await expect(current).not_to_have_class(re.compile("fs-stale"))
+        await looker.picture("alerts-gone-desk-light")
+        await row.get_by_role("button", name="resolve").click()
+        await expect(page.locator("tr", has_text="r5/front, over 1")).to_contain_text("resolved by")
+        await expect(row).not_to_have_class(re.compile("fs-stale"))
+
+
 async def test_health_says_who_serves_what_and_what_is_wrong_with_the_monitor(site: Site, tmp_path: Path) -> None:
     await asyncio.to_thread(site.rules.write_text, "rules:\n  - {name: x, when: sometimes}\n", "utf-8")
     async with looking(site.browser, site.at, tmp_path, size="wall", scheme="dark") as looker:

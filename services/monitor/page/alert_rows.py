@@ -6,7 +6,9 @@ from enum import StrEnum
 from typing import Any, Final
 
 from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.doubt import known_until_ns
 from services.monitor.history.acts import Act
+from services.monitor.inventory.inventory import Inventory
 from services.monitor.page.formatting import NOTHING, ago, iso, natural
 
 URGENCY: Final = {severity: number for number, severity in enumerate(reversed(Severity))}
@@ -90,12 +92,22 @@ def unattended_figure(every: Sequence[Alert] | None) -> tuple[str, str]:
     return f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}"
 
 
-def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool) -> dict[str, Any]:
-    """Return an alert as its templates take it. may_act: who looks may do something about it."""
+def doubt_of(alert: Alert, inventory: Inventory, now_ns: int) -> str:
+    """Say why nobody knows whether what an alert says is still so, and since when; empty while that is known."""
+    until_ns = known_until_ns(alert, inventory, now_ns)
+    if until_ns is None:
+        return ""
+    gone = f"{alert.camera} is silent" if inventory.is_alive(alert.robot) else f"{alert.robot} is offline"
+    return f"not known now: {gone}, last seen {ago(until_ns, now_ns)}"
+
+
+def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool, doubt: str = "") -> dict[str, Any]:
+    """Return an alert as its templates take it. may_act: who looks may do something about it. doubt: see `doubt_of`."""
     return {
         "id": alert.id,
         "severity": alert.severity,
         "text": alert.text,
+        "doubt": doubt,
         "rule": alert.rule,
         "robot": alert.robot,
         "camera": alert.camera,

@@ -19,12 +19,13 @@ DEEDS: Final = """
 
 SAID: Final = """
 <div>{{ props.row.text }}</div>
+<div v-if="props.row.doubt">{{ props.row.doubt }}</div>
 <div class="fs-why">{{ props.row.rule }}</div>
 <div class="fs-why" v-for="act in props.row.acts">{{ act }}</div>
 """
 
 OPEN_BODY: Final = f"""
-<q-tr :props="props" :data-alert="props.row.id">
+<q-tr :props="props" :class="props.row.doubt ? 'fs-stale' : ''" :data-alert="props.row.id">
   <q-td key="severity" :props="props">{SEVERITY}</q-td>
   <q-td key="text" :props="props" class="fs-wide">{SAID}</q-td>
   <q-td key="robot" :props="props">{WHERE}</q-td>
@@ -45,7 +46,7 @@ ENDED_BODY: Final = f"""
 """
 
 CARD: Final = f"""
-<div class="fs-card" :data-alert="props.row.id">
+<div :class="props.row.doubt ? 'fs-card fs-stale' : 'fs-card'" :data-alert="props.row.id">
   <div class="fs-top"><span>{SEVERITY} <span class="fs-muted fs-small">{{{{ props.row.state }}}}</span></span>
     <span class="fs-muted fs-small">{{{{ props.row.ended || props.row.raised }}}}</span></div>
   <div>{SAID}</div>

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from nicegui import events, ui
 
@@ -14,6 +14,7 @@ from services.monitor.page.alert_rows import (
     Deed,
     Panel,
     alert_row,
+    doubt_of,
     panel_of,
     severity_figures,
     sorted_alerts,
@@ -138,8 +139,13 @@ class _Alerts:
         found = wanted_alerts(every or (), self._severity, self._text)
         self._count(every, found)
         shown = sorted_alerts(found, window.sort, descending=window.descending)[window.begin : window.end]
-        now_ns, may_act = time.time_ns(), leads and self._visitor.may_act
-        return [alert_row(each, self._monitor.acts_of(each.id), now_ns, may_act=may_act) for each in shown], len(found)
+        may_act = leads and self._visitor.may_act
+        return [self._row(each, may_act=may_act) for each in shown], len(found)
+
+    def _row(self, alert: Alert, *, may_act: bool) -> dict[str, Any]:
+        now_ns = time.time_ns()
+        doubt = doubt_of(alert, self._monitor.fleet.inventory, now_ns)
+        return alert_row(alert, self._monitor.acts_of(alert.id), now_ns, may_act=may_act, doubt=doubt)
 
     async def _load_ended(self, window: Window) -> tuple[Rows, int]:
         ended = await self._kept.ended()

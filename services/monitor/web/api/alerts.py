@@ -22,13 +22,15 @@ def alert_routes(monitor: Monitor) -> APIRouter:
     """Return the routes."""
     router = APIRouter(tags=["alerts"])
 
+    def answer(alert: Alert) -> AlertAnswer:
+        return alert_answer(alert, monitor.acts_of(alert.id), monitor.known_until_ns(alert))
+
     @router.get("/alerts")
     async def alerts(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[AlertAnswer]:
         """The alerts that are not resolved, whichever monitor raised them."""
         found = [alert for alert in await monitor.current_alerts() if robot in ("", alert.robot)]
         items, mark = page_of(sorted(found, key=_place), _place, limit, after, 1)
-        answers = [alert_answer(alert, monitor.acts_of(alert.id)) for alert in items]
-        return Page(now=moment(time.time_ns()), items=answers, next=mark)
+        return Page(now=moment(time.time_ns()), items=[answer(alert) for alert in items], next=mark)
 
     def act(do: Callable[[str, str], Alert], alert_id: str, request: Request) -> AlertAnswer:
         visitor = visitor_of(request)
@@ -36,7 +38,7 @@ def alert_routes(monitor: Monitor) -> APIRouter:
             raise HTTPException(403, "only operators may do this")
         if not monitor.history.status.leads:
             raise HTTPException(409, "another monitor raises the alerts: ask that one")
-        return alert_answer(do(alert_id, visitor.name), monitor.acts_of(alert_id))
+        return answer(do(alert_id, visitor.name))
 
     @router.post("/alerts/{alert_id}/acknowledge")
     async def acknowledge(alert_id: AlertId, request: Request) -> AlertAnswer:

@@ -84,8 +84,9 @@ class Feed:
 
     def _of_alerts(self, alerts: Iterable[Alert]) -> Iterator[Found]:
         for alert in alerts:
-            acts = self._monitor.acts_of(alert.id)
-            yield (alert.id,), (alert, acts), alert.robot, partial(_alert_json, alert, acts)
+            acts, known_until_ns = self._monitor.acts_of(alert.id), self._monitor.known_until_ns(alert)
+            state = (alert, acts, known_until_ns)
+            yield (alert.id,), state, alert.robot, partial(_alert_json, alert, acts, known_until_ns)
 
     def _item(self, topic: Topic, found: Found) -> Item:
         name, state, robot, body = found
@@ -95,8 +96,8 @@ class Feed:
         return Item(state, body(), now_s, robot)
 
 
-def _alert_json(alert: Alert, acts: tuple[Act, ...]) -> str:
-    return alert_answer(alert, acts).model_dump_json(by_alias=True)
+def _alert_json(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None) -> str:
+    return alert_answer(alert, acts, known_until_ns).model_dump_json(by_alias=True)
 
 
 def _of_robot(robot: RobotLine) -> Found:

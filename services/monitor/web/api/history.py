@@ -79,7 +79,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
         done: dict[str, list[Act]] = defaultdict(list)
         for act in acts:
             done[act.alert_id].append(act)
-        answers = [alert_answer(each, tuple(done[each.id])) for each in found]
+        answers = [alert_answer(each, tuple(done[each.id]), monitor.known_until_ns(each)) for each in found]
         return Page(now=moment(time.time_ns()), items=answers, next=mark)
 
     @router.get("/export", response_class=FileResponse)

@@ -120,7 +120,11 @@ class ActAnswer(Part):
 
 
 class AlertAnswer(Part):
-    """An alert, and what people did with it."""
+    """An alert, and what people did with it.
+
+    known_until: when its camera was heard last, if its robot is gone or its camera silent, so that nobody knows whether
+    what it says is still so; None while that is known, of alerts about silence itself, and of resolved ones.
+    """
 
     id: str
     rule: str
@@ -132,6 +136,7 @@ class AlertAnswer(Part):
     text: str
     raised: datetime
     changed: datetime
+    known_until: datetime | None
     acts: tuple[ActAnswer, ...]
 
 
@@ -272,8 +277,8 @@ def interval_answer(of: Interval) -> IntervalAnswer:
     )
 
 
-def alert_answer(alert: Alert, acts: tuple[Act, ...]) -> AlertAnswer:
-    """Return an alert as it is answered."""
+def alert_answer(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None) -> AlertAnswer:
+    """Return an alert as it is answered. known_until_ns: see `doubt`."""
     return AlertAnswer(
         id=alert.id,
         rule=alert.rule,
@@ -285,6 +290,7 @@ def alert_answer(alert: Alert, acts: tuple[Act, ...]) -> AlertAnswer:
         text=alert.text,
         raised=moment(alert.raised_ns),
         changed=moment(alert.changed_ns),
+        known_until=None if known_until_ns is None else moment(known_until_ns),
         acts=tuple(ActAnswer(state=act.state, who=act.who, at=moment(act.at_ns)) for act in acts),
     )
 

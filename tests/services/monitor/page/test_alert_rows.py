@@ -3,9 +3,11 @@ import pytest
 
 from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.history.acts import Act
+from services.monitor.inventory.inventory import Inventory
 from services.monitor.page.alert_rows import (
     Panel,
     alert_row,
+    doubt_of,
     panel_of,
     severity_figures,
     sorted_alerts,
@@ -83,6 +85,16 @@ def test_who_did_what_is_said() -> None:
     row = alert_row(ALERT, [Act("1", AlertState.ACKNOWLEDGED, "ann", 130 * S)], 160 * S, may_act=False)
     assert row["acts"] == ["acknowledged by ann, 30 s ago"]
     assert (row["raised"], row["ended"]) == ("1 min ago", "")
+
+
+def test_why_nobody_knows_whether_it_is_still_so_is_said() -> None:
+    inventory = Inventory()
+    assert doubt_of(ALERT, inventory, 160 * S) == "not known now: r1 is offline, last seen 1 min ago"
+    inventory.robot_presence("r1", alive=True)
+    doubt = doubt_of(ALERT, inventory, 130 * S)
+    assert doubt == "not known now: front is silent, last seen 30 s ago"
+    assert alert_row(ALERT, (), 130 * S, may_act=True, doubt=doubt)["doubt"] == doubt
+    assert doubt_of(msgspec.structs.replace(ALERT, name=""), inventory, 130 * S) == ""
 
 
 def test_that_nobody_knows_which_alerts_are_open_is_not_that_none_is() -> None:

@@ -1,16 +1,20 @@
 import time
+from datetime import datetime
 from pathlib import Path
+
+import msgspec
 
 from bus.fake import FakeNetwork
 from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.export.settings import epoch_ns
 from services.monitor.history.acts import Act
 from services.monitor.monitor import Monitor
 from services.monitor.rules.loading import load_rules
-from tests.services.monitor.web.api.seeing import ODD
+from tests.services.monitor.web.api.seeing import FRONT, ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
 from tests.services.monitor.web.serving import monitor_on
 
-RULES = """rules: [{name: here, when: over, class: box, count: 0}]
+RULES = """rules: [{name: here, when: over, class: box, count: 0}, {name: gone, when: silent}]
 webhooks: {ops: {url: "https://user:pw@ops.example/x", secret: do-not-tell}}"""
 
 
@@ -44,6 +48,29 @@ async def test_operators_act_and_who_did_what_is_told(web: Web) -> None:
         assert (gone.status_code, gone.json()) == (404, {"error": "no alert 'a1' that is not resolved"})
         assert [each["id"] for each in (await browser.get("/api/v1/alerts?robot=r1")).json()["items"]] == ["a2"]
         assert (await browser.get("/api/v1/alerts?robot=r2")).json()["items"] == []
+
+
+async def test_until_when_it_was_known_is_told_of_an_alert_whose_camera_is_silent(web: Web) -> None:
+    fill(web.monitor.fleet)
+    about = msgspec.structs.replace(alert(), camera="front")
+    raise_alert(web.monitor, about, msgspec.structs.replace(about, id="a2", rule="gone", camera="", name=""))
+    async with await web.program() as program:
+
+        async def until() -> list[str | None]:
+            return [each["known_until"] for each in (await program.get("/api/v1/alerts")).json()["items"]]
+
+        assert await until() == [None, None]
+        web.monitor.fleet.robot_presence("r1", alive=False)
+        view = web.monitor.fleet.inventory.camera(FRONT)
+        assert view is not None
+        (seen, silence) = await until()
+        assert (seen is not None and epoch_ns(datetime.fromisoformat(seen)) // 1_000, silence) == (
+            view.last_ns // 1_000,
+            None,
+        )
+    async with await web.browser() as browser:
+        assert (await browser.post("/api/v1/alerts/a1/acknowledge")).json()["known_until"] == seen
+        assert (await browser.post("/api/v1/alerts/a1/resolve")).json()["known_until"] is None
 
 
 async def test_rules_are_told_without_their_secrets(web: Web) -> None:

@@ -1,8 +1,11 @@
 import json
 
+import msgspec
+
 from bus.fake import FakeNetwork
 from services.monitor.web.api.feed import TOPICS, Feed
 from tests.services.monitor.web.api.seeing import ODD, fill, see
+from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.serving import monitor_on
 
 
@@ -14,6 +17,20 @@ async def test_nothing_is_made_that_nobody_asked_for() -> None:
         assert {topic: list(items) for topic, items in found.items()} == {"workers": [("detector", "w1")], "alerts": []}
         assert monitor._snapshot._made is None
         assert monitor._inventory._made is None
+
+
+async def test_it_is_news_that_nobody_knows_any_more_what_an_alert_says() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        fill(monitor.fleet)
+        raise_alert(monitor, msgspec.structs.replace(alert(), camera="front"))
+        feed = Feed(monitor)
+        _, first = await feed.current(["alerts"])
+        assert json.loads(first["alerts"]["a1",].body)["known_until"] is None
+        monitor.fleet.robot_presence("r1", alive=False)
+        feed._recent["alerts"]._made = None
+        _, then = await feed.current(["alerts"])
+        assert json.loads(then["alerts"]["a1",].body)["known_until"]
 
 
 async def test_what_is_no_news_stays_the_same_item() -> None:
