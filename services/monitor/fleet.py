@@ -1,7 +1,7 @@
 """How the fleet is doing and what it sees: pure state that messages, presence and time move on."""
 
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -42,9 +42,10 @@ class Age(msgspec.Struct, frozen=True, gc=False):
 
 
 class Row(msgspec.Struct, frozen=True, gc=False):
-    """One camera as an operator reads it. Fields are None until the first class list is there.
+    """One camera as an operator reads it. Fields are None until there are class lists.
 
-    stale_s: how old what it shows may be.
+    classes: what is in view, or was last, as the inventory has settled it, by name. stale_s: how old what it shows may
+    be.
     """
 
     key: CameraKey
@@ -62,23 +63,10 @@ class Row(msgspec.Struct, frozen=True, gc=False):
 
 @dataclass(slots=True)
 class _Camera:
-    classes: list[ClassCount] | None = None
     arrived_s: float = 0.0
     lag_s: float | None = None
     lists: int = 0
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=64))
-
-    def take(self, seen: Sequence[ClassCount]) -> bool:
-        """Take what was seen; return whether it counts something else than before.
-
-        The list stays the same one: collections would look at all that are new.
-        """
-        if self.classes is None:
-            self.classes = list(seen)
-            return True
-        same = _same(self.classes, seen)
-        self.classes[:] = seen
-        return not same
 
     def rate_hz(self, now_s: float) -> float:
         recent = self.arrivals
@@ -169,7 +157,7 @@ class Fleet:
         camera = self._camera(key)
         if self.first_list_s is None:
             self.first_list_s = now_s
-        if camera.take(seen.classes):
+        if changes:
             self._changed.add(key)
         camera.arrived_s = now_s
         camera.lists += 1
@@ -251,11 +239,11 @@ class Fleet:
 
     def row(self, key: CameraKey, now_s: float) -> Row:
         """Return one camera."""
-        camera = self._cameras.get(key, UNHEARD)
+        camera, view = self._cameras.get(key, UNHEARD), self.inventory.camera(key)
         return Row(
             key=key,
             online=self.inventory.online(key),
-            classes=None if camera.classes is None else tuple(camera.classes),
+            classes=None if view is None else view.in_view(),
             age=_age(camera, now_s),
             rate_hz=camera.rate_hz(now_s),
             stale_s=self.inventory.limits.stale_ns / NS,
@@ -295,16 +283,6 @@ class Fleet:
 
 
 def _age(camera: _Camera, now_s: float) -> Age | None:
-    if camera.classes is None:
+    if not camera.lists:
         return None
     return Age(now_s - camera.arrived_s + (camera.lag_s or 0.0), exact=camera.lag_s is not None)
-
-
-def _same(some: Sequence[ClassCount], others: Sequence[ClassCount]) -> bool:
-    """Whether lists count the same, whatever their scores."""
-    if len(some) != len(others):
-        return False
-    for one, other in zip(some, others, strict=True):
-        if one.count != other.count or one.name != other.name:
-            return False
-    return True

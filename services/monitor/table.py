@@ -52,7 +52,7 @@ def line(row: Row, state: str) -> str:
 def classes(row: Row) -> str:
     """Return what is in view, in words that a terminal may show: a model's names are whatever its maker called them."""
     if row.classes is None:
-        return "waiting for the first class list"
+        return "waiting for class lists"
     return ", ".join(f"{seen.count} {printable(seen.name)}" for seen in row.classes) or "nothing"
 
 

@@ -20,6 +20,13 @@ pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)
 
 expect.set_options(timeout=PATIENCE_MS)
 
+NOTE_CHIPS = """() => {
+  window.chips = [];
+  const note = () =>
+    document.querySelectorAll("[data-robot=r6] .fs-chip").forEach(chip => chips.push(chip.textContent));
+  new MutationObserver(note).observe(document.body, {childList: true, subtree: true, characterData: true});
+}"""
+
 HTML = "<img src=x onerror=document.title=1>"
 
 RULES = """
@@ -78,6 +85,21 @@ async def test_the_fleet_is_seen_and_a_robot_that_goes_stays_on_screen_but_is_no
         await expect(page.locator(".fs-name", has_text=HTML)).to_be_visible()
         assert await page.locator("img").count() == 0
         await looker.picture("fleet-wall-light")
+
+
+async def test_what_flickers_and_what_is_not_there_is_not_on_the_first_page(site: Site, tmp_path: Path) -> None:
+    robot = site.fleet.enter(Robot("r6", {"drum": 1, "tarp": 0}, flickers={"ghost": 1}))
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/")
+        chips = page.locator("[data-robot=r6] .fs-chip")
+        await expect(chips).to_have_text(["1drum"])
+        await page.evaluate(NOTE_CHIPS)
+        robot.seen = {"drum": 2, "tarp": 0}
+        await expect(chips).to_have_text(["2drum"])
+        robot.seen = {"drum": 2, "tarp": 0, "rack": 1}
+        await expect(chips).to_have_text(["2drum", "1rack"])
+        assert set(await page.evaluate("window.chips")) <= {"1drum", "2drum", "1rack"}
+    await site.fleet.leave("r6")
 
 
 async def test_robots_are_searched_and_chosen_by_their_state(site: Site, tmp_path: Path) -> None:

@@ -29,12 +29,15 @@ CLOCK: Final = "clock"
 class Robot:
     """A robot with a front camera, whose results are of a detector `gpu-1`.
 
-    seen: how many of each class are in view from now on, None for no more class lists. waiting_for: what its gateway
-    cannot go on without.
+    seen: how many of each class are in view from now on, None for no more class lists. flickers: what every other list
+    says as well. waiting_for: what its gateway cannot go on without.
     """
 
-    def __init__(self, name: str, seen: Mapping[str, int], *, waiting_for: str = "") -> None:
+    def __init__(
+        self, name: str, seen: Mapping[str, int], *, flickers: Mapping[str, int] | None = None, waiting_for: str = ""
+    ) -> None:
         self.key = CameraKey(name, "front")
+        self._flickers = flickers or {}
         self.seen: Mapping[str, int] | None = seen
         self.waiting_for = waiting_for
         self._seq = 0
@@ -70,7 +73,8 @@ class Robot:
     def _classes(self) -> ClassList | None:
         if self.seen is None:
             return None
-        counts = [ClassCount(name, count, 0.875) for name, count in self.seen.items()]
+        seen = {**self.seen, **self._flickers} if self._seq % 2 else self.seen
+        counts = [ClassCount(name, count, 0.875) for name, count in seen.items()]
         return ClassList(header=self._header(), classes=counts, model=MODEL, worker="gpu-1")
 
     def _distances(self) -> Distances | None:

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Iterator
 from itertools import chain
+from operator import attrgetter
 from typing import Final
 
 from schemas import worker_keys
-from schemas.detections import ClassList
+from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
 from services.monitor.inventory.debouncing import NS, Debounce
@@ -18,6 +19,9 @@ MAX_MODELS: Final = 4
 
 AFTERMATH_NS: Final = 60 * NS
 """How long a camera stays contested after its last second opinion has grown old, so that everybody sees that."""
+
+
+_NAME: Final = attrgetter("name")
 
 
 class CameraView:
@@ -143,6 +147,18 @@ class CameraView:
         """Yield each class that is or was in view, to be looked at only."""
         if self.speaker is not None:
             yield from ((name, tracked) for name, tracked in self.speaker.classes.items() if tracked.first_ns)
+
+    def in_view(self) -> tuple[ClassCount, ...] | None:
+        """Return the settled count of each class in view, by name, or as it was last; None before that is known."""
+        if self.speaker is None:
+            return None
+        counted = [
+            ClassCount(name, tracked.count.count, tracked.score)
+            for name, tracked in self.speaker.classes.items()
+            if tracked.count.count
+        ]
+        counted.sort(key=_NAME)
+        return tuple(counted) if counted or self.speaker.lists > 1 else None
 
     def others(self, since_ns: int) -> Iterator[View]:
         """Yield the models that spoke since then, and not only once, other than the one that speaks for the camera."""

@@ -19,7 +19,7 @@ DROPPED: Final = """
 
 IN_VIEW: Final = """
 <span v-if="camera.classes === null" class="fs-muted"
-  >{{ camera.online ? 'waiting for the first class list' : 'not known' }}</span>
+  >{{ camera.online ? 'waiting for class lists' : 'not known' }}</span>
 <span v-else-if="!camera.classes.length" class="fs-muted">nothing in view</span>
 <span v-else v-for="seen in camera.classes" class="fs-chip"><b>{{ seen[0] }}</b>{{ seen[1] }}</span>
 """

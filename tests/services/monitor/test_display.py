@@ -59,7 +59,7 @@ async def test_a_monitor_whose_picture_nobody_reads_goes_on_and_ends_in_order(*,
                 put = 0
                 while select.select([], [writing], [], 0)[1]:
                     put += 1
-                    publisher.put(codec.encode(seen(put, {f"a class of no. {put % 9} and {'x' * 200}": 1})))
+                    publisher.put(codec.encode(seen(put, {f"a class of no. {put // 2 % 9} and {'x' * 200}": 1})))
                     await asyncio.sleep(0.05)
                 publisher.put(codec.encode(seen(put + 1, {})))
                 before = await class_lists(bus)

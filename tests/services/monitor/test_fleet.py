@@ -53,18 +53,44 @@ def test_a_camera_is_listed_before_its_first_class_list() -> None:
 
 def test_a_class_list_fills_the_row_and_ages_from_the_gateways_receive_time() -> None:
     fleet = online_fleet()
-    message = seen(box=2)
-    assert fleet.see(message, 10.0, message.header.received_ns + 250_000_000) is not None
+    for seq in (0, 1):
+        message = seen(seq, box=2)
+        assert fleet.see(message, 10.0, message.header.received_ns + 250_000_000) is not None
     row = only(fleet, 11.0)
     assert row.classes == (ClassCount("box", 2, 0.9),)
     assert row.age == Age(1.25, exact=True)
-    assert list(fleet.ages_s) == [0.25]
+    assert list(fleet.ages_s) == [0.25, 0.25]
+
+
+def test_a_row_counts_what_is_settled_and_what_one_list_alone_says_is_neither_there_nor_gone() -> None:
+    fleet = online_fleet()
+    lists = iter(
+        msgspec.structs.replace(seen(seq), classes=[ClassCount(name, 1, 0.9) for name in names])
+        for seq, names in enumerate(("pb", "pb", "pbg", "b", "pb", "b", "b", "b"))
+    )
+    shown = []
+    for at_s, each in enumerate(lists):
+        fleet.see(each, at_s, at_s * S)
+        classes = only(fleet, at_s).classes
+        shown.append(None if classes is None else "".join(of.name for of in classes))
+    assert shown == [None, "bp", "bp", "bp", "bp", "bp", "b", "b"]
+    fleet.see(msgspec.structs.replace(seen(8), classes=[ClassCount("b", 0, 0.0)]), 8, 8 * S)
+    fleet.see(msgspec.structs.replace(seen(9), classes=[ClassCount("b", 0, 0.0)]), 9, 9 * S)
+    assert only(fleet, 9).classes == ()
+
+
+def test_that_nothing_is_in_view_is_known_as_soon_as_what_is() -> None:
+    fleet = online_fleet()
+    for seq, classes in enumerate((None, ())):
+        fleet.see(msgspec.structs.replace(seen(seq), classes=[]), 0, 0)
+        assert only(fleet, 0).classes == classes
 
 
 def test_a_row_has_the_scores_of_the_newest_list_whatever_it_counts() -> None:
     fleet = online_fleet()
-    fleet.see(seen(1), 10.0, 0)
-    list(fleet.take_changed(10.0))
+    for seq in (0, 1):
+        fleet.see(seen(seq), 10.0, 0)
+    assert [row.key for row in fleet.take_changed(10.0)] == [FRONT]
     before = only(fleet, 10.0)
     surer = msgspec.structs.replace(seen(2), classes=[ClassCount("box", 1, 0.95)])
     assert fleet.see(surer, 11.0, 0) is not None
@@ -229,8 +255,8 @@ def test_how_old_a_view_may_be_is_what_the_inventory_says() -> None:
 @pytest.mark.parametrize("lost", ["robot", "camera"])
 def test_a_lost_robot_or_camera_stays_on_screen_offline(lost: str) -> None:
     fleet = online_fleet()
-    message = seen()
-    fleet.see(message, 0.0, message.header.received_ns)
+    for seq in (0, 1):
+        fleet.see(seen(seq), 0.0, header().received_ns)
     if lost == "robot":
         fleet.robot_presence("r1", alive=False)
     else:
@@ -283,13 +309,15 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
     fleet.robot_presence("r2", alive=False)
 
 
-def test_a_camera_that_only_the_history_knows_is_listed_as_offline() -> None:
+def test_a_camera_that_only_the_history_knows_is_listed_as_offline_with_what_it_showed_last() -> None:
     fleet = Fleet(CLOCK)
     sighting = Sighting(
         key=FRONT, name="box", count=1, score=0.5, first_ns=1, since_ns=1, last_ns=2, model="m", worker="w"
     )
     fleet.inventory.restore([sighting])
-    assert only(fleet, 0) == Row(key=FRONT, online=False, classes=None, age=None, rate_hz=0)
+    row = only(fleet, 0)
+    assert row == Row(key=FRONT, online=False, classes=(ClassCount("box", 1, 0.5),), age=None, rate_hz=0)
+    assert row.stale
 
 
 def test_a_frame_s_age_is_exact_where_the_clock_is_ours_and_else_since_it_came() -> None:

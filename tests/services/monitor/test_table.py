@@ -32,7 +32,7 @@ def test_every_column_of_every_row() -> None:
     assert shown == [
         ["r1", "front", "online", "3 box, 1 pallet", "0.2 s", "2.0/s"],
         ["r2", "front", "offline", "nothing", "> 9.0 s", "0.0/s"],
-        ["r3", "front", "online", "waiting for the first class list", "-", "0.0/s"],
+        ["r3", "front", "online", "waiting for class lists", "-", "0.0/s"],
     ]
 
 

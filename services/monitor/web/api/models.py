@@ -62,7 +62,8 @@ class RobotAnswer(Part):
 class CameraAnswer(Part):
     """A camera. stale: what it shows may no longer be so. age_exact: whether the way here is part of the age.
 
-    classes: of its newest list, None before the first. served_by: workers that look after it, as service/name.
+    classes: in view, or were last, settled as in the inventory; None before that is known. served_by: workers that look
+    after it, as service/name.
     """
 
     robot: str

@@ -57,12 +57,12 @@ async def test_the_fleet_as_it_changes_over_a_real_socket() -> None:
                 first = await next_of(socket)
                 assert [each["name"] for each in first["robots"]["changed"]] == ["r1"]
                 assert first["inventory"]["changed"][0]["class"] == ODD
-                see(monitor.fleet, 2, 0)
-                see(monitor.fleet, 3, 0)
+                see(monitor.fleet, 2, 3)
+                see(monitor.fleet, 3, 3)
                 then = await next_of(socket)
                 while not then.get("cameras"):
                     then = await next_of(socket)
-                assert then["cameras"]["changed"][0]["classes"] == []
+                assert then["cameras"]["changed"][0]["classes"] == [{"name": ODD, "count": 3, "score": 0.5}]
                 monitor.fleet.robot_presence("r1", alive=False)
                 then = await next_of(socket)
                 while "robots" not in then:
