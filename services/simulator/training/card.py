@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Final
 
+from services.simulator.training.checkpoints import ARCHITECTURE
 from services.simulator.training.evaluation.class_lists import REQUIRED_AREA, VISIBLE_AREA, ListFigures
 from services.simulator.training.evaluation.near import MATCHING_IOU, NEAR_AREA, NEAR_METRES, NearFigures
 from services.simulator.training.evaluation.precision import MIN_AREA, MaskFigures, Precision
 from services.simulator.training.evaluation.predictor import CONFIDENCE
 from services.simulator.training.evaluation.scenes import held_out_seeds
 from services.simulator.training.evaluation.truths import MIN_VISIBILITY
-from services.simulator.training.fitting import ARCHITECTURE, device_name
+from services.simulator.training.fitting import device_name
 from services.simulator.training.metering import Effort
 from services.simulator.training.settings import DECISIVE, TrainingSettings
 from services.simulator.world import CLASSES

@@ -1,16 +1,17 @@
 """The training run itself: Ultralytics' trainer on our data set, from scratch, stage by stage, resumable."""
 
 import shutil
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+from services.simulator.training.checkpoints import ARCHITECTURE, Checkpoint
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.progress import Progress
 from services.simulator.training.settings import TrainingSettings
 from services.simulator.training.stages import Stage, stages_of
 from services.simulator.training.trainer import quick_arithmetic, trainer_class
 
-ARCHITECTURE: Final = "yolo11n-seg.yaml"
 AUGMENTATION: Final = {
     "mosaic": 0.0,
     "erasing": 0.0,
@@ -23,44 +24,21 @@ AUGMENTATION: Final = {
     "hsv_v": 0.2,
 }
 
-# What Ultralytics' checkpoints call for when they are unpickled.
-LAYERS: Final = ("torch.nn.modules.", "ultralytics.nn.modules.")
-OTHERS: Final = (
-    "ultralytics.nn.tasks.SegmentationModel",
-    "ultralytics.utils.IterableSimpleNamespace",
-    "numpy._core.multiarray.scalar",
-    "numpy.dtype",
-    "_codecs.encode",
-)
-
 
 def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
     """Train every stage to its last epoch, going on from an earlier checkpoint; return the last checkpoint's path."""
     load_ultralytics(settings.work_dir / "ultralytics")
-    weights: Path | None = None
+    for cache in (dataset.parent / "labels").glob("*.cache"):
+        cache.unlink()  # a pickle, which Ultralytics would execute
+    last: Path | None = None
     for stage in stages_of(settings):
         checkpoint = stage.checkpoint(settings.work_dir)
-        if not checkpoint.exists() or epochs_done(checkpoint) < stage.epochs:
-            _fit_stage(stage, weights, settings, dataset, progress)
-        weights = checkpoint
-    assert weights is not None  # noqa: S101 - there is at least one stage
-    return weights
-
-
-def epochs_done(checkpoint: Path) -> int:
-    """How many epochs the state in `checkpoint`, which this command wrote, has seen.
-
-    Raises:
-        ValueError: it calls for what no network consists of; nothing in it was executed.
-    """
-    import torch  # noqa: PLC0415 - only the training needs it
-
-    called_for = torch.serialization.get_unsafe_globals_in_checkpoint(checkpoint)
-    strangers = [name for name in called_for if not name.startswith(LAYERS) and name not in OTHERS]
-    if strangers:
-        raise ValueError(f"it calls for {strangers[0]}")
-    state: dict[str, Any] = torch.load(checkpoint, map_location="cpu", weights_only=False)
-    return int(state["epoch"]) + 1
+        done = Checkpoint.read(checkpoint).epoch + 1 if checkpoint.exists() else 0
+        if done < stage.epochs:
+            _fit_stage(stage, checkpoint if done else last, settings, dataset, progress, resume=done > 0)
+        last = checkpoint
+    assert last is not None  # noqa: S101 - there is at least one stage
+    return last
 
 
 def device_name(settings: TrainingSettings) -> str:
@@ -73,29 +51,29 @@ def device_name(settings: TrainingSettings) -> str:
 
 
 def _fit_stage(
-    stage: Stage, weights: Path | None, settings: TrainingSettings, dataset: Path, progress: Progress
+    stage: Stage, begin: Path | None, settings: TrainingSettings, dataset: Path, progress: Progress, *, resume: bool
 ) -> None:
-    """Train a stage, from its own checkpoint if there is one, else from `weights`, else from nothing."""
+    """Train a stage from the state or, unless it is to `resume`, the weights in the checkpoint `begin`, or nothing."""
     from ultralytics.models import YOLO  # noqa: PLC0415 - after load_ultralytics
 
-    checkpoint = stage.checkpoint(settings.work_dir)
-    resumed = checkpoint.exists()
-    model = YOLO(str(checkpoint if resumed else weights or ARCHITECTURE), task="segment")
+    arguments = _arguments(stage, settings, dataset)
+    with suppress(FileNotFoundError):
+        shutil.rmtree(settings.work_dir / arguments["name"])  # Ultralytics would execute what is there
+    source = settings.work_dir / "begin.pt"
+    if begin is not None:
+        Checkpoint.read(begin).write(source, {"task": "segment", "mode": "train", "model": ARCHITECTURE, **arguments})
+    model = YOLO(str(source if begin is not None else ARCHITECTURE), task="segment")
     _watch(model, stage, settings, progress)
     with quick_arithmetic(settings.workers, device_name(settings)):
-        model.train(
-            trainer=trainer_class(),
-            resume=resumed,
-            data=str(dataset),
-            project=str(settings.work_dir.resolve()),
-            name=f"fit-{stage.name}",
-            **_arguments(stage, settings),
-        )
+        model.train(trainer=trainer_class(), resume=resume, **arguments)
 
 
-def _arguments(stage: Stage, settings: TrainingSettings) -> dict[str, Any]:
+def _arguments(stage: Stage, settings: TrainingSettings, dataset: Path) -> dict[str, Any]:
     device = device_name(settings)
     return {
+        "data": str(dataset),
+        "project": str(settings.work_dir.resolve()),
+        "name": f"fit-{stage.name}",
         "epochs": stage.epochs,
         "imgsz": stage.imgsz,
         "batch": settings.batch,

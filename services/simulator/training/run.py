@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from services.simulator.training.card import Figures, model_card
+from services.simulator.training.checkpoints import Checkpoint
 from services.simulator.training.dataset import VIEWS, holdout_seed, write_dataset
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.errors import TrainingError, first_line
@@ -13,7 +14,7 @@ from services.simulator.training.evaluation.held_out import HeldOutScore, scored
 from services.simulator.training.evaluation.near import near_figures
 from services.simulator.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, PredictorLoader
 from services.simulator.training.evaluation.scenes import held_out_seeds, held_out_views
-from services.simulator.training.fitting import device_name, epochs_done, fit
+from services.simulator.training.fitting import device_name, fit
 from services.simulator.training.metering import effort_so_far, metered
 from services.simulator.training.progress import Progress
 from services.simulator.training.refining.fitting import CHECKPOINT, kept_state
@@ -116,6 +117,6 @@ def _check(settings: TrainingSettings) -> None:
 def _check_checkpoint(checkpoint: Path) -> None:
     try:
         if checkpoint.exists():
-            epochs_done(checkpoint)
+            Checkpoint.read(checkpoint)
     except Exception as error:
         raise TrainingError(f"{checkpoint} is no checkpoint, remove it: {first_line(error)}") from error

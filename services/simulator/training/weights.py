@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from services.simulator.training.checkpoints import ARCHITECTURE, Checkpoint
 from services.simulator.training.errors import TrainingError
-from services.simulator.training.fitting import ARCHITECTURE
 
 _ABSOLUTE_PATH: Final = re.compile(rb"(?<![\w:/.-])(?:/[\w.+-]+){2,}|[A-Za-z]:\\[\w.+-]+")
 
@@ -20,9 +20,8 @@ def write_weights(checkpoint: Path, output: Path, imgsz: int, more: Mapping[str,
     """
     import torch  # noqa: PLC0415 - only the training needs it
 
-    state: dict[str, Any] = torch.load(checkpoint, map_location="cpu", weights_only=False)
     arguments = {"task": "segment", "model": ARCHITECTURE, "imgsz": imgsz}
-    model = state["ema"].half()
+    model: Any = Checkpoint.read(checkpoint).network().half()
     model.requires_grad_(requires_grad=False)
     model.args, model.criterion, model.pt_path = dict(arguments), None, None
     model.yaml["yaml_file"] = ARCHITECTURE

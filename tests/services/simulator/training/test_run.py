@@ -12,9 +12,9 @@ import torch
 from numpy.typing import NDArray
 
 from services.detector.runtime.refinement.closeups import stretched
+from services.simulator.training.checkpoints import Checkpoint
 from services.simulator.training.engine import load_ultralytics
 from services.simulator.training.errors import TrainingError
-from services.simulator.training.fitting import epochs_done
 from services.simulator.training.refining.refinement import Look, Looks
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
@@ -102,15 +102,39 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory) -> TrainingSettings:
     settings = small(tmp_path_factory.mktemp("training"))
     with pytest.raises(Interrupted):
         train(settings, Recorder(interrupt_at=("train fine", BATCHES + 1)), open_weights, REFINEMENT)
-    assert epochs_done(fine(settings).checkpoint(settings.work_dir)) == 1
+    assert Checkpoint.read(fine(settings).checkpoint(settings.work_dir)).epoch == 0
     assert not settings.output.exists()
     return settings
 
 
+class Intruder:
+    """Makes a folder as it is unpickled."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return os.mkdir, (str(self._folder),)
+
+
+def intrude(settings: TrainingSettings) -> None:
+    """Leave in a run's work directory what makes the folder `made` there once Ultralytics reads it."""
+    made, work_dir = settings.work_dir / "made", settings.work_dir
+    checkpoint = fine(settings).checkpoint(work_dir)
+    state = torch.load(checkpoint, weights_only=False)
+    state["ema"].yaml["activation"] = f"__import__('os').mkdir({str(made)!r}) or nn.SiLU()"
+    torch.save(state, checkpoint)
+    torch.save({"epoch": 0, "model": Intruder(made)}, work_dir / "fit-fine" / "weights" / "best.pt")
+    for split in ("train", "val"):
+        with (work_dir / "data" / "labels" / f"{split}.cache").open("wb") as cache:
+            np.save(cache, np.array(Intruder(made), dtype=object))
+
+
 @pytest.fixture(scope="module")
 def resumed(interrupted: TrainingSettings) -> Recorder:
-    """Take the run up again and let it end."""
+    """Take the run up again, somebody having been at its files, and let it end."""
     recorder = Recorder()
+    intrude(interrupted)
     train(interrupted, recorder, open_weights, REFINEMENT)
     return recorder
 
@@ -201,14 +225,9 @@ def test_what_cannot_work_is_said_before_anything_is_rendered(tmp_path: Path) ->
     assert "refiner.pt is no checkpoint of a refiner, remove it: " in refusal(small(tmp_path / "d"))
 
 
-class Intruder:
-    """Makes a folder as it is unpickled."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return os.mkdir, (str(self._folder),)
+@pytest.mark.usefixtures("resumed")
+def test_nothing_in_the_work_directory_is_executed_when_a_run_goes_on(interrupted: TrainingSettings) -> None:
+    assert not (interrupted.work_dir / "made").exists()
 
 
 def test_a_checkpoint_that_is_more_than_a_network_is_not_unpickled(tmp_path: Path) -> None:
