@@ -7,7 +7,7 @@ import queue
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
 from random import uniform
@@ -20,10 +20,11 @@ from bus.asking import Asking
 from bus.config import session_config
 from bus.connections import tune
 from bus.errors import BusError, NotServedError
+from bus.links import Links
 from bus.panics import panics_are_errors
 from bus.queries import send_query
 from bus.serving import serves
-from bus.settings import BusSettings, port_of
+from bus.settings import BusSettings
 
 RETRY_S: Final = 0.5
 """Between attempts, and up to as long again: a fleet does not try in step."""
@@ -43,6 +44,9 @@ IN_A_ROW: Final = 8
 
 SETTLING_S: Final = 1.0
 """Longest wait for that; short of the deadline for closing."""
+
+TELL_AFTER_S: Final = 3.0
+"""How long a router or peer may take to link before it is said that it waits."""
 
 LOOK_S: Final = 0.1
 """How often it is looked meanwhile whether there is still anything to wait for."""
@@ -77,10 +81,11 @@ class SessionThread:
         self._kept: dict[Declaration, None] = {}
         self._session: zenoh.Session | None = None
         self._turn = 0  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
-        self._links: set[tuple[str, str]] = set()  # those that were sought
+        self._links = Links(settings)
         self._stopping = threading.Event()
         self._stopped = False
         self._retry_at: float | None = None
+        self._tell_at: float | None = None
         self._opened_at = 0.0
         self._unsettled = 0
         self._cut = threading.Event()
@@ -148,18 +153,24 @@ class SessionThread:
 
     def _run(self) -> None:
         while not self._stopped:
+            due = [at for at in (self._retry_at, self._tell_at) if at is not None]
             try:
-                job = self._jobs.get(
-                    timeout=None if self._retry_at is None else max(0, self._retry_at - time.monotonic())
-                )
+                job = self._jobs.get(timeout=max(0, min(due) - time.monotonic()) if due else None)
             except queue.Empty:
-                self._retry_after(RETRY_S)
-                self.do(self._open)
+                self._do_what_is_due()
             else:
                 job()
         with contextlib.suppress(queue.Empty):
             while True:
                 self._jobs.get_nowait()()
+
+    def _do_what_is_due(self) -> None:
+        if self._tell_at is not None:
+            self._tell_at = None
+            self.do(self._tell)
+        else:
+            self._retry_after(RETRY_S)
+            self.do(self._open)
 
     def _open(self) -> None:
         self._ended = None
@@ -176,13 +187,22 @@ class SessionThread:
                     f"cannot open the bus as a {self._settings.mode} (listen {', '.join(named or listen)}): "
                     f"{_reason(error)}"
                 ) from error
-            if first:  # Zenoh does not say why: refused, not answered and another's certificate look the same
-                _log.warning("waiting for a link to %s: no Zenoh router answers there", self._where)
+            if first:
+                self._warn_of(self._settings.connect)
             self._retry_after(RETRY_S)
             return
         if self._settings.mode != "client" and self._settings.connect:
             _log.info("connecting to %s", self._where)
+            self._tell_at = time.monotonic() + TELL_AFTER_S
         self._use(session)
+
+    def _tell(self) -> None:
+        """Say what a router or peer has no link to: it goes on trying without a word."""
+        if missing := self._links.missing():
+            self._warn_of(missing)
+
+    def _warn_of(self, endpoints: Sequence[str]) -> None:  # Zenoh does not say why
+        _log.warning("waiting for a link to %s: no Zenoh router answers there", _named(endpoints))
 
     def _opened(self) -> zenoh.Session:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
@@ -243,7 +263,7 @@ class SessionThread:
 
     @property
     def _where(self) -> str:
-        return ", ".join(self._settings.connect) or "any address found by scouting"
+        return _named(self._settings.connect)
 
     def _on_link(self, turn: int, event: zenoh.LinkEvent) -> None:
         """Have the session's thread act on it; this one is Zenoh's."""
@@ -254,29 +274,17 @@ class SessionThread:
 
     def _link_up(self, turn: int, own: str, other: str) -> None:
         tune(own)
-        if turn == self._turn and self._is_sought(other):
-            self._links.add((own, other))
+        if turn == self._turn and self._links.add(own, other):
             _log.info("connected to %s", other)
 
     def _link_down(self, turn: int, own: str, other: str) -> None:
         is_client = self._settings.mode == "client"
-        if turn != self._turn or self._session is None or not (is_client or (own, other) in self._links):
+        if turn != self._turn or self._session is None or not (self._links.remove(own, other) or is_client):
             return
-        self._links.discard((own, other))
         if not self._stopped:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
         if is_client:
             self._end(self._session)
-
-    def _is_sought(self, other: str) -> bool:
-        """Whether a link is one that was asked for, and not others' to us, as far as ports tell: hosts have names.
-
-        Who scouts and names nobody to connect to asks for any.
-        """
-        settings = self._settings
-        if settings.mode == "client" or (settings.scouting and not settings.connect):
-            return True
-        return port_of(other) in {port_of(endpoint) for endpoint in settings.connect}
 
     def _declare(self, declaration: Declaration) -> None:
         self._kept[declaration] = None
@@ -312,6 +320,10 @@ class SessionThread:
             _close(self._session)
             self._session = None
         then()
+
+
+def _named(endpoints: Sequence[str]) -> str:
+    return ", ".join(endpoints) or "any address found by scouting"
 
 
 def _take_back(declaration: Declaration) -> None:

@@ -17,6 +17,7 @@ from bus import (
     QoS,
     Subscription,
     open_bus,
+    session,
 )
 from tests.bus.sessions import LEASE_S, ROUTER, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
@@ -205,6 +206,21 @@ async def test_a_robots_bus_waits_for_the_centre(
     ours = [record.getMessage().partition(" tcp/")[0] for record in caplog.records if record.name == "bus.session"]
     assert ours.count("connecting to") == 1
     assert ours.count("lost the link to") == 2
+
+
+@pytest.mark.parametrize("mode", ["router", "peer"])
+async def test_a_robots_bus_says_in_a_clients_words_what_it_waits_for(
+    mode: Literal["router", "peer"], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.INFO, logger="bus")
+    monkeypatch.setattr(session, "TELL_AFTER_S", 0.0)
+    central, own = free_endpoint(), free_endpoint()
+    async with open_bus(BusSettings(mode=mode, listen=[own], connect=[central], lease_s=LEASE_S)):
+        await until(lambda: bool(warnings_in(caplog)))
+        async with open_bus(router(central)):
+            await until(lambda: f"connected to {central}" in caplog.messages)
+        assert warnings_in(caplog)[0] == f"waiting for a link to {central}: no Zenoh router answers there"
+        assert len([message for message in warnings_in(caplog) if message.startswith("waiting")]) == 1
 
 
 async def test_a_link_to_somebody_else_is_not_the_one_that_was_sought_beside_scouting() -> None:

@@ -1,0 +1,75 @@
+"""Which of a session's links are those that were asked for, and which of these are not there. Pure."""
+
+import re
+from ipaddress import ip_address
+from typing import Final
+
+from bus.settings import BusSettings, port_of
+
+_HOST: Final = re.compile(r"[a-z]+/\[?([^\]?#]*)\]?:\d+")
+
+
+class Links:
+    """The links that a session sought and has, each as its own end and the other's."""
+
+    def __init__(self, settings: BusSettings) -> None:
+        self._settings = settings
+        self._there: set[tuple[str, str]] = set()
+
+    def __bool__(self) -> bool:
+        return bool(self._there)
+
+    def clear(self) -> None:
+        self._there.clear()
+
+    def add(self, own: str, other: str) -> bool:
+        """Take in a link that is there; return whether it is one that was sought."""
+        sought = self._is_sought(other)
+        if sought:
+            self._there.add((own, other))
+        return sought
+
+    def remove(self, own: str, other: str) -> bool:
+        """Return whether it was one of these."""
+        was_there = (own, other) in self._there
+        self._there.discard((own, other))
+        return was_there
+
+    def missing(self) -> list[str]:
+        """Return the endpoints that no link is to, as far as addresses and ports tell: hosts have names."""
+        others = [other for _, other in self._there]
+        return [endpoint for endpoint in self._settings.connect if not any(_fits(endpoint, other) for other in others)]
+
+    def _is_sought(self, other: str) -> bool:
+        """Whether a link is one that was asked for, and not others' to us, as far as ports tell.
+
+        Who scouts and names nobody to connect to asks for any.
+        """
+        settings = self._settings
+        if settings.mode == "client" or (settings.scouting and not settings.connect):
+            return True
+        return port_of(other) in {port_of(endpoint) for endpoint in settings.connect}
+
+
+def host_of(endpoint: str) -> str:
+    """Return the host of an endpoint, or of a link's end; that of an IPv6 address without its brackets."""
+    match = _HOST.match(endpoint)
+    return match[1] if match is not None else ""
+
+
+def is_name(host: str) -> bool:
+    """Whether a host is not told by its address."""
+    try:
+        ip_address(host)
+    except ValueError:
+        return True
+    return False
+
+
+def _fits(endpoint: str, other: str) -> bool:
+    if port_of(endpoint) != port_of(other):
+        return False
+    asked, linked = host_of(endpoint), host_of(other)
+    if is_name(asked) or is_name(linked):
+        return True
+    return ip_address(asked) == ip_address(linked) or ip_address(asked).is_unspecified
