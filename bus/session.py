@@ -25,6 +25,7 @@ from bus.panics import panics_are_errors
 from bus.queries import send_query
 from bus.serving import serves
 from bus.settings import BusSettings
+from bus.unreached import why_unreached
 
 RETRY_S: Final = 0.5
 """Between attempts, and up to as long again: a fleet does not try in step."""
@@ -201,8 +202,8 @@ class SessionThread:
         if missing := self._links.missing():
             self._warn_of(missing)
 
-    def _warn_of(self, endpoints: Sequence[str]) -> None:  # Zenoh does not say why
-        _log.warning("waiting for a link to %s: no Zenoh router answers there", _named(endpoints))
+    def _warn_of(self, endpoints: Sequence[str]) -> None:
+        _log.warning("waiting for a link to %s: %s", _named(endpoints), why_unreached(endpoints))
 
     def _opened(self) -> zenoh.Session:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))

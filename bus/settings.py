@@ -9,8 +9,7 @@ _ENDPOINT: Final = re.compile(
     r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9A-Fa-f:.]+\]|[^\s\[\]/:?#]+):(?P<port>\d{1,5})(?:[?#]\S*)?"
 )
 
-
-_WITH_TLS: Final = ("tls/", "quic/")
+WITH_TLS: Final = ("tls/", "quic/")
 
 
 def _endpoint(value: str) -> str:
@@ -83,7 +82,7 @@ class BusSettings(BaseModel):
     def _tls_is_mutual(self) -> Self:
         files = {"tls_ca": self.tls_ca, "tls_certificate": self.tls_certificate, "tls_key": self.tls_key}
         missing = [name for name, file in files.items() if file is None]
-        if missing and any(endpoint.startswith(_WITH_TLS) for endpoint in [*self.connect, *self.listen]):
+        if missing and any(endpoint.startswith(WITH_TLS) for endpoint in [*self.connect, *self.listen]):
             raise ValueError(f"{missing[0]}: tls/ and quic/ endpoints need {', '.join(files)}")
         if missing and len(missing) < len(files):
             raise ValueError(f"{missing[0]}: {', '.join(files)} go together")

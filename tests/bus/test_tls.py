@@ -3,6 +3,8 @@
 import asyncio
 from pathlib import Path
 
+import pytest
+
 from bus import QUEUE, BusSettings, QoS, open_bus
 from tests.bus.certificates import certificate, make_certificates
 from tests.bus.sessions import LEASE_S
@@ -39,7 +41,7 @@ async def test_only_who_has_a_certificate_of_the_fleet_is_heard(tmp_path: Path) 
         assert heard.counts.received == 1
 
 
-async def test_a_centre_of_another_name_is_not_joined(tmp_path: Path) -> None:
+async def test_a_centre_of_another_name_is_not_joined(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     make_certificates(tmp_path / "fleet")
     endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/127.0.0.2")
     async with (
@@ -48,3 +50,7 @@ async def test_a_centre_of_another_name_is_not_joined(tmp_path: Path) -> None:
     ):
         await asyncio.sleep(LEASE_S)  # in which it tries again
         assert robot.link_problem == f"there is no link to {endpoint}"
+    said = "nothing answers there, or the certificates do not fit"
+    assert [record.getMessage() for record in caplog.records if record.name == "bus.session"] == [
+        f"waiting for a link to {endpoint}: {said}"
+    ]
