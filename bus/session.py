@@ -17,6 +17,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from bus.asking import Asking
+from bus.certificates import check_certificates
 from bus.config import session_config
 from bus.connections import tune
 from bus.errors import BusError, NotServedError
@@ -108,7 +109,7 @@ class SessionThread:
 
     def open(self) -> Future[None]:
         """Try to open once; a client whose routers do not answer goes on trying by itself, others fail."""
-        return self.submit(self._open)
+        return self.submit(self._begin)
 
     def keep(self, declaration: Declaration) -> Future[None]:
         """Declare, now or when the session is open."""
@@ -164,6 +165,10 @@ class SessionThread:
         with contextlib.suppress(queue.Empty):
             while True:
                 self._jobs.get_nowait()()
+
+    def _begin(self) -> None:
+        check_certificates(self._settings)
+        self._open()
 
     def _do_what_is_due(self) -> None:
         if self._tell_at is not None:

@@ -1,9 +1,11 @@
 """How a process joins the bus. Plain data: whoever builds it reads environment, files and arguments."""
 
 import re
+import stat
+from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, Field, FilePath, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 _ENDPOINT: Final = re.compile(
     r"(?:tcp|udp|tls|quic|ws)/(?:\[[0-9A-Fa-f:.]+\]|[^\s\[\]/:?#]+):(?P<port>\d{1,5})(?:[?#]\S*)?"
@@ -24,7 +26,18 @@ def port_of(endpoint: str) -> str:
     return re.split("[?#]", endpoint, maxsplit=1)[0].rpartition(":")[2]
 
 
+def _file(path: Path) -> Path:
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise ValueError(error.strerror) from error
+    if not stat.S_ISREG(mode):
+        raise ValueError("not a file")
+    return path
+
+
 Endpoint = Annotated[str, AfterValidator(_endpoint)]
+File = Annotated[Path, AfterValidator(_file)]
 
 
 class BusSettings(BaseModel):
@@ -53,11 +66,11 @@ class BusSettings(BaseModel):
         default=2.0, ge=0.5, le=60, description="seconds of silence after which a link counts as lost"
     )
 
-    tls_ca: FilePath | None = Field(
+    tls_ca: File | None = Field(
         default=None, description="certificate of the authority that both ends of a tls/ link must have theirs from"
     )
-    tls_certificate: FilePath | None = Field(default=None, description="this process's certificate for tls/ links")
-    tls_key: FilePath | None = Field(default=None, description="the private key of that certificate")
+    tls_certificate: File | None = Field(default=None, description="this process's certificate for tls/ links")
+    tls_key: File | None = Field(default=None, description="the private key of that certificate")
 
     @field_validator("connect")
     @classmethod

@@ -39,7 +39,7 @@ async def open_bus(settings: BusSettings) -> AsyncIterator[Bus]:
     A client whose router is not there yet waits for it in the background; so do peers and routers.
 
     Raises:
-        BusError: an endpoint to listen on is taken or refused.
+        BusError: an endpoint to listen on is taken or refused, or a file of certificates cannot be used.
 
     """
     keep_freed_memory()

@@ -91,7 +91,10 @@ def _router_trouble(endpoint: str, trouble: Trouble) -> tuple[str, str]:
                 "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
             )
         case Failure.REFUSED:
-            return f"the bus cannot be joined: {trouble.reason}", "correct --mode, --connect or --listen"
+            return (
+                f"the bus cannot be joined: {trouble.reason}",
+                "correct --mode, --connect or --listen, or the file that is named",
+            )
         case Failure.FOREIGN if endpoint.startswith("tls/"):
             return (
                 "something listens there, but no link with certificates can be made to it",

@@ -85,6 +85,17 @@ def test_certificates_go_together(given: dict[str, object], missing: str) -> Non
         BusSettings.model_validate(given)
 
 
+@pytest.mark.parametrize(
+    ("file", "reason"),
+    [("/no/such/file", "No such file or directory"), ("/proc", "not a file"), (f"/{'x' * 300}", "File name too long")],
+)
+def test_a_file_that_is_none_is_one_error_that_names_the_field(file: str, reason: str) -> None:
+    with pytest.raises(ValidationError) as caught:
+        BusSettings.model_validate({"tls_ca": __file__, "tls_certificate": __file__, "tls_key": file})
+    (error,) = caught.value.errors()
+    assert (error["loc"], error["msg"]) == (("tls_key",), f"Value error, {reason}")
+
+
 @pytest.mark.parametrize("end", ["tcp/a:7447", "tcp/[::1]:7447", "udp/10.0.0.1:7447?rel=0", "tls/a:7447#a=b:1"])
 def test_an_endpoints_port(end: str) -> None:
     assert port_of(end) == "7447"

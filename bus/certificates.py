@@ -1,0 +1,63 @@
+"""The files of certificates, looked at before a link is sought: of one that fails for their sake Zenoh says nothing."""
+
+import ssl
+from pathlib import Path
+from typing import Final, NoReturn
+
+from bus.errors import BusError
+from bus.settings import BusSettings
+
+_MISMATCHES: Final = ("KEY_VALUES_MISMATCH", "KEY_TYPE_MISMATCH", "NO_CERTIFICATE_ASSIGNED")
+"""What OpenSSL says of a certificate's key and another one."""
+
+
+class _PassphraseError(Exception):
+    pass
+
+
+def check_certificates(settings: BusSettings) -> None:
+    """Check that the files can be used, where there are any.
+
+    Raises:
+        BusError: one cannot; the message names its setting.
+    """
+    if settings.tls_ca is None or settings.tls_certificate is None or settings.tls_key is None:
+        return
+    _check_certificate("tls_ca", settings.tls_ca)
+    _check_certificate("tls_certificate", settings.tls_certificate)
+    _check_key(settings.tls_key, settings.tls_certificate)
+
+
+def _check_certificate(setting: str, file: Path) -> None:
+    try:
+        _context().load_verify_locations(file)
+    except ssl.SSLError as error:
+        raise BusError(f"{setting} {file}: no PEM certificate can be read from it") from error
+    except OSError as error:
+        raise BusError(f"{setting} {file}: {error.strerror or error}") from error
+
+
+def _check_key(file: Path, certificate: Path) -> None:
+    said = f"tls_key {file}"
+    try:
+        with file.open("rb"):  # of the two files OpenSSL does not say which it cannot open
+            _context().load_cert_chain(certificate, file, password=_refuse_to_ask)
+    except _PassphraseError as error:
+        raise BusError(f"{said}: it has a passphrase, which nobody is asked for; give one without") from error
+    except ssl.SSLError as error:
+        if error.reason in _MISMATCHES:
+            raise BusError(f"{said}: not the key of tls_certificate {certificate}") from error
+        if not error.reason or error.library == "PEM":
+            raise BusError(f"{said}: no PEM private key can be read from it") from error
+        reason = error.reason.lower().replace("_", " ")
+        raise BusError(f"{said}, tls_certificate {certificate}: {reason}") from error
+    except OSError as error:
+        raise BusError(f"{said}: {error.strerror or error}") from error
+
+
+def _context() -> ssl.SSLContext:
+    return ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+
+
+def _refuse_to_ask() -> NoReturn:
+    raise _PassphraseError
