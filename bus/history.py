@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
+from schemas.header import gap
+
 MOST_HELD: Final = 200
 """Messages of a key that wait for older ones to be fetched, or twice as many as are wanted of what a publisher keeps if
 that is more; then they are taken as they are."""
@@ -248,7 +250,7 @@ class History(Generic[M]):
             if each.number <= by.last:
                 return
             if by.is_behind_hole(each.number):
-                self.miss(each.number - by.last - 1)
+                self.miss(gap(by.last, each.number))
         by.last, by.place = each.number, each.place
         ready.append(each.message)
 

@@ -6,6 +6,7 @@ from typing import Final
 from gateway.ros1 import image, point_cloud
 from gateway.ros1.subscriber import Message
 from gateway.translators import camera_info, compressed_image, disparity
+from schemas.header import gap
 
 NUMBERED: Final = frozenset(each.TYPE_NAME for each in (image, compressed_image, camera_info, point_cloud, disparity))
 """Types that begin with a std_msgs/Header, whose first field is a number that ROS's own publishers count."""
@@ -29,7 +30,7 @@ class Gaps:
         self._last.clear()
 
     def arrived(self, message: Message) -> None:
-        """Note a message. A number that is no higher than the last begins another round, as when a bag loops.
+        """Note a message. A number no higher than the last, or far higher, begins another round, as when a bag loops.
 
         Latching publishers say nothing: rospy's give a number to each subscriber that comes late.
         """
@@ -42,4 +43,4 @@ class Gaps:
             self._last.clear()
         self._last[message.uri] = seq
         if last is not None:
-            self.missing += max(0, seq - last - 1)
+            self.missing += gap(last, seq)

@@ -10,10 +10,15 @@ Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,63}$(
 MaybeName = Annotated[str, msgspec.Meta(pattern=r"^([A-Za-z0-9][A-Za-z0-9_.\-]{0,63})?$(?!\n)")]
 """A name, or empty."""
 
-Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+MAX_COUNT: Final = 2**63 - 1
+Count = Annotated[int, msgspec.Meta(ge=0, le=MAX_COUNT)]
 Nanoseconds = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 MAX_LABEL: Final = 256
 Label = Annotated[str, msgspec.Meta(max_length=MAX_LABEL)]
+
+
+LONGEST_GAP: Final = 1_000_000
+"""Numbers that can be missing at once, nine hours of frames at 30 Hz: who leaves out more counts anew."""
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -24,7 +29,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     received_ns: when the gateway had the whole frame, nanoseconds since the epoch on the robot's system clock.
     boot_id: one gateway process; a restarted gateway has another.
     seq: counts the frames of this stream that the gateway process could read and meant to send, from 0, without holes:
-        what `max_hz` leaves out has no number, so a gap is always a loss.
+        what `max_hz` leaves out has no number, so a gap up to LONGEST_GAP is always a loss.
     """
 
     robot: Name
@@ -39,6 +44,12 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 def is_newer(header: Header, last: Header | None) -> bool:
     """Return whether a frame is newer than the last of its stream that was taken, or of another gateway process."""
     return last is None or header.boot_id != last.boot_id or header.seq > last.seq
+
+
+def gap(last: int, number: int) -> int:
+    """Return how many numbers are missing between two that came; 0 where counting has begun anew."""
+    missing = number - last - 1
+    return missing if 0 < missing <= LONGEST_GAP else 0
 
 
 Spans = dict[Annotated[str, msgspec.Meta(max_length=32)], Count]

@@ -5,6 +5,7 @@ from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from typing import Generic, TypeVar
 
+from schemas.header import MAX_COUNT
 from schemas.keys import CameraKey
 from schemas.status import MAX_STREAMS, CameraLoad
 
@@ -24,12 +25,12 @@ class Tally:
         dropped.clear()
 
     def load(self, *, serving: bool, budget_hz: float | None = None) -> CameraLoad:
-        """Return the counts as a message."""
+        """Return the counts as a message, none higher than it can hold."""
         return CameraLoad(
             robot=self.camera.robot,
             camera=self.camera.camera,
-            inferred=self.done,
-            dropped={reason: count for reason, count in self.dropped.items() if count},
+            inferred=min(self.done, MAX_COUNT),
+            dropped={reason: min(count, MAX_COUNT) for reason, count in self.dropped.items() if count},
             serving=serving,
             budget_hz=budget_hz,
         )

@@ -3,7 +3,7 @@
 from typing import Final
 
 from bus.sharing.tally import Tally
-from schemas.header import Header
+from schemas.header import Header, gap
 from schemas.keys import CameraKey
 from schemas.status import MISSING
 
@@ -45,7 +45,7 @@ class Account(Tally):
         last, self._last = self._last, header
         if last is None or last.boot_id != header.boot_id:
             return True
-        self.dropped[MISSING] += max(0, header.seq - last.seq - 1 - replaced)
+        self.dropped[MISSING] += max(0, gap(last.seq, header.seq) - replaced)
         self.dropped[DOUBLE] += header.seq == last.seq
         return header.seq != last.seq
 

@@ -178,6 +178,13 @@ def test_what_no_cache_has_any_more_is_missed() -> None:
     assert got.outcome == ([0, 4, 5], 3)
 
 
+def test_a_publisher_that_counts_from_elsewhere_has_lost_nothing() -> None:
+    got = Received(recover=1)
+    got.appear()
+    got.live(0, 2**64 - 1)
+    assert got.outcome == ([0, 2**64 - 1], 0)
+
+
 def test_a_hole_is_only_counted_where_the_last_is_enough() -> None:
     got = Received(recover=1)
     got.appear()

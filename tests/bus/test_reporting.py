@@ -1,28 +1,53 @@
 import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 
-from bus import QUEUE
+import pytest
+
+from bus import QUEUE, Subscription, reporting
 from bus.fake import FakeNetwork
 from bus.reporting import report
-from schemas import codec, worker_keys
-from schemas.status import WorkerStatus
+from schemas import worker_keys
+from schemas.status import CameraLoad, WorkerStatus
+from tests.contract.waiting import receive
+
+KEY = worker_keys.worker_status("distance", "w")
+TOO_MUCH = CameraLoad(robot="r1", camera="front", inferred=2**64)
 
 
-async def test_a_status_comes_at_once_and_a_last_one_at_the_end() -> None:
-    network, said, key = FakeNetwork(), iter(range(9)), worker_keys.worker_status("distance", "w")
+def status(sent_ns: int, *cameras: CameraLoad) -> WorkerStatus:
+    return WorkerStatus(service="distance", worker="w", model="", sent_ns=sent_ns, cameras=list(cameras))
 
-    def status() -> WorkerStatus:
-        return WorkerStatus(service="distance", worker="w", model="", sent_ns=next(said), cameras=[])
 
-    numbers = []
+@asynccontextmanager
+async def reported(said: Callable[[], WorkerStatus]) -> AsyncIterator[tuple[Subscription, asyncio.Task[None]]]:
+    network = FakeNetwork()
     async with (
         network.open_bus() as ours,
         network.open_bus() as theirs,
-        theirs.subscribe(key, QUEUE(4), history=False) as samples,
+        theirs.subscribe(KEY, QUEUE(4), history=False) as samples,
     ):
-        reporting = asyncio.create_task(report(ours, key, WorkerStatus, status))
-        for _ in range(2):
-            sample = await anext(samples)
-            numbers.append(codec.decode(WorkerStatus, sample.payload, sample.encoding).sent_ns)
-            reporting.cancel()
+        reporting = asyncio.create_task(report(ours, KEY, WorkerStatus, said))
+        yield samples, reporting
+        reporting.cancel()
         await asyncio.wait([reporting])
-    assert numbers == [0, 1]
+
+
+async def test_a_status_comes_at_once_and_a_last_one_at_the_end() -> None:
+    numbers = iter(range(9))
+    async with reported(lambda: status(next(numbers))) as (samples, reporting):
+        assert (await receive(samples, WorkerStatus)).sent_ns == 0
+        reporting.cancel()
+        assert (await receive(samples, WorkerStatus)).sent_ns == 1
+
+
+async def test_a_status_that_cannot_be_sent_is_left_out_and_said_once(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reporting, "STATUS_PERIOD_S", 0)
+    said = iter([status(1, TOO_MUCH), status(2, TOO_MUCH), status(3)])
+    async with reported(lambda: next(said, status(4))) as (samples, _):
+        assert (await receive(samples, WorkerStatus)).sent_ns == 3
+    (line,) = [each for each in caplog.records if each.levelno == logging.ERROR]
+    assert line.getMessage().startswith(f"{KEY}: a status that cannot be sent: ")

@@ -7,6 +7,7 @@ from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.messages import message_type
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted
+from schemas.header import LONGEST_GAP
 
 
 def numbered(seq: int, uri: str = "http://robot:1/", kind: str = TYPE_NAME, *, latching: bool = False) -> Message:
@@ -23,7 +24,16 @@ def missing(*messages: Message) -> int:
 
 @pytest.mark.parametrize(
     ("numbers", "count"),
-    [((5,), 0), ((5, 6, 7), 0), ((5, 8), 2), ((5, 5, 5), 0), ((9, 0, 1), 0), ((0, 2**32 - 1), 2**32 - 2)],
+    [
+        ((5,), 0),
+        ((5, 6, 7), 0),
+        ((5, 8), 2),
+        ((5, 5, 5), 0),
+        ((9, 0, 1), 0),
+        ((0, LONGEST_GAP + 1), LONGEST_GAP),
+        ((0, LONGEST_GAP + 2), 0),
+        ((0, 2**32 - 1), 0),
+    ],
 )
 def test_numbers_that_did_not_arrive(numbers: tuple[int, ...], count: int) -> None:
     assert missing(*map(numbered, numbers)) == count

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from schemas.header import MAX_COUNT
 from schemas.status import StreamStatus, WorkerStatus
 from services.monitor.page.formatting import NOTHING, NS, ago, brief, iso, rate_text
 from services.monitor.page.robots import Robot, RobotState
@@ -86,7 +87,7 @@ def gateway_row(robot: Robot, now_ns: int) -> dict[str, Any]:
 
 def dropped_cells(dropped: Mapping[str, int]) -> dict[str, Any]:
     """Return drops as the templates take them: their sum, and each reason, the most first."""
-    reasons = sorted(((count, reason) for reason, count in dropped.items() if count), reverse=True)
+    reasons = sorted(((min(count, MAX_COUNT), reason) for reason, count in dropped.items() if count), reverse=True)
     return {"dropped": brief(sum(count for count, _ in reasons)) if reasons else "", "reasons": tuple(reasons)}
 
 

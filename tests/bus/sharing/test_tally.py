@@ -2,8 +2,9 @@ from collections import Counter
 from contextlib import ExitStack
 
 from bus.sharing.tally import Tallies, Tally
+from schemas import codec
 from schemas.keys import CameraKey
-from schemas.status import MAX_STREAMS, CameraLoad
+from schemas.status import MAX_STREAMS, CameraLoad, WorkerStatus
 
 
 def test_what_is_added_is_named_and_forgotten_where_it_was_counted() -> None:
@@ -15,6 +16,15 @@ def test_what_is_added_is_named_and_forgotten_where_it_was_counted() -> None:
     assert tally.load(serving=True) == CameraLoad(
         robot="r1", camera="front", inferred=3, dropped={"points: too old": 3}, serving=True
     )
+
+
+def test_no_count_is_higher_than_a_message_can_hold() -> None:
+    tally = Tally(CameraKey("r1", "front"))
+    tally.done = 2**63
+    tally.dropped["too old"] = 2**70
+    status = WorkerStatus(service="s", worker="w", model="", sent_ns=0, cameras=[tally.load(serving=True)])
+    read = codec.decode(WorkerStatus, codec.encode(status), codec.encoding(WorkerStatus))
+    assert (read.cameras[0].inferred, read.cameras[0].dropped) == (2**63 - 1, {"too old": 2**63 - 1})
 
 
 def test_the_tallies_of_cameras_that_were_served_longest_ago_make_room() -> None:

@@ -1,7 +1,7 @@
 import msgspec
 
 from bus.sharing.tally import opened
-from schemas.header import Header
+from schemas.header import LONGEST_GAP, Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
 from services.detector.account import DOUBLE, FAILED, MALFORMED, REPLACED, SPARED, STALE, Account
@@ -25,6 +25,13 @@ def test_a_stream_without_holes_drops_nothing() -> None:
 
 def test_a_gap_is_what_the_queue_replaced_and_the_rest_was_lost_on_the_link() -> None:
     assert account((about(3), 0), (about(10), 4)).load(serving=True).dropped == {REPLACED: 4, MISSING: 2}
+
+
+def test_a_jump_of_more_numbers_than_can_be_lost_is_no_gap() -> None:
+    most = 2**63 - 1
+    assert account((about(0), 0), (about(LONGEST_GAP + 1), 0)).load(serving=True).dropped == {MISSING: LONGEST_GAP}
+    assert account((about(0), 0), (about(LONGEST_GAP + 2), 0)).load(serving=True).dropped == {}
+    assert account((about(0), 0), (about(most), 4)).load(serving=True).dropped == {REPLACED: 4}
 
 
 def test_an_older_frame_is_no_gap() -> None:

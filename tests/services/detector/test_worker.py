@@ -158,6 +158,21 @@ async def test_a_bad_frame_is_counted_and_harms_no_other(rig: Rig) -> None:
         assert loads["rear"].dropped == {}
 
 
+async def test_frames_that_jump_from_number_to_number_end_neither_the_worker_nor_its_statuses(rig: Rig) -> None:
+    numbers = [0, 2**63 - 1] * 4
+    async with (
+        rig.camera(FRONT) as camera,
+        rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)) as classes,
+        rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(9)) as statuses,
+    ):
+        await until(lambda: camera.wanted)
+        for number in numbers:
+            about = msgspec.structs.replace(header(), seq=number)
+            camera.put(codec.encode(msgspec.structs.replace(frame(0), header=about)))
+            assert (await receive(classes, ClassList)).header.seq == number
+        assert (await loads_after(statuses, inferred=len(numbers)))["front"].dropped == {}
+
+
 async def test_a_depth_image_is_refused_for_what_it_is(rig: Rig) -> None:
     async with (
         rig.camera(FRONT) as camera,

@@ -1,7 +1,10 @@
 from dataclasses import replace
 
+from nicegui.json import dumps
+
+from schemas.header import MAX_COUNT
 from schemas.status import StreamStatus
-from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, gateway_row, worker_row
+from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, dropped_cells, gateway_row, worker_row
 from tests.services.monitor.page.shown import NOW, S, camera, robot, shown, worker
 
 COLOR = StreamStatus(
@@ -40,6 +43,12 @@ def test_a_worker_says_whom_it_serves_and_what_it_lost() -> None:
     assert (row["count"], row["more"]) == (MAX_SHOWN + 2, "and 2 more")
     assert row["serves"][0] == "r1/c0 at 5/s"
     assert (row["frames"], row["dropped"], row["reasons"]) == ("1.4k", "28", ((28, "late"),))
+
+
+def test_no_count_is_higher_than_a_page_can_take() -> None:
+    cells = dropped_cells({"late": 3 * MAX_COUNT, "malformed": 2})
+    assert cells["reasons"] == ((MAX_COUNT, "late"), (2, "malformed"))
+    dumps(cells)
 
 
 def test_versions_are_shown_where_they_are_known() -> None:
