@@ -115,7 +115,7 @@ class Monitor:
         """Say what keeps the monitor itself from doing all that it should."""
         not_kept = self.history.status.problem
         found = (not_kept and f"history is not being kept: {not_kept}", self.rules.problem)
-        return [problem for problem in found if problem]
+        return [*(problem for problem in found if problem), *self.alerting.problems()]
 
     def _noted(self, alert: Alert, by: str) -> Alert:
         self.history.act(Act(alert.id, AlertState(alert.state), by, time.time_ns()))

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from itertools import islice
 from typing import Final
@@ -14,7 +14,7 @@ from schemas.keys import CameraKey
 from services.monitor.alerting.absence import Absentees
 from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.alerting.webhooks import Webhooks
+from services.monitor.alerting.webhooks import Outcome, Webhooks
 from services.monitor.hearing import Hearing
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.debouncing import NS
@@ -88,6 +88,14 @@ class Alerting:
     def alerts(self) -> list[Alert]:
         """Return the alerts that are not resolved; none where another monitor raises them."""
         return [] if self._engine is None else self._engine.alerts()
+
+    def problems(self) -> list[str]:
+        """Say which webhooks of the rules in force take no alerts, and why."""
+        return self._webhooks.problems(self._rules.book.webhooks)
+
+    def posts(self) -> Mapping[tuple[str, Outcome], int]:
+        """Return how many alerts for webhooks had which outcome, by the webhook's name."""
+        return self._webhooks.counts
 
     def acknowledge(self, alert_id: str) -> Alert:
         """Note that somebody looks after an alert; raises UnknownAlertError."""
@@ -199,7 +207,7 @@ class Alerting:
         webhooks = engine.book.webhooks
         told = dict.fromkeys([*rule.webhooks, *(rule.escalate_webhooks if effect.escalated else ())])
         for name in [name for name in told if name in webhooks]:  # the rule may be of the book before
-            self._webhooks.post(webhooks[name], alert)
+            self._webhooks.post(name, webhooks[name], alert)
         if effect.raised and rule.action is not None:
             self._actions.send(action_of(rule.action, alert, uuid4().hex))
 

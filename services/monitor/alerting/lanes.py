@@ -16,18 +16,30 @@ AT_ONCE: Final = 256
 
 
 class Lanes(Generic[K, M]):
-    """Delivers messages by receiver. deliver: gives one message to a receiver; it raises nothing."""
+    """Delivers messages by receiver. deliver: gives one message to a receiver; it raises nothing.
 
-    def __init__(self, deliver: Callable[[K, M], Awaitable[None]]) -> None:
+    gave_up: is told of each message that was given up for a newer one, and whether it is the first since the receiver
+    had all of them.
+    """
+
+    def __init__(self, deliver: Callable[[K, M], Awaitable[None]], gave_up: Callable[[K, bool], None]) -> None:
         self._deliver = deliver
+        self._gave_up = gave_up
         self._lanes: dict[K, deque[M]] = {}
+        self._full: set[K] = set()
         self._busy: set[K] = set()
         self._news = asyncio.Event()
 
     def put(self, receiver: K, message: M) -> None:
         """Have a message delivered."""
-        self._lanes.setdefault(receiver, deque(maxlen=MAX_WAITING)).append(message)
+        lane = self._lanes.setdefault(receiver, deque(maxlen=MAX_WAITING))
+        is_full = len(lane) == MAX_WAITING
+        lane.append(message)
         self._news.set()
+        if is_full:
+            first = receiver not in self._full
+            self._full.add(receiver)
+            self._gave_up(receiver, first)
 
     async def run(self) -> None:
         """Deliver what there is, for ever."""
@@ -45,5 +57,6 @@ class Lanes(Generic[K, M]):
         while lane:
             await self._deliver(receiver, lane.popleft())
         del self._lanes[receiver]
+        self._full.discard(receiver)
         self._busy.discard(receiver)
         self._news.set()

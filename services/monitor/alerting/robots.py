@@ -32,7 +32,7 @@ class ToRobots:
         self._schema = schema
         self._patient = patient
         self._bus: Bus | None = None
-        self._lanes = Lanes(self._deliver)
+        self._lanes = Lanes(self._deliver, self._gave_up)
         self._publishers: OrderedDict[str, tuple[Publisher, AsyncExitStack]] = OrderedDict()
 
     def send(self, message: Alert | Action) -> None:
@@ -54,6 +54,10 @@ class ToRobots:
             publisher.put(codec.encode(message))
         except BusError as error:
             log.warning("%s of %s was not sent: %s", self._stream, robot, error)
+
+    def _gave_up(self, robot: str, first: bool) -> None:  # noqa: FBT001 - the lanes'
+        if first:
+            log.warning("%s of %s: too many wait, the oldest are given up", self._stream, robot)
 
     async def _publisher(self, robot: str) -> Publisher:
         if robot not in self._publishers:

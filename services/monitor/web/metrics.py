@@ -71,6 +71,12 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     for severity in Severity:
         alerts.add_metric([severity], sum(alert.severity == severity for alert in current))
     yield alerts
+    posts = CounterMetricFamily(
+        "fleetsight_webhook_alerts", "Alerts for webhooks, by outcome.", labels=["webhook", "outcome"]
+    )
+    for (webhook, outcome), count in sorted(monitor.alerting.posts().items()):
+        posts.add_metric([webhook, outcome], count)
+    yield posts
 
 
 def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:

@@ -15,7 +15,8 @@ class Receivers:
     def __init__(self) -> None:
         self.began: list[tuple[str, int]] = []
         self.open = {"a": asyncio.Event(), "b": asyncio.Event()}
-        self.lanes: Lanes[str, int] = Lanes(self.deliver)
+        self.given_up: list[tuple[str, bool]] = []
+        self.lanes: Lanes[str, int] = Lanes(self.deliver, lambda *said: self.given_up.append(said))
 
     async def deliver(self, receiver: str, message: int) -> None:
         self.began.append((receiver, message))
@@ -61,6 +62,7 @@ async def test_what_waits_is_bounded_and_the_oldest_is_given_up(monkeypatch: pyt
     receivers = Receivers()
     for message in range(4):
         receivers.lanes.put("a", message)
+    assert receivers.given_up == [("a", True), ("a", False)]
     receivers.open["a"].set()
     running = asyncio.create_task(receivers.lanes.run())
     await until(lambda: receivers.began == [("a", 2), ("a", 3)])

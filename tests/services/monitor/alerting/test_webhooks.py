@@ -1,14 +1,17 @@
 import asyncio
 import hashlib
 import hmac
-from collections.abc import AsyncIterator, Sequence
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from itertools import count
 
 import msgspec
 import pytest
 
 from schemas.alerts import Alert
-from services.monitor.alerting.webhooks import TRIES, Webhooks, signed
+from services.monitor.alerting import lanes
+from services.monitor.alerting.webhooks import TRIES, Outcome, Webhooks, signed
 from services.monitor.rules.model import Webhook
 from tests.contract.waiting import until
 from tests.schemas.results import alert
@@ -43,8 +46,8 @@ async def receiving(*statuses: int) -> AsyncIterator[tuple[Receiver, Webhook]]:
 
 
 @asynccontextmanager
-async def posting() -> AsyncIterator[Webhooks]:
-    webhooks = Webhooks(first_wait_s=0.001)
+async def posting(now_s: Callable[[], float] = time.time) -> AsyncIterator[Webhooks]:
+    webhooks = Webhooks(first_wait_s=0.001, now_s=now_s)
     running = asyncio.create_task(webhooks.run())
     try:
         yield webhooks
@@ -56,7 +59,7 @@ async def posting() -> AsyncIterator[Webhooks]:
 async def test_an_alert_is_posted_signed_and_in_order() -> None:
     async with receiving(200) as (receiver, webhook), posting() as webhooks:
         for number in range(3):
-            webhooks.post(webhook, alert(id_=f"a{number}"))
+            webhooks.post("ops", webhook, alert(id_=f"a{number}"))
         await until(lambda: len(receiver.got) == 3)
     assert [msgspec.json.decode(body, type=Alert).id for _, body in receiver.got] == ["a0", "a1", "a2"]
     headers, body = receiver.got[0]
@@ -67,16 +70,65 @@ async def test_an_alert_is_posted_signed_and_in_order() -> None:
 
 async def test_it_is_tried_again_with_the_same_delivery_id() -> None:
     async with receiving(500, 429, 204) as (receiver, webhook), posting() as webhooks:
-        webhooks.post(webhook, alert())
+        webhooks.post("ops", webhook, alert())
         await until(lambda: len(receiver.got) == 3)
         assert {headers["x-fleetsight-delivery"] for headers, _ in receiver.got} == {"a1-5"}
+
+
+async def test_each_attempt_is_signed_with_the_time_at_which_it_is_made() -> None:
+    times = count(1_000)
+    async with receiving(500, 500, 204) as (receiver, webhook), posting(lambda: next(times) + 0.9) as webhooks:
+        webhooks.post("ops", webhook, alert())
+        webhooks.post("ops", webhook, alert(id_="a2"))
+        await until(lambda: len(receiver.got) == 4)
+    stamps = [headers["x-fleetsight-timestamp"] for headers, _ in receiver.got]
+    assert stamps == ["1000", "1001", "1002", "1003"]
+    for headers, body in receiver.got:
+        stamped = headers["x-fleetsight-timestamp"].encode() + b"." + body
+        expected = hmac.new(SECRET.encode(), stamped, hashlib.sha256).hexdigest()
+        assert headers["x-fleetsight-signature"] == f"sha256={expected}"
+
+
+async def test_a_webhook_that_takes_nothing_is_a_problem_until_it_does_or_is_there_no_more() -> None:
+    async with receiving(*[503] * TRIES, 200) as (_, webhook), posting() as webhooks:
+        webhooks.post("ops", webhook, alert())
+        await until(lambda: webhooks.counts)
+        assert webhooks.counts == {("ops", "given_up"): 1}
+        assert webhooks.problems({"ops": webhook}) == ["webhook ops takes no alerts: status 503"]
+        assert webhooks.problems({"other": webhook}) == []
+        webhooks.post("ops", webhook, alert(id_="a2"))
+        await until(lambda: not webhooks.problems({"ops": webhook}))
+        assert webhooks.counts == {("ops", "given_up"): 1, ("ops", "delivered"): 1}
+
+
+async def test_what_is_dropped_is_counted_and_said_once_until_all_is_delivered(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(lanes, "MAX_WAITING", 2)
+
+    def said() -> int:
+        return sum("the oldest are dropped" in record.getMessage() for record in caplog.records)
+
+    webhooks = Webhooks(first_wait_s=0.001)
+    async with receiving(200) as (receiver, webhook):
+        for number in range(5):
+            webhooks.post("ops", webhook, alert(id_=f"a{number}"))
+        assert (webhooks.counts, said()) == ({("ops", "dropped"): 3}, 1)
+        running = asyncio.create_task(webhooks.run())
+        await until(lambda: webhooks.counts["ops", Outcome.DELIVERED] == 2)
+        for number in range(3):
+            webhooks.post("ops", webhook, alert(id_=f"b{number}"))
+        await until(lambda: webhooks.counts["ops", Outcome.DELIVERED] == 4)
+        running.cancel()
+        await asyncio.wait([running])
+    assert (webhooks.counts["ops", Outcome.DROPPED], said(), len(receiver.got)) == (4, 2, 4)
 
 
 @pytest.mark.parametrize(("status", "tries"), [(400, 1), (302, 1), (503, TRIES)])
 async def test_what_is_not_taken_is_given_up_and_the_next_one_goes_on(status: int, tries: int) -> None:
     async with receiving(*[status] * tries, 200) as (receiver, webhook), posting() as webhooks:
-        webhooks.post(webhook, alert())
-        webhooks.post(webhook, alert(id_="next"))
+        webhooks.post("ops", webhook, alert())
+        webhooks.post("ops", webhook, alert(id_="next"))
         await until(lambda: len(receiver.got) == tries + 1)
         deliveries = [headers["x-fleetsight-delivery"] for headers, _ in receiver.got]
         assert deliveries == [*["a1-5"] * tries, "next-5"]
@@ -85,17 +137,17 @@ async def test_what_is_not_taken_is_given_up_and_the_next_one_goes_on(status: in
 async def test_a_webhook_that_is_not_there_holds_up_no_other() -> None:
     nowhere = Webhook.model_validate({"url": "http://127.0.0.1:1/", "secret": SECRET})
     async with receiving(200) as (receiver, webhook), posting() as webhooks:
-        webhooks.post(nowhere, alert())
-        webhooks.post(webhook, alert())
+        webhooks.post("nowhere", nowhere, alert())
+        webhooks.post("ops", webhook, alert())
         await until(lambda: len(receiver.got) == 1)
 
 
 async def test_a_host_that_is_no_name_is_given_up_and_the_next_one_goes_on(caplog: pytest.LogCaptureFixture) -> None:
     nowhere = Webhook.model_validate({"url": "http://\u2603.invalid/", "secret": SECRET})
     async with receiving(200) as (receiver, webhook), posting() as webhooks:
-        webhooks.post(nowhere, alert())
+        webhooks.post("nowhere", nowhere, alert())
         await until(lambda: "not taken" in caplog.text)
-        webhooks.post(webhook, alert())
+        webhooks.post("ops", webhook, alert())
         await until(lambda: len(receiver.got) == 1)
 
 
@@ -113,14 +165,19 @@ async def test_an_answer_without_an_end_holds_up_nothing() -> None:
         port = server.sockets[0].getsockname()[1]
         webhook = Webhook.model_validate({"url": f"http://127.0.0.1:{port}/", "secret": SECRET})
         for number in range(3):
-            webhooks.post(webhook, alert(id_=f"a{number}"))
+            webhooks.post("ops", webhook, alert(id_=f"a{number}"))
         await until(lambda: len(posts) == 3)
         assert len(set(posts)) == 3
 
 
-def test_the_signature_depends_on_the_secret_and_the_alert() -> None:
+def test_the_signature_depends_on_the_secret_the_alert_and_the_time() -> None:
     names = [
-        signed(said, secret).headers["X-Fleetsight-Signature"]
-        for said, secret in ((alert(), SECRET), (alert(), SECRET + "s"), (alert(text="far"), SECRET))
+        signed(said, secret, at_s).headers["X-Fleetsight-Signature"]
+        for said, secret, at_s in (
+            (alert(), SECRET, 9),
+            (alert(), SECRET + "s", 9),
+            (alert(text="far"), SECRET, 9),
+            (alert(), SECRET, 10),
+        )
     ]
-    assert len(set(names)) == 3
+    assert len(set(names)) == 4

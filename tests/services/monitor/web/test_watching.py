@@ -4,6 +4,7 @@ from typing import Final
 
 from prometheus_client.parser import text_string_to_metric_families
 
+from services.monitor.alerting.webhooks import Outcome
 from services.monitor.health import STALLED_S
 from services.monitor.web.metrics import MAX_LABELLED
 from tests.services.monitor.web.api.seeing import ODD, fill
@@ -47,6 +48,7 @@ async def test_a_history_that_is_not_kept_is_degraded_and_no_more(tmp_path: Path
 async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out[ODD] += 3
+    web.monitor.alerting._webhooks.counts[ODD, Outcome.DROPPED] += 6
     async with await web.program() as program:
         answer = await program.get("/metrics")
         assert answer.headers["Content-Type"] == "text/plain; version=0.0.4; charset=utf-8"
@@ -61,6 +63,7 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
         assert found["fleetsight_worker_info", "detector", "0.9", "w1"] == 1
         assert found["fleetsight_robot_frames_dropped_total", f"gateway: {ODD}", "r1"] == 4
         assert found["fleetsight_messages_left_out_total", ODD] == 3
+        assert found["fleetsight_webhook_alerts_total", "dropped", ODD] == 6
         assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5
         assert found["fleetsight_worker_frames_dropped_total", "late", "detector", "w1"] == 2
 
@@ -68,6 +71,7 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
 async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out["malformed messages"] += 1
+    web.monitor.alerting._webhooks.counts["ops", Outcome.GIVEN_UP] += 1
     async with await web.program() as program:
         text = (await program.get("/metrics")).text
     samples = [sample for family in text_string_to_metric_families(text) for sample in family.samples]

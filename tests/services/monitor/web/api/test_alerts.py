@@ -1,3 +1,4 @@
+import asyncio
 import time
 from datetime import datetime
 from pathlib import Path
@@ -10,6 +11,9 @@ from services.monitor.export.settings import epoch_ns
 from services.monitor.history.acts import Act
 from services.monitor.monitor import Monitor
 from services.monitor.rules.loading import load_rules
+from services.monitor.rules.model import RuleBook
+from tests.contract.waiting import until
+from tests.services.monitor.alerting.test_webhooks import receiving
 from tests.services.monitor.web.api.seeing import FRONT, ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
 from tests.services.monitor.web.serving import monitor_on
@@ -82,6 +86,26 @@ async def test_rules_are_told_without_their_secrets(web: Web) -> None:
         assert answer.json()["rules"][0]["class"] == "box"
         assert not [secret for secret in ("do-not-tell", "pw", "ops.example") if secret in answer.text]
         assert web.monitor.rules.problem in (await program.get("/api/v1/status")).json()["problems"]
+
+
+async def test_a_webhook_that_takes_no_alerts_is_among_the_monitors_problems(web: Web) -> None:
+    async with receiving(400, 200) as (_, webhook), await web.program() as program:
+
+        async def problems() -> list[str]:
+            found: list[str] = (await program.get("/api/v1/status")).json()["problems"]
+            return found
+
+        web.monitor.rules.book = RuleBook(webhooks={"ops": webhook})
+        webhooks = web.monitor.alerting._webhooks
+        running = asyncio.create_task(webhooks.run())
+        webhooks.post("ops", webhook, alert())
+        await until(lambda: webhooks.counts)
+        assert await problems() == ["webhook ops takes no alerts: status 400"]
+        webhooks.post("ops", webhook, alert())
+        await until(lambda: len(webhooks.counts) == 2)
+        assert await problems() == []
+        running.cancel()
+        await asyncio.wait([running])
 
 
 async def test_another_monitors_alerts_are_told_and_left_to_it(tmp_path: Path) -> None:
