@@ -3,10 +3,12 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Final
 
 from bus import Bus
 from schemas.alerts import Alert, AlertState
+from schemas.worker_keys import DETECTOR, OPINION
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.doubt import known_until_ns
@@ -19,6 +21,7 @@ from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import Entry
 from services.monitor.mapping.floor_plan import FloorPlan
 from services.monitor.recent import Recent
+from services.monitor.rules.remarks import remarks
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import Snapshot
 from services.monitor.turns import in_turns
@@ -30,6 +33,9 @@ MAX_READ_AGE_S: Final = 2.0
 """How old what another monitor wrote may be."""
 
 MAX_ALERTS: Final = 10_000
+MAX_REMARKS: Final = 20
+"""How many remarks about rules are made: each may take a look at all robots or cameras."""
+
 NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertState.RESOLVED)
 
 
@@ -116,6 +122,18 @@ class Monitor:
         not_kept = self.history.status.problem
         found = (not_kept and f"history is not being kept: {not_kept}", self.rules.problem)
         return [*(problem for problem in found if problem), *self.alerting.problems()]
+
+    def rule_remarks(self) -> list[str]:
+        """Say which classes and robots the rules name that there are none of, as far as that is known."""
+        workers, inventory = self.workers(), self.fleet.inventory
+        detectors = [each.classes for each in workers.of(DETECTOR)]
+        opinions = [each.classes for each in workers.of(OPINION)]
+
+        def seen(name: str) -> bool:
+            return any(camera.speaker is not None and name in camera.speaker.classes for camera in inventory.cameras())
+
+        robots = set(self.glance().robots)
+        return list(islice(remarks(self.rules.book, detectors, opinions, seen, robots), MAX_REMARKS))
 
     def _noted(self, alert: Alert, by: str) -> Alert:
         self.history.act(Act(alert.id, AlertState(alert.state), by, time.time_ns()))

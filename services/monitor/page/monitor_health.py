@@ -8,6 +8,7 @@ from nicegui import ui
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
 from services.monitor.page.formatting import NS, lasting
+from services.monitor.troubles import shortened
 
 
 class MonitorHealth:
@@ -41,6 +42,7 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
     yield "History", kept
     yield "Alerts", "raised here" if history.leads else "raised by another monitor"
     rules = len(monitor.rules.book.rules)
-    yield "Rules", monitor.rules.problem or (f"{rules} in force" if rules else "none: start with --rules rules.yaml")
+    in_force = "; ".join([f"{rules} in force", *shortened(monitor.rule_remarks())])
+    yield "Rules", monitor.rules.problem or (in_force if rules else "none: start with --rules rules.yaml")
     left_out = ", ".join(f"{count:,} {what}" for what, count in sorted(monitor.fleet.left_out.items()) if count)
     yield "Left out", left_out or "nothing"

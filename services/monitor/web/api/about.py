@@ -48,6 +48,7 @@ def about_routes(monitor: Monitor) -> APIRouter:
         return RulesAnswer(
             file=None if file is None else str(file),
             problem=monitor.rules.problem,
+            remarks=tuple(monitor.rule_remarks()),
             timezone=book.timezone,
             webhooks=tuple(book.webhooks),
             rules=tuple(rule.model_dump(mode="json", by_alias=True) for rule in book.rules),

@@ -212,10 +212,14 @@ class GatewayAnswer(Part):
 
 
 class RulesAnswer(Part):
-    """The rules in force. problem: why the newest version of the file is not, with its line, or empty."""
+    """The rules in force. problem: why the newest version of the file is not, with its line, or empty.
+
+    remarks: classes that no detector there reports, and robots that there are none of, by rule.
+    """
 
     file: str | None
     problem: str
+    remarks: tuple[str, ...]
     timezone: str | None
     webhooks: tuple[str, ...]
     rules: tuple[dict[str, Any], ...]

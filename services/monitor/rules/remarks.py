@@ -1,0 +1,43 @@
+"""What a rule names that nobody is called: misspelt, or not there yet. Pure."""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Set as AbstractSet
+from fnmatch import fnmatchcase
+from typing import Final
+
+from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule
+
+Classes = Sequence[Collection[str]]
+"""The classes that each of some workers reports; none of one that does not say."""
+
+WILDCARDS: Final = frozenset("*?[")
+
+
+def remarks(
+    book: RuleBook, detectors: Classes, opinions: Classes, seen: Callable[[str], bool], robots: AbstractSet[str]
+) -> Iterator[str]:
+    """Yield a line for each class and each pattern of robots that fits nothing.
+
+    detectors, opinions: the workers that are there. seen: whether a class was ever in view. robots: those ever heard
+    of. Of classes it says nothing while no detector is there or one does not say what it reports.
+    """
+    for rule in book.rules:
+        workers = [*detectors, *(opinions if isinstance(rule, DisagreeRule) else ())]
+        name = _class_of(rule)
+        known = not name or not detectors or not all(workers) or any(name in classes for classes in workers)
+        if not known and not seen(name):
+            yield f"rule {rule.name!r}: no detector reports {name!r}"
+        for pattern in rule.robots if robots else ():
+            if not _fits_any(pattern, robots):
+                yield f"rule {rule.name!r}: no robot is called {pattern!r}"
+
+
+def _fits_any(pattern: str, robots: AbstractSet[str]) -> bool:
+    """Whether a name is there, or a pattern fits one: only patterns are compared with all of thousands."""
+    return pattern in robots or (
+        not WILDCARDS.isdisjoint(pattern) and any(fnmatchcase(robot, pattern) for robot in robots)
+    )
+
+
+def _class_of(rule: AnyRule) -> str:
+    return "" if isinstance(rule, SilentRule) else rule.of
