@@ -13,9 +13,9 @@ from tests.services.monitor.web.serving import Served
 
 CHROMIUM: Final = "/usr/bin/chromium"
 PATIENCE_MS: Final = 60_000
-SIZES: Final = {"phone": (375, 812), "desk": (1440, 900), "wall": (1920, 1080)}
+SIZES: Final = {"phone": (375, 812), "tablet": (1024, 768), "desk": (1440, 900), "wall": (1920, 1080)}
 
-Size = Literal["phone", "desk", "wall"]
+Size = Literal["phone", "tablet", "desk", "wall"]
 Scheme = Literal["dark", "light"]
 
 

@@ -10,6 +10,7 @@ import pytest_asyncio
 from playwright.async_api import Browser, expect
 
 from tests.integration.browser import PATIENCE_MS, SIZES, Size, looking, open_browser
+from tests.integration.in_sight import out_of_sight
 from tests.integration.warehouse import Robot, Warehouse, warehouse
 from tests.services.monitor.web.serving import Served, served
 
@@ -17,15 +18,23 @@ pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)
 
 expect.set_options(timeout=PATIENCE_MS)
 
-LONG = "a-robot-whose-name-has-as-many-letters-as-a-name-may-have-here"
+LONG = "a-robot-whose-name-has-as-many-letters-as-a-name-may-have-there"
+UNBROKEN = "x" * 63
+RULES = """
+rules:
+  - {name: pallets that wait, when: over, class: pallet, count: 0, severity: critical}
+  - {name: no box, when: under, class: box, count: 9}
+"""
 PAGES = {
     "/": f"[data-robot={LONG}]",
     "/inventory": "[data-sighting='r1/front/box']",
-    "/alerts": "text=No rules are in force",
+    "/alerts": f"[data-alert]:has-text('{LONG}')",
     "/health": "[data-worker='detector/gpu-1']",
     "/map": "text=No position is known yet",
     "/cameras/r1/front": ".fs-row:has-text('box')",
     "/objects/r1/front": "text=No cloud runs",
+    f"/cameras/{LONG}/{UNBROKEN}": ".fs-row:has-text('pallet')",
+    f"/objects/{LONG}/{UNBROKEN}": "text=No cloud runs",
 }
 EMPTY = {
     "/": ("No robot has joined yet", "fleetsight gateway --robot r1 --connect"),
@@ -54,21 +63,33 @@ async def browser() -> AsyncIterator[Browser]:
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def site(browser: Browser) -> AsyncIterator[Site]:
-    async with warehouse() as fleet, served(fleet.monitor) as at:
-        fleet.serve([fleet.enter(Robot("r1", {"box": 2, "a class with a long name " * 3: 1}))])
-        fleet.enter(Robot(LONG, {"pallet": 1}, waiting_for="a ROS master at http://somewhere-far-away.example:11311/"))
+async def site(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
+    """A fleet with short names, and with the longest that there may be; alerts of all of them."""
+    folder = tmp_path_factory.mktemp("site")
+    (folder / "rules.yaml").write_text(RULES, encoding="utf-8")
+    async with (
+        warehouse(rules=folder / "rules.yaml", history=f"sqlite:///{folder}/history.db") as fleet,
+        served(fleet.monitor) as at,
+    ):
+        waiting_for = "a ROS master at http://somewhere-far-away.example:11311/"
+        robots = [
+            Robot("r1", {"box": 2, "pallet": 1, "a class with a long name " * 3: 1}),
+            Robot(LONG, {"pallet": 1, "y" * 100: 1}, camera=UNBROKEN, waiting_for=waiting_for),
+            Robot(UNBROKEN, {"box": 1}, camera=LONG),
+        ]
+        fleet.serve([fleet.enter(robot) for robot in robots])
         yield Site(fleet, at, browser)
 
 
-@pytest.mark.parametrize("size", ["phone", "wall"])
-async def test_no_page_is_wider_than_its_screen(site: Site, tmp_path: Path, size: Size) -> None:
+@pytest.mark.parametrize("size", SIZES)
+async def test_nothing_on_any_page_is_cut_off_or_beyond_its_side(site: Site, tmp_path: Path, size: Size) -> None:
     async with looking(site.browser, site.at, tmp_path, size=size) as looker:
         for path, shown in PAGES.items():
             page = await looker.go(path)
             await expect(page.locator(shown).first).to_be_visible()
             wide = await page.evaluate("document.documentElement.scrollWidth")
             assert wide == SIZES[size][0], path
+            assert not await out_of_sight(page), path
 
 
 async def test_the_fleet_says_how_often_how_old_and_how_much_was_dropped(site: Site, tmp_path: Path) -> None:

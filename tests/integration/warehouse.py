@@ -27,16 +27,22 @@ CLOCK: Final = "clock"
 
 
 class Robot:
-    """A robot with a front camera, whose results are of a detector `gpu-1`.
+    """A robot with a camera, whose results are of a detector `gpu-1`.
 
     seen: how many of each class are in view from now on, None for no more class lists. flickers: what every other list
     says as well. waiting_for: what its gateway cannot go on without.
     """
 
     def __init__(
-        self, name: str, seen: Mapping[str, int], *, flickers: Mapping[str, int] | None = None, waiting_for: str = ""
+        self,
+        name: str,
+        seen: Mapping[str, int],
+        *,
+        camera: str = "front",
+        flickers: Mapping[str, int] | None = None,
+        waiting_for: str = "",
     ) -> None:
-        self.key = CameraKey(name, "front")
+        self.key = CameraKey(name, camera)
         self._flickers = flickers or {}
         self.seen: Mapping[str, int] | None = seen
         self.waiting_for = waiting_for
@@ -87,7 +93,7 @@ class Robot:
         color = StreamStatus(
             camera=self.key.camera,
             stream="color",
-            topic="/front/color/image_raw",
+            topic=f"/{self.key.camera}/color/image_raw",
             wanted=True,
             publishers=1,
             received=30 * self._seq,

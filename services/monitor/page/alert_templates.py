@@ -28,7 +28,7 @@ OPEN_BODY: Final = f"""
 <q-tr :props="props" :class="props.row.doubt ? 'fs-stale' : ''" :data-alert="props.row.id">
   <q-td key="severity" :props="props">{SEVERITY}</q-td>
   <q-td key="text" :props="props" class="fs-wide">{SAID}</q-td>
-  <q-td key="robot" :props="props">{WHERE}</q-td>
+  <q-td key="robot" :props="props" class="fs-where">{WHERE}</q-td>
   <q-td key="state" :props="props">{{{{ props.row.state }}}}</q-td>
   <q-td key="raised" :props="props" {WHEN.format(at="props.row.raised_at")}>{{{{ props.row.raised }}}}</q-td>
   <q-td key="deeds" :props="props" class="fs-deeds">{DEEDS}</q-td>
@@ -39,7 +39,7 @@ ENDED_BODY: Final = f"""
 <q-tr :props="props" :data-alert="props.row.id">
   <q-td key="severity" :props="props">{SEVERITY}</q-td>
   <q-td key="text" :props="props" class="fs-wide">{SAID}</q-td>
-  <q-td key="robot" :props="props">{WHERE}</q-td>
+  <q-td key="robot" :props="props" class="fs-where">{WHERE}</q-td>
   <q-td key="raised" :props="props" {WHEN.format(at="props.row.raised_at")}>{{{{ props.row.raised }}}}</q-td>
   <q-td key="ended" :props="props" {WHEN.format(at="props.row.ended_at")}>{{{{ props.row.ended }}}}</q-td>
 </q-tr>

@@ -16,7 +16,7 @@ VERSION: Final = """<div class="fs-why" v-if="props.row.version">version {{ prop
 WORKER_BODY: Final = f"""
 <q-tr :props="props" :class="props.row.state === 'online' ? '' : 'fs-stale'" :data-worker="props.row.id">
   <q-td key="state" :props="props">{STATE}</q-td>
-  <q-td key="worker" :props="props"><span class="fs-name">{{{{ props.row.worker }}}}</span
+  <q-td key="worker" :props="props" class="fs-where"><span class="fs-name">{{{{ props.row.worker }}}}</span
     > <span class="fs-muted">{{{{ props.row.service }}}}</span>{VERSION}</q-td>
   <q-td key="model" :props="props" class="fs-wide">{{{{ props.row.model }}}}</q-td>
   <q-td key="count" :props="props" class="fs-wide">{SERVES}</q-td>
@@ -44,17 +44,18 @@ PROBLEM: Final = """<div class="fs-problem fs-small" v-if="stream.problem">{{ st
 GATEWAY_BODY: Final = f"""
 <q-tr v-for="(stream, n) in (props.row.streams.length ? props.row.streams : [null])" :key="props.row.robot + '/' + n"
     :props="props" :class="(n ? 'fs-more' : '') + (props.row.live ? '' : ' fs-stale')" :data-gateway="props.row.robot">
-  <q-td v-if="n === 0" :rowspan="props.row.streams.length || 1">{STATE}</q-td>
-  <q-td v-if="n === 0" :rowspan="props.row.streams.length || 1"
+  <q-td v-if="n === 0" class="fs-where" :rowspan="props.row.streams.length || 1">{STATE}</q-td>
+  <q-td v-if="n === 0" class="fs-where" :rowspan="props.row.streams.length || 1"
     ><span class="fs-name">{{{{ props.row.robot }}}}</span>{VERSION}
     <div class="fs-why" v-if="props.row.more">{{{{ props.row.more }}}}</div></q-td>
   <template v-if="stream">
-    <q-td>{{{{ stream.name }}}}</q-td>
+    <q-td class="fs-where">{{{{ stream.name }}}}</q-td>
     <q-td class="fs-wide">{{{{ stream.topic }}}}{PROBLEM}</q-td>
     <q-td class="text-right">{{{{ stream.in }}}}</q-td>
-    <q-td class="text-right">{{{{ stream.out }}}} <span class="fs-muted">{{{{ stream.compression }}}}</span></q-td>
+    <q-td class="fs-where text-right">{{{{ stream.out }}}}
+      <span class="fs-muted">{{{{ stream.compression }}}}</span></q-td>
     <q-td class="text-right">{STREAM_DROPPED}</q-td>
-    <q-td>{{{{ stream.served }}}} <span class="fs-muted" v-if="props.row.live && !stream.wanted"
+    <q-td class="fs-wide">{{{{ stream.served }}}} <span class="fs-muted" v-if="props.row.live && !stream.wanted"
       >nobody asks for it</span></q-td>
   </template>
   <q-td v-else colspan="6" class="fs-muted">it offers no streams</q-td>

@@ -13,7 +13,7 @@ LIVE_VIEW: Final = """<a class="fs-link"
 SIGHTING_BODY: Final = f"""
 <q-tr :props="props" :class="props.row.available ? '' : 'fs-stale'" :data-sighting="props.row.id">
   <q-td key="robot" :props="props" class="fs-name">{{{{ props.row.robot }}}}</q-td>
-  <q-td key="camera" :props="props">{LIVE_VIEW}</q-td>
+  <q-td key="camera" :props="props" class="fs-where">{LIVE_VIEW}</q-td>
   <q-td key="name" :props="props" class="fs-wide"><button class="fs-link" title="over time" @click="{CHOOSE}"
     >{{{{ props.row.name }}}}</button></q-td>
   <q-td key="count" :props="props"><b>{{{{ props.row.count }}}}</b></q-td>

@@ -63,7 +63,7 @@ class LiveTable:
         ).classes("fs-table")
         self.table.props(
             f':rows-per-page-options="{list(CHOICES)}" rows-per-page-label=Rows '
-            'flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 821"'
+            'flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 900"'
         )
         self.table.add_slot("body", body)
         self.table.add_slot("item", card)

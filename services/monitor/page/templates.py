@@ -36,11 +36,11 @@ CAMERA: Final = """
 ROBOT_BODY: Final = f"""
 <q-tr v-for="(camera, n) in (props.row.cameras.length ? props.row.cameras : [null])" :key="props.row.robot + '/' + n"
     :props="props" :class="n ? 'fs-more' : ''" :data-robot="props.row.robot">
-  <q-td v-if="n === 0" key="state" :rowspan="props.row.cameras.length || 1">{STATE}</q-td>
+  <q-td v-if="n === 0" key="state" class="fs-where" :rowspan="props.row.cameras.length || 1">{STATE}</q-td>
   <q-td v-if="n === 0" key="robot" class="fs-name" :rowspan="props.row.cameras.length || 1"
     >{{{{ props.row.robot }}}}<div class="fs-why" v-if="props.row.more">{{{{ props.row.more }}}}</div></q-td>
   <template v-if="camera">
-    <q-td>{CAMERA}</q-td>
+    <q-td class="fs-where">{CAMERA}</q-td>
     <q-td :class="camera.live ? 'fs-wide' : 'fs-wide fs-stale'">{IN_VIEW}</q-td>
     <q-td :class="camera.live ? 'text-right' : 'text-right fs-stale'">{{{{ camera.age }}}}</q-td>
     <q-td :class="camera.live ? 'text-right' : 'text-right fs-stale'">{{{{ camera.rate }}}}</q-td>
