@@ -11,6 +11,7 @@ from playwright.async_api import Browser, expect
 
 from tests.integration.browser import PATIENCE_MS, SIZES, Size, looking, open_browser
 from tests.integration.in_sight import out_of_sight
+from tests.integration.touching import too_small_to_touch
 from tests.integration.warehouse import Robot, Warehouse, warehouse
 from tests.services.monitor.web.serving import Served, served
 
@@ -90,6 +91,21 @@ async def test_nothing_on_any_page_is_cut_off_or_beyond_its_side(site: Site, tmp
             wide = await page.evaluate("document.documentElement.scrollWidth")
             assert wide == SIZES[size][0], path
             assert not await out_of_sight(page), path
+
+
+async def test_whatever_can_be_pressed_on_a_phone_is_large_enough_for_a_finger(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path, size="phone", scheme="dark") as looker:
+        for path, shown in PAGES.items():
+            page = await looker.go(path)
+            await expect(page.locator(shown).first).to_be_visible()
+            assert not await too_small_to_touch(page), path
+        page = await looker.go("/alerts")
+        await page.locator("[data-alert]").first.get_by_role("button", name="resolve").click()
+        await expect(page.get_by_role("dialog").get_by_text("Resolve: ")).to_be_visible()
+        await page.wait_for_function("document.getAnimations().length === 0")
+        assert not await too_small_to_touch(page)
+        assert not await out_of_sight(page)
+        await looker.picture("resolve-phone-dark")
 
 
 async def test_the_fleet_says_how_often_how_old_and_how_much_was_dropped(site: Site, tmp_path: Path) -> None:

@@ -51,6 +51,6 @@ CARD: Final = f"""
     <span class="fs-muted fs-small">{{{{ props.row.ended || props.row.raised }}}}</span></div>
   <div>{SAID}</div>
   <div class="fs-top"><span>{WHERE}</span></div>
-  <div v-if="props.row.deeds.length">{DEEDS}</div>
+  <div v-if="props.row.deeds.length" class="fs-deeds">{DEEDS}</div>
 </div>
 """

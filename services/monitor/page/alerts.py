@@ -22,6 +22,7 @@ from services.monitor.page.alert_rows import (
     wanted_alerts,
 )
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
+from services.monitor.page.confirmation import Confirmation
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
@@ -78,6 +79,9 @@ class _Alerts:
             self._unseen = Tile("Nobody looks after")
         self._open_panel()
         self._ended_panel()
+        self._sure = Confirmation(
+            "Resolve", "Keep it open", "That cannot be taken back. It is raised again only after it was over."
+        )
         for part in (self._elsewhere, self._unknown, self._calm, self._none):
             part.set_visibility(False)
         ui.timer(REFRESH_S, self.refresh)  # a slow database keeps nobody from the page
@@ -190,10 +194,18 @@ class _Alerts:
             Deed.RESOLVE: self._monitor.resolve,
         }[deed]
         try:
+            if deed is Deed.RESOLVE and not await self._means_it(alert_id):
+                return
             do(alert_id, by=self._visitor.name)
         except UnknownAlertError:
             ui.notify("That alert is not open any more.", type="info")
         await self.refresh()
+
+    async def _means_it(self, alert_id: str) -> bool:
+        alert = next((each for each in self._monitor.alerts() if each.id == alert_id), None)
+        if alert is None:
+            raise UnknownAlertError(alert_id)
+        return await self._sure.given(f"Resolve: {alert.text}?")
 
 
 def _what_raises(monitor: Monitor) -> Sequence[str]:
