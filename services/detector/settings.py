@@ -2,13 +2,17 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
 from bus.sharing.settings import SharingSettings
 from services.detector.role import OPINION
+
+LEAST_SIDE: Final = 32
+MOST_SIDE: Final = 4096
+"""Of a model's input, in pixels."""
 
 SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
 
@@ -55,7 +59,10 @@ class DetectorSettings(SharingSettings, BusSettings):
         Literal["off", "bytetrack", "botsort"], Field(description="how objects are followed from frame to frame")
     ] = "botsort"
     image_size: Annotated[
-        int | None, Field(ge=32, le=4096, description="longer side that images are scaled to; as trained unless given")
+        int | None,
+        Field(
+            ge=LEAST_SIDE, le=MOST_SIDE, description="longer side that images are scaled to; as trained unless given"
+        ),
     ] = None
     cache: Path = Field(default_factory=default_cache, description="folder for what is made once of the weights")
     device: Annotated[str | None, Field(description="cpu, cuda:0, ...; the best there is unless given")] = None

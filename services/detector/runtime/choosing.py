@@ -70,7 +70,7 @@ def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.ui
 
     What was the fastest and no longer works is left out, with a warning.
 
-    blank: a batch to measure with.
+    make: returns the model under a runtime that has proved that it works. blank: a batch to measure with.
 
     Raises:
         ModelError: none of them works.
@@ -78,9 +78,9 @@ def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.ui
     candidates = [each for each in FOR_DEVICE.get(place.device, ("torch",)) if not _missing(each)]
     memory = _memory(place, candidates)
     known = _recall(memory)
-    engines = dict(_made(make, [known], blank)) if known in candidates else {}
+    engines = dict(_made(make, [known])) if known in candidates else {}
     if not engines:
-        engines = dict(_made(make, [each for each in candidates if each != known], blank))
+        engines = dict(_made(make, [each for each in candidates if each != known]))
     if len(engines) == 1:
         return next(iter(engines.items()))
     if not engines:
@@ -112,15 +112,11 @@ def _missing(runtime: Runtime) -> list[str]:
     return [package for package in NEEDS[runtime] if find_spec(package) is None]
 
 
-def _made(
-    make: Callable[[Runtime], Engine], candidates: list[Runtime], blank: NDArray[np.uint8]
-) -> list[tuple[Runtime, Engine]]:
+def _made(make: Callable[[Runtime], Engine], candidates: list[Runtime]) -> list[tuple[Runtime, Engine]]:
     made: list[tuple[Runtime, Engine]] = []
     for each in candidates:
         try:
-            engine = make(each)
-            engine.run(blank)
-            made.append((each, engine))
+            made.append((each, make(each)))
         except Exception as error:  # noqa: BLE001 - whatever ails one library, another one may work
             log.warning("not with --runtime %s: %s", each, error)
     return made

@@ -22,9 +22,10 @@ from services.detector.runtime.exporting import exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
+from services.detector.runtime.proof import prove
 from services.detector.runtime.refinement.closeups import blank_close_ups
 from services.detector.runtime.refinement.refiner import Refiner
-from services.detector.settings import DetectorSettings
+from services.detector.settings import LEAST_SIDE, MOST_SIDE, DetectorSettings
 from services.detector.tracking import Tracking
 
 if TYPE_CHECKING:
@@ -95,6 +96,8 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
     weights = read.weights
     device = device_of(settings.device)
     longest = settings.image_size or weights.longest
+    if not LEAST_SIDE <= longest <= MOST_SIDE:
+        raise ModelError(f"{read.what}: trained at {longest} pixels, not at {LEAST_SIDE} to {MOST_SIDE}: --image-size?")
     on_gpu = device.type == "cuda"
     try:
         runtime, engine, reference = _engines(settings, weights, device, longest, folder)
@@ -148,16 +151,18 @@ def _engines(
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
     gpu = "" if device.type != "cuda" else torch.cuda.get_device_name(device)
     place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported", gpu=gpu)
-    make = partial(_make, weights=weights, device=device, place=place, reference=reference)
     blank = _blank(longest, weights.stride)
+
+    def make(runtime: Runtime) -> Engine:
+        made = _make(runtime, weights=weights, device=device, place=place, reference=reference)
+        prove(made, blank, weights.names, weights.stride)
+        return made
+
     if settings.runtime == "auto":
-        runtime, engine = choose(make, place, blank)
-    else:
-        runtime = settings.runtime
-        check_installed(runtime)
-        engine = make(runtime)
-    engine.run(blank)
-    return runtime, engine, reference
+        make("torch")  # what ails the weights is said at once, and of all runtimes
+        return *choose(make, place, blank), reference
+    check_installed(settings.runtime)
+    return settings.runtime, make(settings.runtime), reference
 
 
 def _threads(settings: DetectorSettings) -> int:

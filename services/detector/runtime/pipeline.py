@@ -23,7 +23,8 @@ from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine, OutOfMemoryError
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.postprocess import Output, objects
+from services.detector.runtime.postprocess import Output, OutputError, objects
+from services.detector.runtime.proof import prove
 from services.detector.runtime.refinement.closeups import CloseUps, close_ups
 from services.detector.runtime.refinement.refiner import Refined, Refiner
 
@@ -55,8 +56,9 @@ class _Prepared:
 class Pipeline:
     """A model behind the `Model` protocol.
 
-    blank: a batch that the engine has computed before; where it no longer can, it is of no more use. reference: what
-    the engine's first images are checked against, where that is another one. refiner: of the masks, where there is one.
+    blank: an empty image that the engine has proved itself with, see `prove`; where it no longer can, it is of no more
+    use. reference: what the engine's first images are checked against, where that is another one. refiner: of the
+    masks, where there is one.
     """
 
     def __init__(
@@ -171,9 +173,9 @@ class Pipeline:
         return [(each, output, took_ns) for each, output in zip(images, outputs, strict=True)]
 
     def _prove(self) -> None:
-        """Raise ModelError unless the engine still works: a GPU that had an error computes nothing any more."""
+        """Raise ModelError unless the engine still works: a GPU that had an error computes nothing, or nonsense."""
         try:
-            self._computing.submit(self._engine.run, self._blank).result()
+            self._computing.submit(prove, self._engine, self._blank, self.facts.names, self.facts.stride).result()
         except Exception as error:
             raise ModelError(f"{self.name} works no longer: {first_line(error)}") from error
 
@@ -217,6 +219,9 @@ class Pipeline:
             refine = None if self._refiner is None else partial(self._refined, self._refiner, prepared.pixels)
             letterbox, names = prepared.letterbox, self.facts.names
             found = objects(output, letterbox, self._criteria, names, masks=masks, refine=refine)
+        except OutputError as error:
+            self._prove()
+            return Failed(FAILED, error)
         except Exception as error:  # noqa: BLE001 - see above
             return Failed(FAILED, error)
         after_ns = time.perf_counter_ns() - began_ns

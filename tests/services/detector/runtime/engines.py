@@ -13,6 +13,9 @@ from services.detector.runtime.postprocess import Output
 STRIDE = 32
 FACTS = Facts("fake.pt", "fake", {0: "box", 1: "pallet"}, segments=True, longest=64, stride=STRIDE)
 
+NONSENSE = 14
+"""How bright an image is whose score is not a number."""
+
 
 def output(
     boxes: Sequence[tuple[float, float, float, float]],
@@ -51,6 +54,8 @@ class BrightEngine:
         return [self._found(image) for image in images]
 
     def _found(self, image: NDArray[np.uint8]) -> Output:
-        score = float(image[image.shape[0] // 2, 0, 1]) / 255 if self._score is None else self._score
+        green = float(image[image.shape[0] // 2, 0, 1])
+        bright = float("nan") if green == NONSENSE else green / 255
+        score = bright if self._score is None else self._score
         height, width = image.shape[:2]
         return output([(width / 2, height / 2, 16, 8)], [(score, 0)])

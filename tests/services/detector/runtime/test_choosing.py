@@ -95,21 +95,6 @@ def test_what_was_remembered_and_no_longer_runs_is_left_out_with_a_warning(
     assert choose(maker([]), place(tmp_path), BLANK)[0] == chosen
 
 
-class Broken:
-    """Loads, and that is all."""
-
-    def run(self, images: NDArray[np.uint8]) -> list[Output]:
-        """See `Engine.run`."""
-        raise RuntimeError(f"no {len(images)} images today")
-
-
-def test_what_loads_and_does_not_run_is_left_out_too(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING):
-        chosen, _ = choose(lambda each: Slow(0) if each == "torch" else Broken(), place(tmp_path), BLANK)
-    assert chosen == "torch"
-    assert "not with --runtime openvino: no 1 images today" in caplog.text
-
-
 def test_none_that_works_is_an_error_that_says_so(tmp_path: Path) -> None:
     choose(maker([]), place(tmp_path), BLANK)
     with pytest.raises(ModelError, match="no runtime works here"):

@@ -4,8 +4,10 @@ import errno
 import logging
 import os
 import pickle
+import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -115,6 +117,52 @@ def test_a_refiner_of_other_masks_is_no_part_of_a_model(tmp_path: Path, model_fo
     reason = refusal(model_folder, model=str(tmp_path / "other.pt"))
     wrong = "its mask_refiner is none for 3 classes and 32 prototypes of masks"
     assert reason.endswith(f"other.pt: not a model that can be used: {wrong}")
+
+
+def altered(folder: Path, **changes: object) -> str:
+    """Return the shipped checkpoint with other entries, after Ultralytics was loaded."""
+    import torch  # noqa: PLC0415 - as above
+
+    torch.save({**torch.load(SHIPPED_MODEL, weights_only=False), **changes}, folder / "altered.pt")
+    return str(folder / "altered.pt")
+
+
+def module() -> Any:
+    import torch  # noqa: PLC0415 - as above
+
+    return torch.load(SHIPPED_MODEL, weights_only=False)["model"]
+
+
+@pytest.mark.parametrize("runtime", ["torch", "auto"])
+def test_weights_whose_output_says_nothing_are_no_model(runtime: str, tmp_path: Path, model_folder: Path) -> None:
+    load(settings(model_folder), model_folder / "ultralytics").close()
+    import torch  # noqa: PLC0415 - as above
+
+    few, void = module(), module()
+    few.names = {0: "box"}
+    with torch.no_grad():
+        for weights in void.parameters():
+            weights.fill_(float("nan"))
+    for wrong, why in (
+        (few, r"an output of \(39, \d+\) from a model of 1 classes"),
+        (void, "a score that is not a number"),
+    ):
+        reason = refusal(
+            tmp_path, runtime=runtime, refine=False, model=altered(tmp_path, model=wrong, ema=None, mask_refiner=None)
+        )
+        assert re.fullmatch(rf"--model .*altered\.pt: not a model that can be used: {why}", reason)
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.parametrize("side", [-5, 0, 31, 4097, 10**9])
+def test_an_input_that_can_be_none_is_refused_unless_another_is_asked_for(
+    side: int, tmp_path: Path, model_folder: Path
+) -> None:
+    load(settings(model_folder), model_folder / "ultralytics").close()
+    model = altered(tmp_path, train_args={"imgsz": side})
+    said = f"--model {model}: trained at {side} pixels, not at 32 to 4096: --image-size?"
+    assert refusal(model_folder, model=model) == said
+    load(settings(model_folder, model=model, image_size=96), model_folder / "ultralytics").close()
 
 
 def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_are_not(

@@ -19,7 +19,7 @@ from services.detector.runtime.refinement.closeups import SIDE, CloseUps
 from services.detector.runtime.refinement.refiner import Refined
 from services.geometry.masks import decode
 from tests.services.detector.requests import request
-from tests.services.detector.runtime.engines import FACTS, BrightEngine, output
+from tests.services.detector.runtime.engines import FACTS, NONSENSE, BrightEngine, output
 
 DETECTION = replace(FACTS, segments=False)
 BLANK = np.zeros((1, 32, 32, 3), np.uint8)
@@ -59,6 +59,20 @@ async def test_an_engine_that_computes_nothing_any_more_is_the_end() -> None:
     engine.broken = True
     with pytest.raises(ModelError, match=r"fake\.pt works no longer: the device is lost"):
         await model.infer([grey(255), grey(204)])
+
+
+async def test_an_engine_that_puts_out_nonsense_for_one_image_goes_on() -> None:
+    engine = BrightEngine()
+    model = pipeline(engine)
+    outcomes = [*await model.infer([grey(NONSENSE)]), *await model.infer([grey(204)])]
+    assert isinstance(outcomes[0], Failed)
+    assert (outcomes[0].reason, str(outcomes[0].error)) == (FAILED, "a score that is not a number")
+    assert round(score(outcomes[1]), 2) == 0.8
+
+
+async def test_an_engine_that_puts_out_nothing_but_nonsense_is_the_end() -> None:
+    with pytest.raises(ModelError, match=r"fake\.pt works no longer: a score that is not a number"):
+        await pipeline(BrightEngine(score=float("nan"))).infer([grey(255)])
 
 
 async def test_out_of_memory_makes_batches_smaller_from_then_on() -> None:
