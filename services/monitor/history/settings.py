@@ -1,24 +1,49 @@
 """Settings of the history."""
 
 import os
+import re
 from pathlib import Path
 from typing import Annotated, ClassVar, Final
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 NONE: Final = "none"
 SCHEMES: Final = ("sqlite:///", "postgresql://")
 
+_PORT: Final = re.compile(
+    r"postgresql://(?:[^:/]*(?::[^@]*)?@)?(?:\[[^/?]+\]|[^/:?]+)?(?::(?P<port>[^/?]*))?(?:[/?].*)?"
+)
+"""Where SQLAlchemy finds the port of a URL, if it has one."""
 
-def _url(value: str) -> str:
-    if value != NONE and not value.startswith(SCHEMES):
-        raise ValueError(
-            f"write it like sqlite:////var/lib/fleetsight/history.db or postgresql://user@host/db, or {NONE}"
+_HIGHEST_PORT: Final = 65535
+
+
+def _url(value: object) -> str:
+    if value == NONE:
+        return NONE
+    text = str(value)
+    if not text.startswith(SCHEMES):
+        raise _refusal(
+            text, f"write it like sqlite:////var/lib/fleetsight/history.db or postgresql://user@host/db, or {NONE}"
         )
-    return value
+    port = match["port"] if (match := _PORT.fullmatch(text)) else None
+    if port and not (port.isdecimal() and int(port) <= _HIGHEST_PORT):
+        raise _refusal(
+            text, f"what follows its host is no port, a number up to {_HIGHEST_PORT}; write @ in a password as %40"
+        )
+    return text
 
 
-HistoryUrl = Annotated[str, AfterValidator(_url)]
+def _refusal(text: str, reason: str) -> ValidationError:
+    """Return an error that shows no more of a URL than its scheme: it may hold a password."""
+    scheme = re.match(r"\w*(?=://)", text)
+    shown = f"{scheme[0]}://..." if scheme else "..."
+    error = InitErrorDetails(type=PydanticCustomError("history_url", reason), input=shown)
+    return ValidationError.from_exception_data("history", [error])
+
+
+HistoryUrl = Annotated[str, BeforeValidator(_url)]
 
 
 def default_state() -> Path:
