@@ -1,11 +1,16 @@
 """The socket that the web server listens on, taken before anything else begins."""
 
+import errno
 import ipaddress
 import os
 import socket
+from typing import Final
 
 from services.monitor.web.errors import WebError
 from services.monitor.web.settings import WebSettings
+
+_OF_PORTS: Final = (errno.EADDRINUSE, errno.EACCES)
+"""What another port may mend."""
 
 
 def open_listener(settings: WebSettings) -> socket.socket:
@@ -23,8 +28,10 @@ def open_listener(settings: WebSettings) -> socket.socket:
         listener = socket.create_server((str(address[0]), int(address[1])), family=family)
     except (OSError, UnicodeError) as error:
         number = error.errno if isinstance(error, OSError) else None
-        reason = os.strerror(number) if number is not None and number > 0 else str(error)
-        raise WebError(f"{where}: {reason}; another --web-port, or --no-web, lets it start") from error
+        of_names = error.strerror if isinstance(error, socket.gaierror) else str(error)
+        reason = os.strerror(number) if number is not None and number > 0 else of_names
+        wrong = "--web-port" if number in _OF_PORTS else "--web-host"
+        raise WebError(f"{where}: {reason}; another {wrong}, or --no-web, lets it start") from error
     listener.setblocking(False)  # noqa: FBT003 - the standard library's
     return listener
 

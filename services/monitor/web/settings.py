@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import ClassVar
 
-from pydantic import BaseModel, Field, HttpUrl
+from pydantic import BaseModel, Field, HttpUrl, field_validator
 
 
 class WebSettings(BaseModel):
@@ -27,3 +27,12 @@ class WebSettings(BaseModel):
     )
     web_connections: int = Field(default=1_000, ge=10, le=100_000, description="connections at the same time, at most")
     web_open_metrics: bool = Field(default=False, description="let anybody read /metrics, without a token")
+
+    @field_validator("web_url")
+    @classmethod
+    def _is_a_whole_host(cls, url: HttpUrl | None) -> HttpUrl | None:
+        if url is not None and (url.path not in (None, "/") or url.query is not None or url.fragment is not None):
+            raise ValueError(
+                "the page is at the root of its host: nothing may follow that, as in https://fleet.example"
+            )
+        return url

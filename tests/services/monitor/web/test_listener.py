@@ -11,13 +11,15 @@ def test_a_port_that_is_taken_is_said() -> None:
     with open_listener(MonitorSettings(web_port=0)) as listener:
         port = listener.getsockname()[1]
         assert url_of(listener, MonitorSettings()) == f"http://127.0.0.1:{port}"
-        with pytest.raises(WebError, match=f"--web-host 127.0.0.1 --web-port {port}: Address already in use"):
+        with pytest.raises(
+            WebError, match=f"--web-host 127.0.0.1 --web-port {port}: Address already in use; another --web-port,"
+        ):
             open_listener(MonitorSettings(web_port=port))
 
 
 def test_a_host_that_is_none_is_said() -> None:
     for host in ("no such host", "203.0.113.7", "x" * 300):
-        with pytest.raises(WebError, match="--web-host"):
+        with pytest.raises(WebError, match=r"^--web-host .*; another --web-host, or --no-web, lets it start$"):
             open_listener(MonitorSettings(web_host=host, web_port=0))
 
 
@@ -27,3 +29,8 @@ def test_the_address_is_one_that_a_browser_takes() -> None:
     with open_listener(MonitorSettings(web_host="0.0.0.0", web_port=0)) as listener:  # noqa: S104 - on purpose
         assert url_of(listener, MonitorSettings()).startswith(f"http://{socket.gethostname()}:")
         assert url_of(listener, MonitorSettings(web_url="https://fleet.example/")) == "https://fleet.example"  # type: ignore[arg-type]
+
+
+def test_a_host_s_name_that_does_not_resolve_is_said_in_words() -> None:
+    with pytest.raises(WebError, match=r"^--web-host no-such-host\.invalid --web-port 0: [A-Z][a-z ]+;"):
+        open_listener(MonitorSettings(web_host="no-such-host.invalid", web_port=0))
