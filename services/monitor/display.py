@@ -1,12 +1,14 @@
 """The live picture: a table on a terminal, changed lines anywhere else.
 
-Whoever reads it may stop reading: it is written aside, and what changed meanwhile is in the next picture.
+Whoever reads it may stop reading: it is written aside, and what changed meanwhile is in the next picture. Where it
+cannot be written, as on a full disk, the monitor goes on without it.
 """
 
 import asyncio
+import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain, islice
@@ -25,6 +27,8 @@ from services.monitor.table import classes, line, notes_of, render
 from services.monitor.troubles import shortened, troubles
 from services.monitor.turns import in_turns
 
+log = logging.getLogger(__name__)
+
 FRAME_LINES: Final = 8
 """Lines of the picture beside the rows: title, head, rules and notes."""
 
@@ -34,43 +38,77 @@ MAX_LINES: Final = 50
 FAREWELL_S: Final = 0.5
 """How long a terminal may take to be left as it was."""
 
+AGAIN_S: Final = 10.0
+"""How long after the picture could not be written it is tried again."""
+
 Problems = Callable[[], Sequence[str]]
 """Says what keeps the monitor itself from doing all that it should."""
 
+Writer = Callable[[Callable[[], object]], Awaitable[None]]
+"""Does what writes, beside the event loop."""
+
 
 async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, problems: Problems = lambda: ()) -> None:
-    """Show the fleet until cancelled."""
+    """Show the fleet until cancelled. What cannot be written is logged once, and all of it is shown as soon as it can.
+
+    Raises:
+        BrokenPipeError: whoever read it has read enough.
+    """
 
     def every_trouble() -> list[str]:
         return [*problems(), *troubles({status.robot: fleet.problems_of(status.robot) for status in fleet.online()})]
 
-    if console.is_terminal:
-        await _draw(fleet, console, refresh_s, note, every_trouble)
-    else:
-        await aside(lambda: console.print(note, markup=False, highlight=False, soft_wrap=True))
-        await _print_changes(fleet, refresh_s, every_trouble, console.file)
+    lost = False
+
+    async def write(act: Callable[[], object]) -> None:
+        nonlocal lost
+        await aside(act)
+        lost = False
+
+    while True:
+        try:
+            if console.is_terminal:
+                await _draw(fleet, console, refresh_s, note, every_trouble, write=write)
+            else:
+                await write(lambda: console.print(note, markup=False, highlight=False, soft_wrap=True))
+                await _print_changes(fleet, refresh_s, every_trouble, console.file, write=write)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            if not lost:
+                log.warning("the fleet is not shown until it can be written: %s", error.strerror or error)
+            lost = True
+        await asyncio.sleep(AGAIN_S)
 
 
 async def _draw(
-    fleet: Fleet, console: Console, refresh_s: float, note: str, every_trouble: Callable[[], list[str]]
+    fleet: Fleet,
+    console: Console,
+    refresh_s: float,
+    note: str,
+    every_trouble: Callable[[], list[str]],
+    *,
+    write: Writer,
 ) -> None:
     live = Live(console=console, auto_refresh=False)
     try:
-        await aside(live.start)
+        await write(live.start)
         while True:
             wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in shortened(every_trouble())]
             room = max(1, console.height - FRAME_LINES - len(wrong))
             rows = list(islice(fleet.rows(time.monotonic()), room))
             picture = Group(render(rows, [*notes_of(fleet.left_out), note], fleet.cameras - len(rows)), *wrong)
-            await aside(partial(live.update, picture, refresh=True))
+            await write(partial(live.update, picture, refresh=True))
             await asyncio.sleep(refresh_s)
     finally:
-        with suppress(TimeoutError):
+        with suppress(OSError):  # TimeoutError is one
             async with asyncio.timeout(FAREWELL_S):
                 await aside(live.stop)
 
 
-async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], to: IO[str]) -> None:
+async def _print_changes(
+    fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], to: IO[str], *, write: Writer
+) -> None:
     """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
     shown: dict[CameraKey, tuple[str, str]] = {}
     wrong: set[str] = set()
@@ -96,7 +134,7 @@ async def _print_changes(fleet: Fleet, refresh_s: float, every_trouble: Callable
         lines += shortened([each for each in now_wrong if each not in wrong], MAX_LINES)
         wrong = set(now_wrong)
         if lines:
-            await aside(partial(_write, to, "".join(f"{each}\n" for each in lines)))
+            await write(partial(_write, to, "".join(f"{each}\n" for each in lines)))
         await asyncio.sleep(refresh_s)
         rows = fleet.take_changed(time.monotonic())
 

@@ -1,21 +1,28 @@
 import asyncio
+import errno
 import fcntl
+import io
+import logging
 import os
 import pty
 import select
 import signal
+import subprocess
 import sys
 
 import pytest
+from rich.console import Console
 
 from bus import Bus, QoS, RequestError, open_bus
 from schemas import codec, keys
 from schemas.detections import ClassList
 from schemas.inventory import InventoryAnswer
 from schemas.keys import Stream
+from services.monitor import display
+from services.monitor.fleet import Fleet
 from services.toolbox.demo.ports import free_ports
 from tests.bus.sessions import ROOT, client
-from tests.contract.waiting import PATIENCE_S
+from tests.contract.waiting import PATIENCE_S, until
 from tests.services.monitor.inventory.seeing import FRONT, seen
 
 PAGE = 4096
@@ -74,3 +81,73 @@ async def test_a_monitor_whose_picture_nobody_reads_goes_on_and_ends_in_order(*,
         await monitor.wait()
         os.close(reading)
         os.close(writing)
+
+
+@pytest.mark.parametrize("terminal", [False, True], ids=["disk", "terminal"])
+async def test_a_monitor_that_cannot_write_its_picture_goes_on_and_says_so_once(*, terminal: bool) -> None:
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
+    if terminal:
+        reading, writing = pty.openpty()
+        os.close(reading)  # it has been closed: what is written to it fails
+    else:
+        writing = os.open("/dev/full", os.O_WRONLY)
+    monitor = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "services.toolbox", "monitor", "--listen", endpoint),
+        *("--no-web", "--history", "none", "--refresh-s", "0.1"),
+        cwd=ROOT,
+        stdout=writing,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "TERM": "xterm", "TTY_COMPATIBLE": str(int(terminal))},
+    )
+    os.close(writing)
+    assert monitor.stderr is not None
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            said = await monitor.stderr.readline()
+            async with open_bus(client(endpoint)) as bus:
+                await class_lists(bus)
+            monitor.send_signal(signal.SIGTERM)
+            assert await monitor.wait() == 0
+            rest = await monitor.stderr.read()
+    finally:
+        if monitor.returncode is None:
+            monitor.kill()
+        await monitor.wait()
+    reason = "Input/output error" if terminal else "No space left on device"
+    assert said.decode().endswith(f"the fleet is not shown until it can be written: {reason}\n")
+    assert rest == b""
+
+
+class FullAtFirst(io.StringIO):
+    """A file on a disk that is full until it is said to have room."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.refused = 0
+        self.room = False
+
+    def write(self, text: str) -> int:
+        if not self.room:
+            self.refused += 1
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return super().write(text)
+
+
+async def test_the_picture_is_written_once_there_is_room_for_it(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(display, "AGAIN_S", 0.01)
+    file = FullAtFirst()
+    fleet = Fleet("a clock")
+    showing = asyncio.ensure_future(display.show(fleet, Console(file=file), 0.01, note="where to join"))
+    with caplog.at_level(logging.WARNING):
+        await until(lambda: file.refused > 2)
+        file.room = True
+        await until(lambda: "where to join" in file.getvalue())
+        assert len(caplog.records) == 1
+        file.room = False
+        fleet.camera_presence(FRONT, alive=True)
+        await until(lambda: len(caplog.records) == 2)
+    showing.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await showing
