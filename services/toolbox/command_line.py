@@ -14,6 +14,7 @@ from services.toolbox.commands import COMMANDS, Command
 from services.toolbox.help import EXIT_CODES
 from services.toolbox.misspelt import meant
 from services.toolbox.settings import ENV_PREFIX, UsageError, load, names_of, variables
+from services.toolbox.streams import PrintError
 
 OURS = ("bus", "gateway", "schemas", "services")
 HELP_OPTIONS = ("-h", "--help", "help")
@@ -26,6 +27,8 @@ def main(argv: Sequence[str]) -> int:
         return _run_named(list(argv))
     except BrokenPipeError:  # whoever reads what is printed has read enough
         return 0
+    except PrintError as error:
+        return process.lost(error)
 
 
 def _run_named(arguments: list[str]) -> int:

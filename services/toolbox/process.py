@@ -45,9 +45,14 @@ def written(code: int) -> int:
     except BrokenPipeError:
         return code
     except OSError as error:
-        sys.stderr.write(f"fleetsight: what was printed is lost: {error.strerror}\n")
-        return EXIT_FAILED
+        return lost(error)
     return code
+
+
+def lost(error: OSError) -> int:
+    """Say on stderr why what was printed cannot be written; return EXIT_FAILED."""
+    sys.stderr.write(f"fleetsight: what was printed is lost: {error.strerror}\n")
+    return EXIT_FAILED
 
 
 async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | None:

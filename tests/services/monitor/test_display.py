@@ -151,3 +151,23 @@ async def test_the_picture_is_written_once_there_is_room_for_it(
     showing.cancel()
     with pytest.raises(asyncio.CancelledError):
         await showing
+
+
+async def test_a_monitor_without_standard_output_ends_in_order() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
+    monitor = await asyncio.create_subprocess_exec(
+        *("sh", "-c", 'exec "$@" >&-', "sh", sys.executable, "-m", "services.toolbox", "monitor"),
+        *("--listen", endpoint, "--no-web", "--history", "none"),
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        async with asyncio.timeout(PATIENCE_S), open_bus(client(endpoint)) as bus:
+            await class_lists(bus)
+            monitor.send_signal(signal.SIGTERM)
+            _, said = await monitor.communicate()
+    finally:
+        if monitor.returncode is None:
+            monitor.kill()
+        await monitor.wait()
+    assert (monitor.returncode, said) == (0, b"")

@@ -81,10 +81,11 @@ def test_a_reader_who_has_read_enough_is_no_failure(argv: list[str], unbuffered:
     assert (ended.returncode, ended.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("argv", [["--help"], ["--version"], ["distance", "--help"]], ids=" ".join)
-def test_what_could_not_be_written_is_a_failure(argv: list[str]) -> None:
+def test_what_could_not_be_written_is_a_failure(argv: list[str], unbuffered: str) -> None:
     with Path("/dev/full").open("w") as full:
-        ended = _printing(argv, full.fileno())
+        ended = _printing(argv, full.fileno(), unbuffered)
     assert ended.returncode == process.EXIT_FAILED
     assert ended.stderr == "fleetsight: what was printed is lost: No space left on device\n"
 
@@ -95,6 +96,28 @@ def _printing(argv: list[str], to: int, unbuffered: str = "") -> subprocess.Comp
     return subprocess.run(
         command, stdout=to, stderr=subprocess.PIPE, text=True, check=False, timeout=60, env=environment
     )
+
+
+@pytest.mark.parametrize(
+    ("argv", "closed", "code", "said"),
+    [
+        (["--help"], ">&-", 0, ""),
+        (["distance", "--help"], ">&-", 0, ""),
+        (["users", "list", "--history", "sqlite:////nowhere"], ">&-", 2, "fleetsight users: /nowhere: "),
+        (["doctor"], ">&-", 2, "fleetsight doctor: --robot is required"),
+        (["users", "add", "bob", "--history", "sqlite:////nowhere"], "<&-", 2, "fleetsight users: a password has 10"),
+        (["nix"], "2>&-", 2, ""),
+    ],
+    ids=lambda each: " ".join(each) if isinstance(each, list) else None,
+)
+def test_a_closed_stream_is_one_that_nobody_reads_and_nothing_is_in(
+    argv: list[str], closed: str, code: int, said: str
+) -> None:
+    command = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-m", "services.toolbox", *argv]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert ended.returncode == code
+    assert ended.stderr.startswith(said)
+    assert ended.stderr.count("\n") == bool(said)
 
 
 def test_ctrl_c_before_there_is_anything_to_end_is_silent(tmp_path: Path) -> None:
