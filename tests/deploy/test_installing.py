@@ -1,0 +1,53 @@
+"""What the units and the page on upgrading say of how to install."""
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import pytest
+from packaging.requirements import Requirement
+
+from tests.deploy.units import DEPLOY, command
+
+ROOT: Final = DEPLOY.parent
+UPGRADING: Final = ROOT / "docs" / "upgrading.md"
+GATEWAY: Final = DEPLOY / "fleetsight-gateway.service"
+SPACE: Final = DEPLOY / "fleetsight-space@.service"
+
+
+def commands(file: Path) -> Iterator[list[str]]:
+    """Yield the commands of a unit's comment, or of a page."""
+    for line in file.read_text(encoding="utf-8").splitlines():
+        if line.startswith(("#   ", "    ")):
+            yield shlex.split(line.removeprefix("#"))
+
+
+def environment(file: Path) -> list[list[str]]:
+    """Return the commands that make an environment anew, as a robot's is made."""
+    found = list(commands(file))
+    first = found.index(["python3", "-m", "venv", "--clear", "/opt/fleetsight"])
+    return found[first : first + 3]
+
+
+def extras(file: Path) -> set[str]:
+    _, installed, _ = environment(file)
+    return Requirement(f"fleetsight{installed[-1].removeprefix('.')}").extras
+
+
+@pytest.mark.parametrize("file", [SPACE, UPGRADING], ids=lambda file: file.name)
+def test_what_measures_beside_the_gateway_is_installed_as_the_gateway_is_with_its_extras(file: Path) -> None:
+    made, installed, removed = environment(GATEWAY)
+    assert environment(file) == [made, [*installed[:-1], ".[distance,cloud]"], removed]
+    assert extras(file) == {command(service).extra for service in ("distance", "cloud")}
+
+
+def test_the_gateways_unit_says_what_to_install_where_more_is_to_be_there() -> None:
+    assert "'.[distance,cloud]' instead of . where fleetsight-space@.service" in GATEWAY.read_text(encoding="utf-8")
+
+
+def test_an_upgrade_stops_all_that_it_replaces_and_starts_it_again() -> None:
+    words = [each[1:] for each in commands(UPGRADING) if each[0] == "systemctl"]
+    robot = {"fleetsight-gateway", "fleetsight-space@distance", "fleetsight-space@cloud"}
+    assert robot in [set(each[1:]) for each in words if each[0] == "stop"]
+    assert robot in [set(each[1:]) for each in words if each[0] == "start"]
