@@ -1,6 +1,7 @@
 """What the units and the page on upgrading say of how to install."""
 
 import shlex
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -51,3 +52,28 @@ def test_an_upgrade_stops_all_that_it_replaces_and_starts_it_again() -> None:
     robot = {"fleetsight-gateway", "fleetsight-space@distance", "fleetsight-space@cloud"}
     assert robot in [set(each[1:]) for each in words if each[0] == "stop"]
     assert robot in [set(each[1:]) for each in words if each[0] == "start"]
+
+
+def run(line: str, folder: Path, now: str = "") -> None:
+    """Run a command of a page for a state folder below another one, at a time of our own."""
+    there = line.replace("/var/lib/", f"{folder}/")
+    subprocess.run(["bash", "-euc", f"date() {{ echo {now}; }}; {there}"], check=True)
+
+
+def test_each_upgrade_leaves_a_copy_of_its_own_and_the_way_back_brings_one_of_them(tmp_path: Path) -> None:
+    lines = [line.strip() for line in UPGRADING.read_text(encoding="utf-8").splitlines()]
+    copied, *back = (line for line in lines if line.startswith(("cp ", "mv ")))
+    database = tmp_path / "fleetsight" / "history.db"
+    database.parent.mkdir()
+    for now in ("2026-11-20T060000", "2026-11-27T060000"):
+        database.write_text(now)
+        run(copied, tmp_path, now)
+    for line in back:
+        run(line, tmp_path)
+    assert database.read_text() == "2026-11-20T060000"
+    assert {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.db")} == {
+        "fleetsight/history.db",
+        "fleetsight.left/history.db",
+        "fleetsight.2026-11-20T060000/history.db",
+        "fleetsight.2026-11-27T060000/history.db",
+    }
