@@ -8,10 +8,10 @@ from tests.bus.sessions import ROOT
 
 
 def make_certificates(folder: Path) -> None:
-    """Make an authority and certificates for the hosts that the documentation names."""
+    """Make an authority and certificates for the hosts that the documentation names, or renew those in a folder."""
     block = re.search(r"```sh\n(.*?)```", (ROOT / "docs/security.md").read_text(), re.DOTALL)
     assert block is not None
-    folder.mkdir()
+    folder.mkdir(exist_ok=True)
     subprocess.run(["bash", "-euc", block[1]], cwd=folder, check=True, capture_output=True)
 
 

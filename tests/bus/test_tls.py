@@ -1,6 +1,7 @@
 """Links with certificates, made as the documentation says."""
 
 import asyncio
+import shutil
 from pathlib import Path
 
 import pytest
@@ -54,3 +55,19 @@ async def test_a_centre_of_another_name_is_not_joined(tmp_path: Path, caplog: py
     assert [record.getMessage() for record in caplog.records if record.name == "bus.session"] == [
         f"waiting for a link to {endpoint}: {said}"
     ]
+
+
+async def test_old_certificates_and_renewed_ones_fit_each_other(tmp_path: Path) -> None:
+    old, renewed = tmp_path / "old", tmp_path / "renewed"
+    make_certificates(old)
+    shutil.copytree(old, renewed)
+    make_certificates(renewed)
+    for file in certificate(Path(), "r1").values():
+        assert (old / file).read_bytes() != (renewed / file).read_bytes()
+    for central, robot in ((old, renewed), (renewed, old)):
+        endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")
+        async with (
+            open_bus(with_certificate(central, "central", mode="router", listen=[endpoint])),
+            open_bus(with_certificate(robot, "r1", connect=[endpoint])) as bus,
+        ):
+            await until(lambda: bus.link_problem == "")
