@@ -1,6 +1,5 @@
 """What the units and the page on upgrading say of how to install."""
 
-import shlex
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,10 +17,10 @@ SPACE: Final = DEPLOY / "fleetsight-space@.service"
 
 
 def commands(file: Path) -> Iterator[list[str]]:
-    """Yield the commands of a unit's comment, or of a page."""
+    """Yield the words, without quotes, of each command in a unit's comment or a page, and of what looks like one."""
     for line in file.read_text(encoding="utf-8").splitlines():
-        if line.startswith(("#   ", "    ")):
-            yield shlex.split(line.removeprefix("#"))
+        if line.startswith(("#   ", "    ")) and (words := line.removeprefix("#").replace("'", "").split()):
+            yield words
 
 
 def environment(file: Path) -> list[list[str]]:
@@ -58,6 +57,21 @@ def run(line: str, folder: Path, now: str = "") -> None:
     """Run a command of a page for a state folder below another one, at a time of our own."""
     there = line.replace("/var/lib/", f"{folder}/")
     subprocess.run(["bash", "-euc", f"date() {{ echo {now}; }}; {there}"], check=True)
+
+
+@pytest.mark.parametrize("name", ["gateway", "monitor", "detector"])
+def test_what_debian_leaves_out_of_python_is_installed_first(name: str) -> None:
+    first, second, *_ = commands(DEPLOY / f"fleetsight-{name}.service")
+    assert first == ["apt-get", "install", "python3-venv"]
+    assert second[:3] == ["python3", "-m", "venv"]
+
+
+def test_who_became_the_units_user_calls_the_program_by_its_whole_path() -> None:
+    pages = [*DEPLOY.glob("*.service"), *(ROOT / "docs").glob("*.md"), ROOT / "README.md"]
+    called = [words for page in pages for words in commands(page) if words[0] in {"runuser", "sudo", "su"}]
+    assert {(*words[:5], command(words[5]).name) for words in called} == {
+        ("runuser", "-u", "fleetsight", "--", "/opt/fleetsight/bin/fleetsight", name) for name in ("doctor", "users")
+    }
 
 
 def test_each_upgrade_leaves_a_copy_of_its_own_and_the_way_back_brings_one_of_them(tmp_path: Path) -> None:

@@ -1,12 +1,15 @@
 """What systemd itself says of the units."""
 
 import shutil
+import socket
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from tests.deploy.units import DEPLOY
+from services.toolbox.process import EXIT_USAGE
+from tests.deploy.units import DEPLOY, values
 from tests.missing import require_debian
 
 ANALYZE = "/usr/bin/systemd-analyze"
@@ -44,3 +47,17 @@ def test_a_setting_that_systemd_does_not_know_is_told(root: Path) -> None:
     command = [ANALYZE, "verify", "--man=no", f"--root={root}", unit.name]
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "ProtectClocks" in said.stderr
+
+
+def test_what_time_may_mend_ends_a_process_as_a_wrong_setting_does() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        listen = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        command = [sys.executable, "-m", "services.toolbox", "gateway", "--robot", "r1", "--mode", "router"]
+        ended = subprocess.run([*command, "--listen", listen], capture_output=True, text=True, check=False)
+    assert ended.returncode == EXIT_USAGE
+    assert ended.stderr.endswith("Address already in use\n")
+
+
+@pytest.mark.parametrize("name", ["gateway", "space@", "monitor", "detector"])
+def test_a_unit_goes_on_after_it(name: str) -> None:
+    assert (values(name, "Restart"), values(name, "RestartPreventExitStatus")) == (["always"], [])
