@@ -53,7 +53,7 @@ def test_an_upgrade_stops_all_that_it_replaces_and_starts_it_again() -> None:
     assert robot in [set(each[1:]) for each in words if each[0] == "start"]
 
 
-def run(line: str, folder: Path, now: str = "") -> None:
+def run(line: str, folder: Path, now: str) -> None:
     """Run a command of a page for a state folder below another one, at a time of our own."""
     there = line.replace("/var/lib/", f"{folder}/")
     subprocess.run(["bash", "-euc", f"date() {{ echo {now}; }}; {there}"], check=True)
@@ -83,11 +83,11 @@ def test_each_upgrade_leaves_a_copy_of_its_own_and_the_way_back_brings_one_of_th
         database.write_text(now)
         run(copied, tmp_path, now)
     for line in back:
-        run(line, tmp_path)
+        run(line, tmp_path, "2026-11-28T060000")
     assert database.read_text() == "2026-11-20T060000"
     assert {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.db")} == {
         "fleetsight/history.db",
-        "fleetsight.left/history.db",
         "fleetsight.2026-11-20T060000/history.db",
         "fleetsight.2026-11-27T060000/history.db",
+        "fleetsight.2026-11-28T060000/history.db",
     }
