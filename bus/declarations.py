@@ -17,6 +17,7 @@ from zenoh.handlers import Callback
 from bus.api import MAX_REQUEST_BYTES, Handler, QoS, Reply, Request
 from bus.demand import Demand
 from bus.gathering import taking
+from bus.known_keys import number_of
 from bus.lane import Lane
 from bus.numbering import MOST_KEPT, stamp
 from bus.panics import panics_are_errors
@@ -80,6 +81,11 @@ class ZenohPublisher(MessageWriter):
         self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
+
+    @property
+    def number_of(self) -> str:
+        """See `Declaration`."""
+        return self._key
 
     @property
     def kept(self) -> int:
@@ -167,6 +173,8 @@ class ZenohPublisher(MessageWriter):
 class ZenohWatch(PresenceReader):
     """A watch: all of a large fleet come at once, so they are fetched in batches."""
 
+    number_of = ""
+
     def __init__(self, key_expr: str, loop: AbstractEventLoop, *, few: bool) -> None:
         super().__init__(loop)
         self._key_expr = key_expr
@@ -197,6 +205,8 @@ class ZenohWatch(PresenceReader):
 
 class ZenohToken:
     """A presence."""
+
+    number_of = ""
 
     def __init__(self, key: str) -> None:
         self._key = key
@@ -233,6 +243,11 @@ class ZenohServer(Server):
         self._submit = submit
         self._session: zenoh.Session | None = None
         self._queryable: zenoh.Queryable[None] | None = None
+
+    @property
+    def number_of(self) -> str:
+        """See `Declaration`."""
+        return number_of(self.key)
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""

@@ -21,6 +21,7 @@ from bus.certificates import check_certificates
 from bus.config import session_config
 from bus.connections import tune
 from bus.errors import BusError, NotServedError
+from bus.known_keys import Numbers
 from bus.links import Links
 from bus.panics import panics_are_errors
 from bus.queries import send_query
@@ -50,6 +51,9 @@ SETTLING_S: Final = 1.0
 TELL_AFTER_S: Final = 3.0
 """How long a router or peer may take to link before it is said that it waits."""
 
+RENEWED_AFTER: Final = 10_000
+"""Declarations after which another session follows a client's: each may take two numbers (see bus.known_keys)."""
+
 LOOK_S: Final = 0.1
 """How often it is looked meanwhile whether there is still anything to wait for."""
 
@@ -61,6 +65,10 @@ _log: Final = logging.getLogger(__name__)
 
 class Declaration(Protocol):
     """Something declared on a session. Both methods are called on the session's thread only."""
+
+    @property
+    def number_of(self) -> str:
+        """The key whose number it takes (see bus.known_keys), or empty."""
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare; may raise zenoh.ZError, and is then undeclared."""
@@ -81,6 +89,7 @@ class SessionThread:
         self._settings = settings
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._kept: dict[Declaration, None] = {}
+        self._numbers = Numbers()
         self._session: zenoh.Session | None = None
         self._turn = 0  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
         self._links = Links(settings)
@@ -90,6 +99,7 @@ class SessionThread:
         self._tell_at: float | None = None
         self._opened_at = 0.0
         self._unsettled = 0
+        self._declared = 0  # of what was declared since the session is open
         self._cut = threading.Event()
         self._ended: zenoh.Session | None = None  # see REST_S
         self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
@@ -219,7 +229,7 @@ class SessionThread:
         self._turn += 1
         self._links.clear()
         self._cut.clear()
-        self._unsettled = 0
+        self._unsettled = self._declared = 0
         listener = Callback(partial(self._on_link, self._turn), indirect=False)
         session.info.declare_link_events_listener(listener, history=True)
         if self._settings.mode == "client" and not session.info.links():
@@ -231,6 +241,7 @@ class SessionThread:
                 return
             try:
                 with panics_are_errors():
+                    self._numbers.keep(session, declaration.number_of)
                     declaration.declare(session)
                     self._settle(session)
             except Exception:  # noqa: BLE001 - the others are declared, and this one on the next session
@@ -262,6 +273,7 @@ class SessionThread:
         _close(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
         for declaration in self._kept:
             _take_back(declaration)
+        self._numbers.forget()
         self._retry_after(REST_S if time.monotonic() > self._opened_at + BRIEF_S else RETRY_S)
 
     def _retry_after(self, least_s: float) -> None:
@@ -297,11 +309,16 @@ class SessionThread:
         if self._session is None:
             return
         try:
+            self._numbers.keep(self._session, declaration.number_of)
             declaration.declare(self._session)
         except zenoh.ZError as error:
             self._undeclare(declaration)
             raise BusError(f"cannot declare: {_reason(error)}") from error
         self._settle(self._session)
+        self._declared += 1
+        if self._settings.mode == "client" and self._declared >= RENEWED_AFTER:
+            _log.info("another session, after %d declarations on this one", self._declared)
+            self._end(self._session)
 
     def _undeclare(self, declaration: Declaration) -> None:
         if declaration not in self._kept:
@@ -325,6 +342,7 @@ class SessionThread:
         if self._session is not None:
             _close(self._session)
             self._session = None
+            self._numbers.forget()
         then()
 
 

@@ -15,6 +15,7 @@ from bus.api import Latest, Queue, Sample
 from bus.caches import Caches
 from bus.gathering import taking
 from bus.history import Fetch, History, Numbered
+from bus.known_keys import number_of
 from bus.numbering import CACHE, is_sent_again, owner_of, stamp_of
 from bus.reading import SampleReader
 
@@ -30,6 +31,11 @@ class ZenohSubscription(SampleReader):
         self._together = isinstance(keep, Queue) and "*" in key_expr and not few
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
+
+    @property
+    def number_of(self) -> str:
+        """See `Declaration`."""
+        return number_of(self._key_expr)
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
@@ -52,7 +58,7 @@ class HistorySubscription(ZenohSubscription):
     missed under a key expression that has a router look through all its keys, once for each publisher that it waits
     for, and asks thousands of publishers at once.
 
-    submit: has something done on the session's thread.
+    submit: has something done on the session's thread. known: told the key of each that publishes.
     """
 
     def __init__(
@@ -61,6 +67,7 @@ class HistorySubscription(ZenohSubscription):
         keep: Latest | Queue,
         loop: AbstractEventLoop,
         submit: Callable[[Callable[[], None]], object],
+        known: Callable[[str], None] | None,
         *,
         few: bool,
         recover: int,
@@ -68,6 +75,7 @@ class HistorySubscription(ZenohSubscription):
         super().__init__(key_expr, keep, loop, few=few)
         self._caches = Caches(submit, recover, self._on_kept, self._on_fetched)
         self._history: History[Sample | None] = History(recover, self._caches.ask, self._deliver, self.miss)
+        self._known = known
         self._one_at_a_time = threading.Lock()
 
     def declare(self, session: zenoh.Session) -> None:
@@ -108,6 +116,8 @@ class HistorySubscription(ZenohSubscription):
             if turn != self._turn:
                 return
             if presence.kind == _PUT:
+                if self._known is not None:
+                    self._known(key)
                 self._history.appear(key, cache)
             else:
                 self._history.leave(key, cache)

@@ -14,6 +14,7 @@ from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, Zen
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, single_key
+from bus.known_keys import KnownKeys
 from bus.locking import SHAREABLE_BYTES, may_lock
 from bus.serving import check_free
 from bus.session import Declaration, SessionThread
@@ -67,6 +68,7 @@ class ZenohBus:
     def __init__(self, settings: BusSettings) -> None:
         self._loop = asyncio.get_running_loop()
         self._session = SessionThread(settings)
+        self._known_keys = KnownKeys(self._session.do) if settings.mode == "client" else None
         self._shared_memory = settings.shared_memory
         self._lanes = Lanes()
         self._handles: set[_Handle] = set()
@@ -75,6 +77,8 @@ class ZenohBus:
 
     async def start(self) -> None:
         """Try once to open the session."""
+        if self._known_keys is not None:
+            self._session.keep(self._known_keys)
         await asyncio.wrap_future(self._session.open())
 
     async def close(self) -> None:
@@ -117,7 +121,8 @@ class ZenohBus:
             key = key_expression(key_expr)
             if not history:
                 return ZenohSubscription(key, keep, self._loop, few=few)
-            return HistorySubscription(key, keep, self._loop, self._session.do, few=few, recover=recover)
+            known = self._known_keys.add if self._known_keys is not None and "*" in key else None
+            return HistorySubscription(key, keep, self._loop, self._session.do, known, few=few, recover=recover)
 
         return self._held(make)
 
