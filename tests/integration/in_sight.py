@@ -13,23 +13,28 @@ FIND: Final = """() => {
   const isWhole = (element, clip) =>
     getComputedStyle(clip).textOverflow === "ellipsis" && element.closest("[title]")?.title.includes(said(element));
 
-  function check(element, box) {
-    if (!box.width || !box.height) return;
-    if (box.left < -1 || box.right > innerWidth + 1) {
-      found.push(`${said(element)}: ${Math.round(box.left)} to ${Math.round(box.right)} of ${innerWidth}`);
-      return;
-    }
+  function check(element, { left, right, top, bottom }) {
+    if (right === left || bottom === top) return;
+    const box = { left, right, top, bottom };
     for (let clip = element; clip && clip !== document.body; clip = clip.parentElement) {
       const style = getComputedStyle(clip);
-      if (clip !== element && style.position === "fixed") return;
       const edge = clip.getBoundingClientRect();
+      if (isWhole(element, clip)) {
+        box.left = Math.max(box.left, edge.left);
+        box.right = Math.min(box.right, edge.right);
+        box.top = Math.max(box.top, edge.top);
+        box.bottom = Math.min(box.bottom, edge.bottom);
+      }
       const aside = Math.max(edge.left - box.left, box.right - edge.right);
       const below = Math.max(edge.top - box.top, box.bottom - edge.bottom);
       const cutAside = style.overflowX !== "visible" && aside > 1;
       const cutBelow = ["hidden", "clip"].includes(style.overflowY) && below > 2;
-      if ((cutAside || cutBelow) && !isWhole(element, clip))
+      if (cutAside || cutBelow)
         found.push(`${said(element)}: ${Math.round(Math.max(aside, below))} px outside ${named(clip)}`);
+      if (style.position === "fixed") break;
     }
+    if (box.left < -1 || box.right > innerWidth + 1)
+      found.push(`${said(element)}: ${Math.round(box.left)} to ${Math.round(box.right)} of ${innerWidth}`);
   }
 
   for (const element of document.body.querySelectorAll("*")) {

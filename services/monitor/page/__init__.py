@@ -19,6 +19,7 @@ from services.monitor.page.map import add_map
 from services.monitor.page.objects import add_objects
 from services.monitor.page.overview import add_overview
 from services.monitor.page.shared import Shared
+from services.monitor.page.wall import add_wall
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:
@@ -26,6 +27,7 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
     answer_instead(nicegui_app)
     shared = Shared(monitor)
     add_overview(shared, monitor)
+    add_wall(shared, monitor)
     add_inventory(shared, Charts(monitor.archive), monitor)
     add_alerts(monitor, KeptAlerts(monitor.archive))
     add_health(shared, monitor)

@@ -56,9 +56,12 @@ def page_at(path: str) -> ui.page:
 
 
 @asynccontextmanager
-async def page_frame(monitor: Monitor, title: str, here: Place | None = None) -> AsyncIterator[Visitor]:
-    """Fill a page: what is made inside is below the header. Gives who looks. here: the place that it belongs to.
+async def page_frame(
+    monitor: Monitor, title: str, here: Place | None = None, *, bars: bool = True
+) -> AsyncIterator[Visitor]:
+    """Fill a page: what is made inside is below the header. Gives who looks.
 
+    here: the place that it belongs to. bars: it has a header and a footer to go elsewhere.
     An element takes a third of a millisecond to make: whatever else waits gets its turn in between.
     """
     client = ui.context.client
@@ -66,10 +69,14 @@ async def page_frame(monitor: Monitor, title: str, here: Place | None = None) ->
     visit = VISITS.begin(visitor.name, client)
     ui.page_title(f"{title} \N{MIDDLE DOT} fleetsight")
     ui.add_css(STYLE)
-    links = [_bar(visitor, here)]
-    await pause()
-    with ui.footer(elevated=False).classes("fs-footer"):
-        links.append(Links(here))
+    links: list[Links] = []
+    if bars:
+        links.append(_bar(visitor, here))
+        await pause()
+        with ui.footer(elevated=False).classes("fs-footer"):
+            links.append(Links(here))
+    else:
+        ui.dark_mode(THEMES[_chosen_theme()].dark)
     banners = _Banners(monitor)
 
     async def refresh() -> None:
@@ -79,9 +86,8 @@ async def page_frame(monitor: Monitor, title: str, here: Place | None = None) ->
             return
         banners.refresh()
         with suppress(HistoryError):  # which is among the problems
-            alerts = await monitor.current_alerts()
             for each in links:
-                each.count(alerts)
+                each.count(await monitor.current_alerts())
 
     ui.timer(REFRESH_S, refresh)
     await pause()
@@ -148,9 +154,13 @@ def _bar(visitor: Visitor, here: Place | None) -> Links:
     return links
 
 
-def _theme_button() -> None:
+def _chosen_theme() -> int:
     kept = ui.context.client.request.cookies.get(THEME_COOKIE)
-    place = next((number for number, theme in enumerate(THEMES) if theme.name == kept), 0)
+    return next((number for number, theme in enumerate(THEMES) if theme.name == kept), 0)
+
+
+def _theme_button() -> None:
+    place = _chosen_theme()
     dark = ui.dark_mode(THEMES[place].dark)
 
     def turn() -> None:

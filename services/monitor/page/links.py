@@ -24,6 +24,7 @@ INVENTORY: Final = Place("Inventory", "/inventory", "inventory_2")
 ALERTS: Final = Place("Alerts", "/alerts", "notifications")
 MAP: Final = Place("Map", "/map", "map")
 HEALTH: Final = Place("Health", "/health", "monitor_heart")
+WALL: Final = "/wall"
 PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
 
 

@@ -9,7 +9,7 @@ from nicegui import ui
 
 from services.monitor.monitor import Monitor
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
-from services.monitor.page.links import FLEET
+from services.monitor.page.links import FLEET, WALL
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
 from services.monitor.page.overview_rows import robot_row
 from services.monitor.page.robots import RobotState, robot_of
@@ -83,15 +83,13 @@ class _Overview:
             with ui.element("div").classes("fs-panel-head"):
                 search_field("Robot, camera or class", self._look_for)
                 self._found = ui.label().classes("fs-muted")
+                ui.element("div").classes("fs-spring")
+                with ui.link(target=WALL).classes("fs-link fs-small"):
+                    ui.label("Wall screen")
             self._table = LiveTable(
                 COLUMNS, self._load, row_key="robot", sort="state", body=ROBOT_BODY, card=ROBOT_CARD
             )
-            self._nobody = nothing_yet(
-                "smart_toy",
-                "No robot has joined yet",
-                "Start a gateway beside a robot's ROS master; it shows up here within a second:",
-                command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
-            )
+            self._nobody = nobody_yet(monitor)
             self._none = nothing_yet(
                 "search_off", "No robot is like that", "Clear the search, or choose another state above."
             )
@@ -124,6 +122,16 @@ class _Overview:
     async def _look_for(self, text: str) -> None:
         self._wanted = replace(self._wanted, text=text)
         await self._table.begin()
+
+
+def nobody_yet(monitor: Monitor) -> ui.html:
+    """Say that no robot has joined, and how one does; return what says so."""
+    return nothing_yet(
+        "smart_toy",
+        "No robot has joined yet",
+        "Start a gateway beside a robot's ROS master; it shows up here within a second:",
+        command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
+    )
 
 
 def _endpoint(monitor: Monitor) -> str:

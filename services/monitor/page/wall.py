@@ -1,0 +1,171 @@
+"""The wall screen: what needs somebody, then the other robots, page after page by itself."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Final
+
+from nicegui import events, ui
+
+from schemas.alerts import Alert, Severity
+from services.monitor.history.errors import HistoryError
+from services.monitor.monitor import Monitor
+from services.monitor.page.alert_rows import doubt_of, severity_figures
+from services.monitor.page.formatting import NOTHING
+from services.monitor.page.frame import REFRESH_S, page_at, page_frame
+from services.monitor.page.links import WALL, still
+from services.monitor.page.overview import nobody_yet
+from services.monitor.page.robots import RobotState, robot_of
+from services.monitor.page.shared import Shared
+from services.monitor.page.survey import Survey, Wanted
+from services.monitor.page.wall_rows import alert_line, lost_line, pressing, robot_cell, turned
+
+TURN_S: Final = 10.0
+"""How long one page of what does not fit at once is shown."""
+
+LOST: Final = (RobotState.OFFLINE, RobotState.SILENT)
+THERE: Final = (RobotState.TROUBLE, RobotState.ONLINE)
+MOST: Final = 200
+"""Lines, or cells, on the largest of screens."""
+
+STYLE: Final = (Path(__file__).parent / "wall.css").read_text(encoding="utf-8")
+
+EVENT: Final = "fs-fits"
+TELL: Final = f"""
+const cells = document.querySelector('.fs-cells');
+const tell = () => {{
+  if (!cells.clientWidth) return;
+  const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+  const columns = Math.max(1, Math.floor(cells.clientWidth / (20 * rem)));
+  const rows = Math.floor(cells.clientHeight / (5.4 * rem));
+  emitEvent('{EVENT}', [Math.floor(innerHeight * .36 / (2.4 * rem)), columns * rows]);
+}};
+new ResizeObserver(tell).observe(cells);
+"""
+"""Says how many lines and cells there is room for, of the heights and widths that the style gives them."""
+
+
+def add_wall(shared: Shared, monitor: Monitor) -> None:
+    """Add the page."""
+
+    @page_at(WALL)
+    async def wall() -> None:
+        async with page_frame(monitor, "Wall", bars=False):
+            ui.add_css(STYLE)
+            await _Wall(shared, monitor).refresh()
+
+
+@dataclass(frozen=True, slots=True)
+class _Fits:
+    """How many lines of what needs somebody, and cells of robots, there is room for."""
+
+    lines: int = 6
+    cells: int = 12
+
+
+class _Wall:
+    """What one screen shows."""
+
+    def __init__(self, shared: Shared, monitor: Monitor) -> None:
+        self._shared, self._monitor = shared, monitor
+        self._fits = _Fits()
+        with ui.element("div").classes("fs-wall-head"):
+            with ui.link(target="/").classes("fs-brand"):
+                still("fleet<b>sight</b>", tag="span")
+            self._figures = still("").classes("fs-figures")
+        with ui.element("div").classes("fs-panel fs-wall-panel"):
+            self._which_needs = _head("Needs somebody")
+            self._needs = still("")
+        with ui.element("div").classes("fs-panel fs-wall-panel fs-rest"):
+            self._which_robots = _head("Robots")
+            self._robots = still("").classes("fs-cells")
+            self._nobody = nobody_yet(monitor)
+        ui.on(EVENT, self._take_room)
+        ui.run_javascript(TELL)
+        ui.timer(REFRESH_S, self.refresh, immediate=False)
+
+    async def refresh(self) -> None:
+        """Show everything as it is now."""
+        survey = await self._shared.survey()
+        alerts, unknown = await self._alerts()
+        self._figures.set_content(figures(survey, alerts))
+        turn = int(time.monotonic() / TURN_S)
+        lost = [name for state in LOST for name in await survey.robots(Wanted(state=state))]
+        there = [name for state in THERE for name in await survey.robots(Wanted(state=state))]
+        self._show_needs(pressing(alerts or (), lost), unknown, turn)
+        self._show_robots(there, turn)
+        self._robots.set_visibility(survey.size > 0)
+        self._nobody.set_visibility(not survey.size)
+
+    async def _alerts(self) -> tuple[Sequence[Alert] | None, str]:
+        """Return the open alerts; else None, and why nobody knows them."""
+        try:
+            return await self._monitor.current_alerts(), ""
+        except HistoryError as error:
+            return None, str(error)
+
+    def _show_needs(self, needs: Sequence[Alert | str], unknown: str, turn: int) -> None:
+        shown, which = turned(needs, self._fits.lines, turn)
+        glance = self._monitor.glance()
+        lines = [
+            lost_line(robot_of(glance, each), glance.now_ns)
+            if isinstance(each, str)
+            else alert_line(each, doubt_of(each, glance.fleet.inventory, glance.now_ns), glance.now_ns)
+            for each in shown
+        ]
+        if unknown:
+            why = f"Nobody knows which alerts are open: {unknown}"
+            lines.insert(0, f'<div class="fs-calm fs-warn">{escape(why)}</div>')
+        elif not needs:
+            lines.append('<div class="fs-calm">No critical alert is open and no robot is lost.</div>')
+        self._needs.set_content("".join(lines))
+        self._which_needs.set_text(str(which))
+
+    def _show_robots(self, names: Sequence[str], turn: int) -> None:
+        shown, which = turned(names, self._fits.cells, turn)
+        glance = self._monitor.glance()
+        self._robots.set_content("".join(robot_cell(robot_of(glance, name)) for name in shown))
+        self._which_robots.set_text(str(which))
+
+    async def _take_room(self, event: events.GenericEventArguments) -> None:
+        lines, cells = (min(max(1, int(each)), MOST) for each in event.args)
+        self._fits = _Fits(lines, cells)
+        await self.refresh()
+
+
+def figures(survey: Survey, alerts: Sequence[Alert] | None) -> str:
+    """Return how many robots there are of each state, and open alerts of each severity, as HTML."""
+    robots = [
+        _figure(f"{survey.counts.get(state, 0):,}", state, mark=f"fs-dot fs-{state}", color=_COLORS[state])
+        for state in reversed(RobotState)
+    ]
+    counts = severity_figures(alerts)
+    told = [
+        _figure(counts[severity], f"{severity} alerts", color=color)
+        for severity, color in ((Severity.CRITICAL, "fs-bad"), (Severity.WARNING, "fs-warn"))
+    ]
+    return "".join([*robots, *told])
+
+
+_COLORS: Final = {
+    RobotState.ONLINE: "",
+    RobotState.TROUBLE: "fs-warn",
+    RobotState.SILENT: "fs-warn",
+    RobotState.OFFLINE: "fs-bad",
+}
+
+
+def _figure(number: str, what: str, *, mark: str = "", color: str = "") -> str:
+    dot = f'<span class="{mark}"></span>' if mark else ""
+    shade = "" if number in ("0", NOTHING) else color
+    return f'<span class="fs-figure {shade}">{dot}<b>{number}</b>{escape(what)}</span>'
+
+
+def _head(title: str) -> ui.label:
+    """Make a panel's head; return where it is said which part of it is shown."""
+    with ui.element("div").classes("fs-panel-head"):
+        with ui.element("h2"):
+            ui.label(title)
+        return ui.label().classes("fs-muted")
