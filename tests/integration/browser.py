@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Final, Literal
 
-from playwright.async_api import Browser, Page, async_playwright
+from playwright.async_api import Browser, Page, ViewportSize, async_playwright
 
 from tests.missing import require_debian
 from tests.services.monitor.web.serving import Served
@@ -66,11 +66,12 @@ class Looker:
 
 @asynccontextmanager
 async def looking(
-    browser: Browser, at: Served, folder: Path, *, size: Size = "desk", scheme: Scheme = "light"
+    browser: Browser, at: Served, folder: Path, *, size: Size = "desk", scheme: Scheme = "light", touch: bool = False
 ) -> AsyncIterator[Looker]:
     """Open a browser window of a size; when it closes nothing may have gone wrong in it, or come from elsewhere."""
     width, height = SIZES[size]
-    context = await browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+    viewport: ViewportSize = {"width": width, "height": height}
+    context = await browser.new_context(viewport=viewport, color_scheme=scheme, has_touch=touch, is_mobile=touch)
     context.set_default_timeout(PATIENCE_MS)
     name, value = at.cookie
     await context.add_cookies([{"name": name, "value": value, "url": at.url}])

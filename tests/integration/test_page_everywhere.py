@@ -9,6 +9,7 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, expect
 
+from services.monitor.live_views import reasons
 from tests.integration.browser import PATIENCE_MS, SIZES, Size, looking, open_browser
 from tests.integration.in_sight import out_of_sight
 from tests.integration.touching import too_small_to_touch
@@ -118,6 +119,17 @@ async def test_the_fleet_says_how_often_how_old_and_how_much_was_dropped(site: S
         await expect(dropped).to_have_text(re.compile(r"[1-9]"))
         await dropped.locator("span").first.hover()
         await expect(page.get_by_text("gateway: more than anybody can use")).to_be_visible()
+
+
+async def test_a_picture_that_does_not_come_for_long_is_a_case_for_health(
+    site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reasons, "PATIENCE_S", 1.0)
+    async with looking(site.browser, site.at, tmp_path, size="phone") as looker:
+        page = await looker.go("/cameras/r1/front")
+        said = "Look at Health: is there a detector that serves r1/front and does not drop its images?"
+        await expect(page.locator(".fs-reason")).to_contain_text(said)
+        await looker.picture("camera-waits-phone-light")
 
 
 async def test_an_empty_page_says_what_to_do(browser: Browser, tmp_path: Path) -> None:

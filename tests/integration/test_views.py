@@ -122,6 +122,15 @@ async def test_an_object_is_cut_out_and_shown_in_3d_while_somebody_looks_at_it(s
     await until(lambda: OBJECTS not in site.robot.wanted)
 
 
+async def test_how_to_turn_a_scene_is_said_for_the_hand_that_does_it(site: Site, tmp_path: Path) -> None:
+    mouse, fingers = "scroll to come nearer", "pinch to come nearer"
+    for touch, said, unsaid in ((False, mouse, fingers), (True, fingers, mouse)):
+        async with looking(site.browser, site.at, tmp_path, size="tablet", touch=touch) as looker:
+            page = await looker.go("/objects/r1/front")
+            await expect(page.get_by_text(said)).to_be_visible()
+            await expect(page.get_by_text(unsaid)).to_be_hidden()
+
+
 async def test_the_map_shows_where_robots_are_and_what_was_seen_where(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path, size="phone", scheme="dark") as looker:
         page = await looker.go("/map")
@@ -189,3 +198,13 @@ async def test_what_is_not_there_says_what_to_do(site: Site, tmp_path: Path) -> 
         await expect(page.get_by_text("r2 is offline")).to_be_visible()
         await expect(page.locator(".fs-picture.fs-old")).to_be_visible()
         await looker.picture("camera-offline-desk-light")
+
+
+async def test_a_monitor_without_a_link_says_so_and_not_that_the_robot_is_off(site: Site, tmp_path: Path) -> None:
+    async with FakeNetwork().open_bus() as bus:
+        deaf = monitor_on(bus)
+    async with served(deaf) as at, looking(site.browser, at, tmp_path, size="phone") as looker:
+        page = await looker.go("/cameras/r1/front")
+        await expect(page.get_by_text("This monitor has no link to the fleet")).to_be_visible()
+        await expect(page.get_by_text("switched on")).to_be_hidden()
+        await looker.picture("camera-deaf-phone-light")

@@ -16,6 +16,9 @@ STARTS: Final = {
 
 WAITING: Final = "Nothing has come yet"
 PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
+PATIENCE_S: Final = 20.0
+"""After how long a model is warm, and something else keeps the stream from coming."""
+
 LATE: Final = "Nothing newer comes"
 OVERLOADED: Final = "Its worker or the link to it may have too much to do: health says what was dropped where."
 
@@ -32,7 +35,7 @@ class Reason:
 class Facts:
     """What is known of a camera. serving: workers of the service that look after it. workers: all that are there.
 
-    came: something was shown before.
+    came: something was shown before. waited_s: since it was asked for. deaf: why the monitor cannot hear the fleet.
     """
 
     known: bool
@@ -41,10 +44,14 @@ class Facts:
     serving: tuple[WorkerStatus, ...] = ()
     workers: tuple[WorkerStatus, ...] = ()
     came: bool = False
+    waited_s: float = 0.0
+    deaf: str = ""
 
 
-def facts_of(fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool) -> Facts:
-    """Return what is known of a camera. workers: those of the service that are there now."""
+def facts_of(
+    fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool, waited_s: float, deaf: str
+) -> Facts:
+    """Return what is known of a camera. workers: those of the service that are there now. See `Facts`."""
     there = tuple(workers)
     return Facts(
         known=fleet.inventory.camera(key) is not None,
@@ -53,6 +60,8 @@ def facts_of(fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, c
         serving=serving(key, there),
         workers=there,
         came=came,
+        waited_s=waited_s,
+        deaf=deaf,
     )
 
 
@@ -66,7 +75,13 @@ def serving(key: CameraKey, workers: Iterable[WorkerStatus]) -> tuple[WorkerStat
 
 
 def why_nothing(key: CameraKey, stream: Stream, service: str, facts: Facts) -> Reason:
-    """Return the first thing that keeps a stream from coming, from the robot on; or that it is to be waited for."""
+    """Return the first thing that keeps a stream from coming, from this monitor on; or that it is to be waited for."""
+    if facts.deaf:
+        return Reason(
+            "This monitor has no link to the fleet",
+            f"{facts.deaf}. How {key.robot} is cannot be known here until it is back: see the network and the router "
+            "between them.",
+        )
     if not facts.known:
         return Reason(
             f"No camera {key} has been heard of",
@@ -97,4 +112,14 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
     remarks = [remark for worker in facts.serving for remark in worker.remarks if str(stream) in remark]
     if remarks:
         return Reason("This model cannot do that", "; ".join(remarks))
-    return Reason(LATE, OVERLOADED) if facts.came else Reason(WAITING, PATIENCE)
+    if facts.came:
+        return Reason(LATE, OVERLOADED)
+    return Reason(WAITING, PATIENCE if facts.waited_s < PATIENCE_S else _lasting(key, service, facts))
+
+
+def _lasting(key: CameraKey, service: str, facts: Facts) -> str:
+    names = ", ".join(sorted(worker.worker for worker in facts.serving)[:3])
+    return (
+        f"It was asked for {facts.waited_s:.0f} s ago. Look at Health: is there a {service} that serves {key} and does "
+        f"not drop its images? {names} says that it does: see its log."
+    )

@@ -58,6 +58,7 @@ class _Live:
         self._monitor, self._views, self._key = monitor, views, key
         self._stream = StreamKey(key, Stream.OVERLAY_DETECTION)
         self._asked = 0
+        self._since_s = time.monotonic()
         self._again_s = 0.0
         self._arrivals: deque[tuple[float, int]] = deque(maxlen=8)
         with ui.element("div").classes("fs-view"):
@@ -91,7 +92,11 @@ class _Live:
         self.show()
 
     def show(self) -> None:
-        """Ask for the picture, anew."""
+        """Ask for the picture, from now on."""
+        self._since_s = time.monotonic()
+        self._ask()
+
+    def _ask(self) -> None:
         self._asked += 1
         self._again_s = 0.0
         self._arrivals.clear()
@@ -107,7 +112,7 @@ class _Live:
     def refresh(self) -> None:
         """Bring everything up to date."""
         if self._again_s and time.monotonic() >= self._again_s:
-            self.show()
+            self._ask()
         newest, now_ns = self._views.pictures.peek(self._stream), time.time_ns()
         age = self._age_of(newest, now_ns)
         fresh = age is not None and age.seconds <= STALE_S
@@ -123,7 +128,15 @@ class _Live:
 
     def _explain(self, newest: Newest[ImageFrame] | None, age: Age | None, *, fresh: bool) -> None:
         workers = self._monitor.workers().of(SERVICE)
-        facts = facts_of(self._monitor.fleet, self._key, workers, came=age is not None)
+        waited_s = time.monotonic() - self._since_s
+        facts = facts_of(
+            self._monitor.fleet,
+            self._key,
+            workers,
+            came=age is not None,
+            waited_s=waited_s,
+            deaf=self._monitor.health.problem,
+        )
         served = ", ".join(f"{worker.worker} ({worker.model})" for worker in facts.serving)
         self._served.set_text(f"Found by {served}" if served else "No detector looks at it")
         if fresh:

@@ -44,6 +44,9 @@ GAMMA: Final = 2.2
 SHOW_POINTS: Final = "window['scene_{id}'].traverse(each => {{ if (each.isPoints) each.frustumCulled = false; }})"
 """The browser would go on to look whether the first points that it got are in view, not those that are there now."""
 
+WITH_A_MOUSE: Final = "Drag to turn, scroll to come nearer, right-drag to move"
+WITH_FINGERS: Final = "Drag to turn, pinch to come nearer, drag with two fingers to move"
+
 NEAREST_LOOK_M: Final = 1.2
 MOST_REASONS: Final = 5
 
@@ -63,6 +66,7 @@ def add_objects(monitor: Monitor, views: Views) -> None:
         while await visibility.begins():
             try:
                 async with views.clouds.hold(StreamKey(key, Stream.OBJECTS)) as newest:
+                    solids.begin()
                     while not await visibility.ends(REFRESH_S):
                         solids.refresh(newest)
             except CrowdedError as error:
@@ -76,6 +80,7 @@ class _Solids:
     def __init__(self, monitor: Monitor, key: CameraKey) -> None:
         self._monitor, self._key = monitor, key
         self._shown = 0
+        self._since_s = time.monotonic()
         self._chosen: int | None = None
         self._seen: ObjectClouds | None = None
         self._has_looked = False
@@ -88,7 +93,8 @@ class _Solids:
                     self._build_scene()
                 with ui.element("div").classes("fs-line fs-muted"):
                     self._age, self._frame = ui.label(), ui.label()
-                    ui.label("Drag to turn, scroll to come nearer, right-drag to move")
+                    ui.label(WITH_A_MOUSE).classes("fs-mouse")
+                    ui.label(WITH_FINGERS).classes("fs-touch")
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
                     ui.label("Objects").classes("fs-title")
@@ -110,6 +116,10 @@ class _Solids:
             self._points = self._scene.point_cloud([], [], POINT_M)
         self._boxes: list[Box] = []
 
+    def begin(self) -> None:
+        """Note that they are asked for from now on."""
+        self._since_s = time.monotonic()
+
     def say(self, reason: Reason) -> None:
         """Say why nothing is shown."""
         self._stage.explain(reason)
@@ -126,7 +136,14 @@ class _Solids:
             self._stage.explain(None if seen and seen.objects else _nothing_in_view(seen))
             return
         workers = self._monitor.workers().of(SERVICE)
-        facts = facts_of(self._monitor.fleet, self._key, workers, came=age is not None)
+        facts = facts_of(
+            self._monitor.fleet,
+            self._key,
+            workers,
+            came=age is not None,
+            waited_s=time.monotonic() - self._since_s,
+            deaf=self._monitor.health.problem,
+        )
         reason = why_nothing(self._key, Stream.OBJECTS, SERVICE, facts)
         self._stage.explain(
             Reason("What arrives is no cloud", newest.problem) if newest.problem else reason,

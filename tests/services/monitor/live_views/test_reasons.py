@@ -4,7 +4,7 @@ import pytest
 
 from schemas.keys import CameraKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
-from services.monitor.live_views.reasons import LATE, WAITING, Facts, serving, why_nothing
+from services.monitor.live_views.reasons import LATE, PATIENCE_S, WAITING, Facts, serving, why_nothing
 
 FRONT = CameraKey("r1", "front")
 LOAD = CameraLoad(robot="r1", camera="front", inferred=1, serving=True)
@@ -22,6 +22,12 @@ GOOD = Facts(known=True, robot_online=True, camera_online=True, serving=(WORKER,
 @pytest.mark.parametrize(
     ("facts", "title", "advice"),
     [
+        (
+            replace(GOOD, deaf="no link", robot_online=False),
+            "This monitor has no link to the fleet",
+            "no link. How r1 is",
+        ),
+        (replace(GOOD, deaf="no link", known=False), "This monitor has no link to the fleet", "the router"),
         (replace(GOOD, known=False), "No camera r1/front", "--robot r1"),
         (replace(GOOD, robot_online=False), "r1 is offline", "switched on"),
         (replace(GOOD, camera_online=False), "front is not published on r1", "fleetsight doctor --robot r1"),
@@ -29,6 +35,8 @@ GOOD = Facts(known=True, robot_online=True, camera_online=True, serving=(WORKER,
         (replace(GOOD, serving=()), "No detector serves r1/front", "There is w1"),
         (replace(GOOD, serving=(BOXES_ONLY,)), "This model cannot do that", "has no masks"),
         (GOOD, WAITING, "some seconds"),
+        (replace(GOOD, waited_s=PATIENCE_S), WAITING, "Look at Health: is there a detector that serves r1/front"),
+        (replace(GOOD, waited_s=PATIENCE_S), WAITING, "w1 says that it does"),
         (replace(GOOD, came=True), LATE, "too much to do"),
     ],
 )
