@@ -140,6 +140,13 @@ async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp
             await page.get_by_role("link", name="Last day as CSV").click()
         text = await asyncio.to_thread(Path.read_text, await (await download.value).path(), "utf-8")
         assert "r1,front,box," in text
+        await page.get_by_label("Search").fill("r1")
+        await expect(page.get_by_text("In view: box, whole fleet, with r1 in a name")).to_be_visible()
+        await expect(page.locator(".fs-chart canvas").first).to_be_visible()
+        await page.get_by_label("Search").fill("nowhere")
+        await expect(page.get_by_text("Nothing of it was in view in this time.")).to_be_visible()
+        await page.get_by_label("Search").fill("")
+        await expect(page.get_by_text("In view: box, whole fleet", exact=True)).to_be_visible()
         await looker.picture("inventory-desk-dark")
 
 

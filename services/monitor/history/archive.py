@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Select, Table, select, tuple_
+from sqlalchemy import ColumnElement, Select, Table, or_, select, tuple_
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
@@ -26,6 +26,9 @@ MAX_ROWS: Final = 10_000
 AT_ONCE: Final = 4
 """How many pages are read at the same time."""
 
+SAID: Final = ("robot", "camera", "name", "model", "worker")
+"""The columns of a sighting that may have a text in them."""
+
 FIRST_NS: Final = 60 * NS
 """How far back is looked first for the newest."""
 
@@ -38,13 +41,17 @@ AlertPlace = tuple[int, str]
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What is asked for: what was so between two times (epoch nanoseconds), of one robot, camera or class if named."""
+    """What is asked for: what was so between two times (epoch nanoseconds), of one robot, camera or class if named.
+
+    text: what sightings have in one of their names, in capitals or not.
+    """
 
     since_ns: int = 0
     until_ns: int = 2**63 - 1
     robot: str = ""
     camera: str = ""
     name: str = ""
+    text: str = ""
 
 
 class Archive:
@@ -58,6 +65,8 @@ class Archive:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
         query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
+        if asked.text:
+            query = query.where(or_(*(intervals.c[each].icontains(asked.text, autoescape=True) for each in SAID)))
         query = _page(query, order, limit, after)
         rows: Sequence[Any] = ()
         async with self._connected() as connection:

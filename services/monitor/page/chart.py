@@ -24,17 +24,22 @@ COLORS: Final = ("#3b7ddd", "#e08a2e", "#2fa36b", "#c94f7c", "#8a63d2", "#1aa3b8
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a chart is about: one robot, camera or class, each all of them if empty, over the last seconds."""
+    """What a chart is about: one robot, camera or class, each all of them if empty, over the last seconds.
+
+    text: what is in one of their names, as it is searched for.
+    """
 
     robot: str = ""
     camera: str = ""
     name: str = ""
     seconds: int = 3_600
+    text: str = ""
 
     def __str__(self) -> str:
         """Say it in words."""
         where = "/".join(part for part in (self.robot, self.camera) if part)
-        return f"{self.name or 'all classes'}, {where or 'whole fleet'}"
+        like = f", with {self.text} in a name" if self.text else ""
+        return f"{self.name or 'all classes'}, {where or 'whole fleet'}{like}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +74,7 @@ class Charts:
     async def _draw(self, subject: Subject) -> Drawn:
         until_ns = time.time_ns()
         since_ns = until_ns - subject.seconds * NS
-        asked = Asked(since_ns, until_ns, subject.robot, subject.camera, subject.name)
+        asked = Asked(since_ns, until_ns, subject.robot, subject.camera, subject.name, subject.text)
         try:
             found = await self._archive.sightings(asked, MAX_INTERVALS)
         except HistoryError as error:

@@ -149,7 +149,9 @@ class _Inventory:
 
     async def _look_for(self, text: str) -> None:
         self._filters = replace(self._filters, text=text)
+        self._subject = replace(self._subject, robot="", camera="", name=self._filters.name, text=text.strip())
         await self._table.begin()
+        await self.draw()
 
     async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
         self._filters = replace(self._filters, in_view=bool(event.value))
@@ -161,11 +163,12 @@ class _Inventory:
 
     async def _choose(self, event: events.GenericEventArguments) -> None:
         robot, camera, name = (str(part) for part in event.args)
-        self._subject = replace(self._subject, robot=robot, camera=camera, name=name)
+        self._subject = replace(self._subject, robot=robot, camera=camera, name=name, text="")
         await self.draw()
 
     async def _choose_all(self) -> None:
-        self._subject = replace(self._subject, robot="", camera="", name=self._filters.name)
+        text = self._filters.text.strip()
+        self._subject = replace(self._subject, robot="", camera="", name=self._filters.name, text=text)
         await self.draw()
 
     async def _download(self) -> None:

@@ -70,6 +70,15 @@ async def test_the_newest_are_found_without_a_look_at_all_that_is_asked_for(
     assert len(steps) < 5_000
 
 
+async def test_what_is_searched_for_is_in_one_of_the_names_of_a_sighting_in_capitals_or_not(url: str) -> None:
+    some = [interval(second, second, name=name) for second, name in enumerate(("Box", "big_box", "bigxbox"), 1)]
+    async with opened(url) as store:
+        await store.write(some, [], NOW_S * S)
+    archive = Archive(url)
+    for text, count in (("BOX", 3), ("g_b", 1), ("%", 0), (some[0].worker, 3), ("r1", 3), ("no such", 0)):
+        assert len(await archive.sightings(Asked(text=text), 9)) == count, text
+
+
 async def test_what_goes_on_is_of_now_though_it_began_long_ago(url: str) -> None:
     async with opened(url) as store:
         await store.write([interval(1, 2), interval(3, 3, is_open=True)], [], NOW_S * S)

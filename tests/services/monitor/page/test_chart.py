@@ -45,6 +45,8 @@ async def test_a_chart_shows_what_the_history_has_of_its_subject(tmp_path: Path)
     await store.close()
     charts = Charts(Archive(url))
     assert (await charts.of(Subject())).lines["box"][-1][1] == 4
+    assert (await charts.of(Subject(text="R1"))).lines["box"][-1][1] == 2
+    assert (await charts.of(Subject(text="r%"))).lines == {}
     drawn = await charts.of(Subject(robot="r2", name="box"))
     assert drawn.lines["box"][-1][1] == 2
     (series,) = options(drawn)["series"]
@@ -54,3 +56,4 @@ async def test_a_chart_shows_what_the_history_has_of_its_subject(tmp_path: Path)
 def test_a_subject_is_said_in_words() -> None:
     assert str(Subject()) == "all classes, whole fleet"
     assert str(Subject(robot="r1", camera="front", name="box")) == "box, r1/front"
+    assert str(Subject(text="dock")) == "all classes, whole fleet, with dock in a name"
