@@ -58,12 +58,14 @@ class HistoryStatus:
     problem: why it is not being kept, in words, or empty. leads: this monitor is the one that raises alerts; while the
     database cannot be asked, that stays as it was, and whoever never could ask it raises them.
     pending: what waits to be written, none while another one leads. lost: intervals given up because too many waited.
+    leader: who else leads, as host and process, as far as that is known.
     """
 
     problem: str
     leads: bool
     pending: int
     lost: int
+    leader: str = ""
 
 
 class HistoryKeeper:
@@ -97,6 +99,7 @@ class HistoryKeeper:
         self._problem = ""
         self._writes = False
         self._leads = settings.history == NONE
+        self._leader = ""
         self._asked = False
         self._follows = False
         self._loaded = False
@@ -107,7 +110,7 @@ class HistoryKeeper:
         """How it is doing."""
         another_leads = self._follows and not self._problem
         pending = 0 if another_leads else len(self._ledger) + len(self._alerts)
-        return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost)
+        return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost, self._leader)
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
@@ -192,6 +195,7 @@ class HistoryKeeper:
 
     async def _take_the_lead(self, store: Store) -> None:
         leads = await store.lead()
+        self._leader = "" if leads else await store.leader()
         self._asked, self._follows = True, not leads
         if leads:
             await self._go_on(store)

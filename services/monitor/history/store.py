@@ -1,5 +1,6 @@
 """The database of the history: one connection that writes, and holds the lock that says who does."""
 
+import asyncio
 import fcntl
 import os
 from collections import defaultdict
@@ -17,6 +18,7 @@ from services.monitor.history.acts import Act
 from services.monitor.history.engine import engine_of, file_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
+from services.monitor.history.leader import LEADER, TELL_NAME, lock_of, own_name, read_name
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.newest import newest_of_each
 from services.monitor.history.opening import connect
@@ -101,8 +103,18 @@ class Store:
             taken = bool(await self._connection.scalar(select(func.pg_try_advisory_lock(LOCK))))
             if taken:
                 await self._connection.execute(END_UNHEARD, {"after": f"{round(UNHEARD_S * 1_000)}ms"})
+                await self._connection.execute(TELL_NAME, {"name": own_name()})
             await self._connection.commit()
             return taken
+
+    async def leader(self) -> str:
+        """Return who leads, as host and process; empty if nobody does, or does not say."""
+        async with translating():
+            if self._file is not None:
+                return await asyncio.to_thread(read_name, lock_of(self._file))
+            found = await self._connection.scalar(LEADER, {"lock": LOCK})
+            await self._connection.commit()
+            return found or ""
 
     async def load(self, since_ns: int) -> Kept:
         """Return what goes on, and what ended since then."""
@@ -218,13 +230,15 @@ class Store:
 
     def _lock_beside(self, file: Path) -> bool:
         """Lock a file beside the database: whoever opens and closes the database itself undoes SQLite's own locks."""
-        descriptor = os.open(f"{file}-lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        descriptor = os.open(lock_of(file), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             os.close(descriptor)
             return False
         self._lock = descriptor
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, own_name().encode())
         return True
 
     async def _put(self, table: Table, rows: Iterable[Mapping[str, Any]]) -> None:

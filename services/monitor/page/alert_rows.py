@@ -101,6 +101,12 @@ def doubt_of(alert: Alert, inventory: Inventory, now_ns: int) -> str:
     return f"not known now: {gone}, last seen {ago(until_ns, now_ns)}"
 
 
+def raised_by(leader: str) -> str:
+    """Say which other monitor raises the alerts, as far as that is known."""
+    named = f"Another monitor ({leader})" if leader else "Another monitor"
+    return f"{named} raises the alerts. Those below are from the shared history; act on them there."
+
+
 def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool, doubt: str = "") -> dict[str, Any]:
     """Return an alert as its templates take it. may_act: who looks may do something about it. doubt: see `doubt_of`."""
     return {

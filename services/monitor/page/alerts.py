@@ -16,6 +16,7 @@ from services.monitor.page.alert_rows import (
     alert_row,
     doubt_of,
     panel_of,
+    raised_by,
     severity_figures,
     sorted_alerts,
     unattended_figure,
@@ -70,7 +71,7 @@ class _Alerts:
         self._text = ""
         self._elsewhere = ui.element("div")
         with self._elsewhere:
-            banner("Another monitor raises the alerts. Those below are from the shared history; act on them there.")
+            self._elsewhere_text = banner("")
         with ui.element("div").classes("fs-tiles"):
             self._tiles = {
                 severity: Tile(severity.capitalize(), on_click=partial(self._only, severity))
@@ -135,6 +136,7 @@ class _Alerts:
     async def _load_open(self, window: Window) -> tuple[Rows, int]:
         leads = self._monitor.history.status.leads
         self._elsewhere.set_visibility(not leads)
+        self._elsewhere_text.set_text(raised_by(self._monitor.history.status.leader))
         every: Sequence[Alert] | None = None
         try:
             every = await self._monitor.current_alerts()

@@ -40,7 +40,12 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
         kept += f", {history.pending:,} rows wait to be written" if history.pending else ""
         kept += f", {history.lost:,} given up" if history.lost else ""
     yield "History", kept
-    yield "Alerts", "raised here" if history.leads else "raised by another monitor"
+    yield (
+        "Alerts",
+        "raised here"
+        if history.leads
+        else f"raised by another monitor{f' ({history.leader})' if history.leader else ''}",
+    )
     rules = len(monitor.rules.book.rules)
     in_force = "; ".join([f"{rules} in force", *shortened(monitor.rule_remarks())])
     yield "Rules", monitor.rules.problem or (in_force if rules else "none: start with --rules rules.yaml")

@@ -16,6 +16,7 @@ from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval, interval_of
 from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.history.leader import own_name
 from services.monitor.history.presence import MONITOR, Place, Presence
 from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.history.store import Store
@@ -204,6 +205,7 @@ async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url
         assert await leader.lead()
         async with monitoring(url) as other:
             await until(lambda: other.history._follows)
+            assert other.history.status.leader == own_name()
             now_ns = time.time_ns()
             other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
             seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
@@ -211,6 +213,7 @@ async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url
             other.see(2, box=1, tree=2)
             await leader.close()
             await until(lambda: other.history.status.leads and other.written())
+            assert other.history.status.leader == ""
     found = {(each.name, each.count): each for each in await kept(url)}
     assert len(await kept(url)) == 4
     since_ns = seen_by_leader[0].since_ns

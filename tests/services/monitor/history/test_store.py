@@ -1,5 +1,7 @@
 import asyncio
+import os
 import resource
+import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from itertools import pairwise
@@ -159,6 +161,7 @@ async def test_one_of_two_leads_until_it_goes(url: str) -> None:
             assert await first.lead()
             assert await first.lead()
             assert not await second.lead()
+            assert await second.leader() == f"{socket.gethostname()}, process {os.getpid()}"
         assert await second.lead()
 
 

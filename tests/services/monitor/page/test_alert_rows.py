@@ -9,6 +9,7 @@ from services.monitor.page.alert_rows import (
     alert_row,
     doubt_of,
     panel_of,
+    raised_by,
     severity_figures,
     sorted_alerts,
     unattended_figure,
@@ -95,6 +96,11 @@ def test_why_nobody_knows_whether_it_is_still_so_is_said() -> None:
     assert doubt == "not known now: front is silent, last seen 30 s ago"
     assert alert_row(ALERT, (), 130 * S, may_act=True, doubt=doubt)["doubt"] == doubt
     assert doubt_of(msgspec.structs.replace(ALERT, name=""), inventory, 130 * S) == ""
+
+
+def test_which_monitor_raises_the_alerts_is_said_as_far_as_it_is_known() -> None:
+    assert raised_by("hall-2, process 17").startswith("Another monitor (hall-2, process 17) raises the alerts. ")
+    assert raised_by("").startswith("Another monitor raises the alerts. ")
 
 
 def test_that_nobody_knows_which_alerts_are_open_is_not_that_none_is() -> None:
