@@ -21,9 +21,12 @@ _JPEG_START: Final = b"\xff\xd8"
 _PNG_START: Final = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR"
 _PNG_SIZE: Final = struct.Struct(">IIBB")
 _PNG_ENCODINGS: Final = {(8, 0): "mono8", (16, 0): "mono16", (8, 2): "rgb8", (8, 3): "rgb8", (8, 6): "rgba8"}
+USUAL_SCANS: Final = 10
+"""Passes over all of its pixels that encoders ask for in a progressive JPEG file of colours."""
+
 MAX_SCANS: Final = 100
-"""Passes over all of its pixels that a JPEG file, progressive or not, may ask for: encoders make about ten. Each takes
-few bytes and, of a large picture, some milliseconds to decode."""
+"""Passes over a small picture. Over a larger one there are fewer: all together are at most as much work as USUAL_SCANS
+over MAX_DECODED_BYTES. Each takes few bytes in the file, and libjpeg up to 1 ns for each byte of the picture."""
 
 _SEGMENT: Final = struct.Struct(">BBH")
 _FILL: Final = 0xFF
@@ -87,8 +90,10 @@ def _jpeg(data: memoryview) -> Picture:
             _, height, width, channels = _FRAME.unpack_from(data, at + _SEGMENT.size)
             if channels not in _JPEG_ENCODINGS:
                 raise SchemaError(f"a JPEG file with {channels} channels")
-            if (scans := bytes(data).count(_SCAN)) > MAX_SCANS:
-                raise SchemaError(f"a JPEG file of {scans} scans, at most {MAX_SCANS} are decoded")
+            size = max(1, height * width * channels)
+            most = max(1, min(MAX_SCANS, USUAL_SCANS * MAX_DECODED_BYTES // size))
+            if (scans := bytes(data).count(_SCAN)) > most:
+                raise SchemaError(f"a JPEG file of {scans} scans, at most {most} of so many pixels are decoded")
             return Picture(JPEG, height, width, _JPEG_ENCODINGS[channels])
         at += 2 + length
     raise SchemaError(f"a JPEG file that says no size in its first {MAX_SEGMENTS} segments")

@@ -7,13 +7,17 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
+from schemas.compression import USUAL_SCANS
 from schemas.header import Header
 from schemas.image import MAX_SIDE, ImageFrame
+from services.detector.scans import JPEG_START, scanned_bytes
 
 ROBOT: Final = "still"
 FORMATS: Final = ("JPEG", "PNG", "WEBP", "BMP", "GIF", "TIFF", "PPM")
 MAX_PIXELS: Final = 64_000_000
 """What is decoded at most: three bytes each."""
+MAX_SCANNED_BYTES: Final = USUAL_SCANS * 3 * MAX_PIXELS
+"""As much work as an ordinary progressive photograph of MAX_PIXELS: see `schemas.compression.MAX_SCANS`."""
 
 
 class StillError(ValueError):
@@ -24,7 +28,7 @@ def frame_of(data: bytes) -> ImageFrame:
     """Decode an image file, turned as it says that it should be seen.
 
     Raises:
-        StillError: it is none, is cut off, or has more than MAX_PIXELS.
+        StillError: it is none, is cut off, has more than MAX_PIXELS, or is made to take long to decode.
     """
     try:
         with warnings.catch_warnings():
@@ -44,10 +48,19 @@ def _pixels(data: bytes) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
         width, height = image.size
         if max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
             raise StillError(f"an image of {width}x{height} pixels is too large")
+        _check_scans(image, data)
         turned = ImageOps.exif_transpose(image)
         if turned.mode.startswith("I"):  # 16 bits of grey: Pillow would make white of all above 255
             turned = Image.fromarray((np.asarray(turned) // 257).clip(0, 255).astype(np.uint8))
         return np.ascontiguousarray(turned.convert("RGB"))
+
+
+def _check_scans(image: Image.Image, data: bytes) -> None:
+    """Refuse what is made to take long to decode."""
+    if image.format == "TIFF" and "jpeg" in str(image.info.get("compression")):
+        raise StillError("a TIFF file with JPEG files inside is not decoded here")
+    if data.startswith(JPEG_START) and (work := scanned_bytes(data)) > MAX_SCANNED_BYTES:
+        raise StillError(f"a JPEG file whose scans go over {work} bytes, at most {MAX_SCANNED_BYTES} are decoded")
 
 
 def _frame(rgb: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]") -> ImageFrame:

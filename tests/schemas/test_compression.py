@@ -65,8 +65,31 @@ def test_a_jpeg_has_so_many_scans_at_most(progressive: int) -> None:
     scan = data[data.rindex(SCAN) : -2]
     most = data[:-2] + scan * (MAX_SCANS - data.count(SCAN)) + data[-2:]
     assert picture_of(memoryview(data)) == picture_of(memoryview(most)) == Picture("jpeg", 4, 6, "rgb8")
-    with pytest.raises(SchemaError, match=f"a JPEG file of {MAX_SCANS + 1} scans, at most {MAX_SCANS} are decoded"):
+    with pytest.raises(
+        SchemaError, match=f"a JPEG file of {MAX_SCANS + 1} scans, at most {MAX_SCANS} of so many pixels"
+    ):
         picture_of(memoryview(most[:-2] + scan + most[-2:]))
+
+
+def jpeg_header(height: int, width: int, channels: int, scans: int) -> bytes:
+    return b"\xff\xd8\xff\xc2\x00\x11\x08" + struct.pack(">HHB", height, width, channels) + SCAN * scans
+
+
+@pytest.mark.parametrize(
+    ("height", "width", "channels", "most"),
+    [
+        (480, 640, 3, 100),
+        (2160, 3840, 3, 53),
+        (6600, 6600, 3, 10),
+        (8192, 16384, 1, 10),
+        (65535, 65535, 3, 1),
+        (0, 0, 1, 100),
+    ],
+)
+def test_a_large_jpeg_has_fewer_scans_than_a_small_one(height: int, width: int, channels: int, most: int) -> None:
+    assert said(jpeg_header(height, width, channels, most)) is not None
+    with pytest.raises(SchemaError, match=f"{most + 1} scans, at most {most} of so many pixels are decoded"):
+        picture_of(memoryview(jpeg_header(height, width, channels, most + 1)))
 
 
 @pytest.mark.parametrize(("kind", "encoding"), FILES)

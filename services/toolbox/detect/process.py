@@ -48,12 +48,12 @@ async def run(settings: DetectSettings) -> int:
 
 
 async def _locally(settings: DetectSettings, image: bytes) -> Detections:
-    await asyncio.to_thread(frame_of, image)  # a file that is no image costs nobody the loading of a model
+    frame = await asyncio.to_thread(frame_of, image)  # a file that is no image costs nobody the loading of a model
     model_settings = DetectorSettings(model=settings.model or str(SHIPPED_MODEL), runtime="torch")
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
         model = await asyncio.to_thread(load, model_settings, Path(folder))
         try:
-            return await detect(model, ANSWERED_BY, image)
+            return await detect(model, ANSWERED_BY, frame)
         finally:
             model.close()
 

@@ -1,17 +1,21 @@
 import asyncio
 import io
+import threading
 from collections.abc import AsyncIterator
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from bus import Bus, RefusedError
+from bus import Bus, RefusedError, RequestTimeoutError
 from bus.fake import FakeNetwork
 from schemas import codec, worker_keys
 from schemas.detections import Detections
+from schemas.image import ImageFrame
 from schemas.tuning import Tuning
+from services.detector import requests
 from services.detector.requests import answering
+from services.detector.stills import frame_of
 from tests.services.detector.fakes import FakeModel
 
 
@@ -68,6 +72,36 @@ async def test_a_worker_that_has_enough_to_do_says_so_at_once(bus: Bus, model: F
             await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
         model.may_answer.set()
         await asyncio.gather(*waiting)
+
+
+async def test_an_image_whose_caller_waits_no_longer_is_decoded_alone(
+    bus: Bus, model: FakeModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, may_end, threads = threading.Semaphore(0), threading.Event(), list[str]()
+
+    def decode(data: bytes) -> ImageFrame:
+        threads.append(threading.current_thread().name)
+        begun.release()
+        assert may_end.wait(60)
+        return frame_of(data)
+
+    monkeypatch.setattr(requests, "frame_of", decode)
+    with pytest.raises(RequestTimeoutError):
+        await bus.request(worker_keys.infer("w1"), png(), timeout_s=0.1)
+    assert await asyncio.to_thread(begun.acquire, timeout=60)
+    with pytest.raises(RefusedError, match="busy: an image is still being decoded"):
+        await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
+    may_end.set()
+    while True:
+        try:
+            await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
+        except RefusedError:
+            await asyncio.sleep(0.01)
+        else:
+            break
+    assert len(threads) == 2
+    assert len(set(threads)) == 1
+    assert len(model.seen) == 1
 
 
 async def test_settings_are_told_and_changed_one_by_one(bus: Bus, model: FakeModel) -> None:

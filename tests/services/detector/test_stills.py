@@ -5,7 +5,10 @@ import pytest
 from PIL import Image
 
 from services.detector.pixels import to_bgr
-from services.detector.stills import MAX_PIXELS, StillError, frame_of
+from services.detector.scans import MAX_MARKERS, scanned_bytes
+from services.detector.stills import MAX_PIXELS, MAX_SCANNED_BYTES, StillError, frame_of
+
+SCAN = b"\xff\xda"
 
 PICTURE = Image.fromarray(np.tile(np.array([[[250, 10, 20], [20, 30, 240]]], np.uint8), (6, 4, 1)).repeat(2, axis=1))
 
@@ -61,6 +64,53 @@ def test_damaged_remarks_on_a_photograph_are_refused(place: int, value: int) -> 
     damaged[damaged.index(b"Exif") + place] = value
     with pytest.raises(StillError, match="cannot be decoded"):
         frame_of(bytes(damaged))
+
+
+def progressive(scans: int, *, behind: bytes = b"", within: bytes = b"") -> bytes:
+    """Return a photograph of so many scans. behind: what follows its end. within: what is in a segment of it."""
+    data = file("JPEG", progressive=True)
+    first, last = data.index(SCAN), data.rindex(SCAN)
+    segment = b"\xff\xe5" + (len(within) + 2).to_bytes(2, "big") + within
+    more = data[last:-2] * (scans - data.count(SCAN))
+    return data[:first] + segment + data[first:-2] + more + data[-2:] + behind
+
+
+def test_a_still_is_not_made_to_take_long_to_decode(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.detector.stills.MAX_SCANNED_BYTES", 100 * 6 * 16 * 3)
+    assert frame_of(progressive(100, behind=SCAN * 100, within=b"\xff\xd9" + SCAN * 100)).width == 16
+    with pytest.raises(StillError, match="a JPEG file whose scans go over 29088 bytes, at most 28800 are decoded"):
+        frame_of(progressive(101))
+    for hidden in (b"\xff\xd9", SCAN):
+        with pytest.raises(StillError, match="a JPEG file whose scans"):
+            frame_of(progressive(101, within=hidden))
+
+
+@pytest.mark.parametrize(("side", "scans"), [(8_000, 10), (4_000, 40), (800, 1_000)])
+def test_so_much_work_is_a_still_at_most(side: int, scans: int) -> None:
+    sized = bytearray(progressive(scans))
+    place = sized.index(b"\xff\xc2") + 5
+    sized[place : place + 4] = side.to_bytes(2, "big") * 2
+    assert scanned_bytes(bytes(sized)) == MAX_SCANNED_BYTES
+    longer = progressive(scans + 1)
+    with pytest.raises(StillError, match="a JPEG file whose scans"):
+        frame_of(longer[:place] + side.to_bytes(2, "big") * 2 + longer[place + 4 :])
+
+
+def test_no_work_is_hidden_behind_markers() -> None:
+    plain = scanned_bytes(progressive(12))
+    for marker in (b"\xff\xd0", b"\xff\xff", b"\xff\x01", b"\xff\x00"):
+        data = progressive(12)
+        at = data.index(SCAN)
+        assert scanned_bytes(data[:at] + marker + data[at:]) == plain
+    with pytest.raises(ValueError, match="markers"):
+        scanned_bytes(progressive(12)[:2] + b"\xff\xfe\x00\x02" * MAX_MARKERS)
+    assert scanned_bytes(progressive(12)[:-40]) <= plain
+
+
+def test_a_tiff_file_with_jpeg_files_inside_is_refused() -> None:
+    with pytest.raises(StillError, match="a TIFF file with JPEG files inside"):
+        frame_of(file("TIFF", compression="jpeg"))
+    assert frame_of(file("TIFF", compression="tiff_lzw")).width == 16
 
 
 def test_what_is_too_large_is_refused_before_it_is_decoded() -> None:
