@@ -48,19 +48,24 @@ def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Ite
     """Return an `overlay` for each of `masks`, each made when it is asked for and what they share made once."""
     picture = to_bgr(frame)
     for drawn in drawings(picture, found.objects, masks):
-        yield _jpeg(found.header, drawn)
+        yield _frame(found.header, drawn)
 
 
-def _jpeg(header: Header, drawn: Picture) -> ImageFrame:
+def jpeg_of(drawn: Picture) -> bytes:
+    """Return a BGR picture as a JPEG file."""
+    data: bytes = simplejpeg.encode_jpeg(drawn, quality=QUALITY, colorspace="BGR", colorsubsampling="420")
+    return data
+
+
+def _frame(header: Header, drawn: Picture) -> ImageFrame:
     height, width = drawn.shape[:2]
-    data = simplejpeg.encode_jpeg(drawn, quality=QUALITY, colorspace="BGR", colorsubsampling="420")
     return ImageFrame(
         header=header,
         height=height,
         width=width,
         encoding="rgb8",
         step=width * 3,
-        data=memoryview(data),
+        data=memoryview(jpeg_of(drawn)),
         format=JPEG,
     )
 

@@ -16,7 +16,8 @@ from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
 from schemas.printing import printable
-from services.detector.overlay import overlay
+from services.detector.overlay import drawings, jpeg_of
+from services.detector.pixels import to_bgr
 from services.detector.requests import detect
 from services.detector.role import DETECTOR
 from services.detector.runtime.loading import load
@@ -34,17 +35,29 @@ BUSY: Final = "busy:"
 
 
 async def run(settings: DetectSettings) -> int:
-    """Look at the image; print what is in it, or on stderr why that cannot be told. Returns the exit code."""
+    """Look at the image; print what is in it, or on stderr why that cannot be told, and draw it. Return the exit code.
+
+    What was found is printed also where it cannot be drawn.
+    """
     try:
         image = await asyncio.to_thread(settings.image.read_bytes)
         found = await (_locally(settings, image) if settings.local else _by_a_worker(settings, image))
+    except (RequestError, SchemaError, StillError, OSError) as error:
+        return _failed(f"{settings.image}: {error}" if isinstance(error, StillError | RefusedError) else str(error))
+    sys.stdout.write(as_json(found) if settings.json_ else table(found))
+    try:
         await asyncio.to_thread(_draw, found, image, settings.drawing)
-    except (RequestError, SchemaError, StillError, MaskError, OSError) as error:
-        reason = f"{settings.image}: {error}" if isinstance(error, StillError | RefusedError) else str(error)
-        sys.stderr.write(f"fleetsight detect: {printable(' '.join(reason.split()))}\n")
-        return FAILED
-    sys.stdout.write(as_json(found) if settings.json_ else table(found, settings.drawing))
+    except (StillError, MaskError, OSError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        return _failed(f"{settings.drawing}: nothing is drawn: {why}")
+    if not settings.json_:
+        sys.stdout.write(f"drawn in {printable(str(settings.drawing))}\n")
     return 0
+
+
+def _failed(reason: str) -> int:
+    sys.stderr.write(f"fleetsight detect: {printable(' '.join(reason.split()))}\n")
+    return FAILED
 
 
 async def _locally(settings: DetectSettings, image: bytes) -> Detections:
@@ -116,7 +129,8 @@ def _draw(found: Detections, image: bytes, output: Path) -> None:
         MaskError: a mask from the worker is damaged.
         OSError: the file cannot be written.
     """
-    output.write_bytes(overlay(found, frame_of(image), masks=True).data)
+    (drawn,) = drawings(to_bgr(frame_of(image)), found.objects, [True])
+    output.write_bytes(jpeg_of(drawn))
 
 
 def as_json(found: Detections) -> str:
@@ -124,8 +138,8 @@ def as_json(found: Detections) -> str:
     return msgspec.json.encode(found).decode() + "\n"
 
 
-def table(found: Detections, output: Path) -> str:
-    """Return a line per object, best score first, and where the overlay is."""
+def table(found: Detections) -> str:
+    """Return a line per object, best score first, and who found them."""
     rows = [("object", "score", "left", "top", "right", "bottom"), *map(_row, found.objects)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
@@ -134,7 +148,7 @@ def table(found: Detections, output: Path) -> str:
         )
         for row in rows
     ]
-    about = f"{len(found.objects)} objects by {printable(f'{found.model} of {found.worker}')}; drawn in {output}"
+    about = f"{len(found.objects)} objects by {printable(f'{found.model} of {found.worker}')}"
     return "\n".join([*(lines if found.objects else []), about, ""])
 
 

@@ -12,14 +12,17 @@ class DetectSettings(BusSettings):
     """Say what is in an image.
 
     Asks one of the fleet's detector workers, any that is not busy; with --local a model of this process. Prints a line
-    per object, best score first, and writes the image with the objects drawn over it. Exit code 1 and one line say why
-    there is no answer.
+    per object, best score first, and then writes the image with the objects drawn over it. Exit code 1 and one line say
+    why there is no answer, or nothing is drawn.
     """
 
     image: Annotated[Path, Field(description="image file; the first argument if no option is")]
     output: Annotated[
         Path | None,
-        Field(description="JPEG file to draw the objects in; photo.detected.jpg for photo.jpg unless given"),
+        Field(
+            description="JPEG file to draw the objects in, whatever was in it;"
+            " photo.detected.jpg for photo.jpg unless given"
+        ),
     ] = None
     json_: Annotated[bool, Field(alias="json", description="print one JSON object instead of a table")] = False
     local: Annotated[bool, Field(description="run the model here, without a fleet")] = False
@@ -30,15 +33,25 @@ class DetectSettings(BusSettings):
 
     @model_validator(mode="after")
     def _reads_and_writes(self) -> Self:
+        try:
+            self._check_files()
+        except OSError as error:  # a name that is too long, a folder that may not be looked into
+            raise ValueError(f"{error.filename}: {error.strerror}") from error
+        if self.model is not None and not self.local:
+            raise ValueError("--model is for --local: workers have their own")
+        return self
+
+    def _check_files(self) -> None:
         if not self.image.is_file():
             raise ValueError(f"--image {self.image}: {'not a file' if self.image.exists() else 'no such file'}")
         if not self.drawing.parent.is_dir():
             raise ValueError(f"--output {self.drawing}: {self.drawing.parent} is no folder")
-        if self.model is not None and not self.local:
-            raise ValueError("--model is for --local: workers have their own")
-        if self.model is not None and not Path(self.model).is_file():
-            raise ValueError(f"--model {self.model}: no such file")
-        return self
+        if self.drawing.is_dir():
+            raise ValueError(f"--output {self.drawing}: a folder")
+        if self.drawing.exists() and self.drawing.samefile(self.image):
+            raise ValueError(f"--output {self.drawing}: that is the image, which would be lost")
+        if self.local and self.model is not None and not Path(self.model).is_file():
+            raise ValueError(f"--model {self.model}: {'a folder' if Path(self.model).is_dir() else 'no such file'}")
 
     @property
     def drawing(self) -> Path:

@@ -10,6 +10,7 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+import simplejpeg
 
 from bus import MAX_REQUEST_BYTES, BusSettings, open_bus
 from schemas.detections import Box, Detection, Detections, Mask
@@ -52,6 +53,7 @@ async def test_it_prints_what_a_worker_sees_and_draws_it(image: Path, capsys: py
     printed = capsys.readouterr().out.splitlines()
     assert printed[0].split() == ["object", "score", "left", "top", "right", "bottom"]
     assert printed[1].split() == ["box", "0.75", "0", "0", "60", "40"]
+    assert printed[2:] == ["1 objects by fake of w0", f"drawn in {image.with_name('photo.detected.jpg')}"]
     drawn = cv2.imread(str(image.with_name("photo.detected.jpg")))
     assert drawn is not None
     assert drawn.shape == (40, 60, 3)
@@ -73,12 +75,34 @@ def _objects(outcome: Outcome) -> Sequence[Detection]:
     return outcome.objects
 
 
-async def test_a_damaged_answer_is_one_line(image: Path, capsys: pytest.CaptureFixture[str]) -> None:
+async def test_a_damaged_mask_is_not_drawn_and_that_is_one_line(
+    image: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     async with workers([DamagingModel()]) as endpoint:
         assert await run(settings(image, endpoint)) == 1
     said = capsys.readouterr()
-    assert said.err.startswith("fleetsight detect: ")
-    assert (said.err.count("\n"), said.out) == (1, "")
+    assert said.err.startswith(f"fleetsight detect: {image.with_name('photo.detected.jpg')}: nothing is drawn: ")
+    assert (said.err.count("\n"), said.out.count("box")) == (1, 1)
+
+
+async def test_what_was_found_is_printed_also_where_nothing_can_be_drawn(
+    image: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async with workers([FakeModel()]) as endpoint:
+        known = settings(image, endpoint, json=True, output="/dev/full")
+        assert await run(known) == 1
+    said = capsys.readouterr()
+    assert json.loads(said.out)["objects"][0]["name"] == "box"
+    assert said.err == f"fleetsight detect: {known.output}: nothing is drawn: No space left on device\n"
+
+
+async def test_the_largest_photographs_are_drawn_too(tmp_path: Path) -> None:
+    photograph = tmp_path / "photo.png"
+    assert cv2.imwrite(str(photograph), np.zeros((8_000, 8_000, 3), np.uint8), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    async with workers([FakeModel()]) as endpoint:
+        assert await run(settings(photograph, endpoint, timeout_s=60)) == 0
+    height, width, *_ = simplejpeg.decode_jpeg_header((tmp_path / "photo.detected.jpg").read_bytes())
+    assert (height, width) == (8_000, 8_000)
 
 
 def test_a_models_names_write_nothing_but_themselves() -> None:
@@ -90,10 +114,10 @@ def test_a_models_names_write_nothing_but_themselves() -> None:
         model="a\nb.pt",
         worker="w\r1",
     )
-    assert table(found, Path("x.jpg")).splitlines() == [
+    assert table(found).splitlines() == [
         "object   score  left  top  right  bottom",
         r"\x1b[2J   0.50     0    0      2       2",
-        r"1 objects by a\nb.pt of w\r1; drawn in x.jpg",
+        r"1 objects by a\nb.pt of w\r1",
     ]
 
 
@@ -167,11 +191,25 @@ async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pyt
     [
         ({"image": "absent.jpg"}, "--image absent.jpg: no such file"),
         ({"image": "."}, "--image .: not a file"),
+        ({"image": "x" * 300}, "x: File name too long"),
         ({"model": "x.pt"}, "--local"),
         ({"model": "x.pt", "local": True}, "--model x.pt: no such file"),
+        ({"model": ".", "local": True}, "--model .: a folder"),
         ({"output": "absent/x.jpg"}, "--output absent/x.jpg: absent is no folder"),
     ],
 )
 def test_what_cannot_be_is_named(image: Path, fields: dict[str, object], reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         DetectSettings.model_validate({"image": image, **fields})
+
+
+def test_the_image_is_not_drawn_over(image: Path) -> None:
+    symbolic, hard, folder = (image.with_name(name) for name in ("symbolic.png", "hard.png", "folder"))
+    symbolic.symlink_to(image)
+    hard.hardlink_to(image)
+    folder.mkdir()
+    for output in (image, symbolic, hard, folder / ".." / image.name):
+        with pytest.raises(ValueError, match="that is the image, which would be lost"):
+            DetectSettings.model_validate({"image": image, "output": output})
+    with pytest.raises(ValueError, match=f"--output {folder}: a folder"):
+        DetectSettings.model_validate({"image": image, "output": folder})
