@@ -33,6 +33,9 @@ GATHER_S: Final = 0.2
 
 BUSY: Final = "busy:"
 
+AGAIN_S: Final = (0.2, 0.8)
+"""How long workers that are all busy are left alone before they are asked again, by lot."""
+
 
 async def run(settings: DetectSettings) -> int:
     """Look at the image; print what is in it, or on stderr why that cannot be told, and draw it. Return the exit code.
@@ -74,6 +77,8 @@ async def _locally(settings: DetectSettings, image: bytes) -> Detections:
 async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
     """Ask the workers in an order drawn by lot, so that nobody's requests all go to the same one, until one has time.
 
+    While all are busy they are asked again, for as long as `timeout_s` after the command began.
+
     Zenoh (1.10) would always ask the same of several that serve one key, so each worker serves one of its own.
 
     Raises:
@@ -83,19 +88,29 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
     if len(image) > MAX_REQUEST_BYTES:
         limit = f"at most {MAX_REQUEST_BYTES} are sent to a worker"
         raise StillError(f"a file of {len(image)} bytes, {limit}; --local looks at it here")
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + settings.timeout_s
     async with open_bus(settings) as bus:
         workers = await _workers(bus, settings.timeout_s)
         seen = f"no detector worker was seen within {settings.timeout_s:g} s"
         reason: RequestError = NotServedError(f"{seen}: {bus.link_problem}" if bus.link_problem else seen)
-        for worker in random.sample(workers, len(workers)):
-            try:
-                reply = await bus.request(worker_keys.infer(worker), image, timeout_s=settings.timeout_s)
-            except RequestError as error:
-                reason = type(error)(f"worker {worker}: {error}")
-                if not isinstance(error, NotServedError) and BUSY not in str(error):
-                    raise reason from error
-            else:
-                return codec.decode(Detections, reply.payload, reply.encoding)
+        while workers:
+            for worker in random.sample(workers, len(workers)):
+                left_s = until_s - loop.time()
+                if left_s <= 0:
+                    raise reason
+                try:
+                    reply = await bus.request(worker_keys.infer(worker), image, timeout_s=left_s)
+                except NotServedError as error:
+                    reason = NotServedError(f"worker {worker}: {error}")
+                    workers.remove(worker)
+                except RequestError as error:
+                    reason = type(error)(f"worker {worker}: {error}")
+                    if BUSY not in str(error):
+                        raise reason from error
+                else:
+                    return codec.decode(Detections, reply.payload, reply.encoding)
+            await asyncio.sleep(random.uniform(*AGAIN_S))  # noqa: S311 - no secret
         raise reason
 
 

@@ -15,7 +15,7 @@ import simplejpeg
 from bus import MAX_REQUEST_BYTES, BusSettings, open_bus
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
-from services.detector.model import Found, Outcome, Request
+from services.detector.model import Found, ModelError, Outcome, Request
 from services.detector.requests import answering
 from services.toolbox.demo.ports import free_ports
 from services.toolbox.detect import process
@@ -147,6 +147,38 @@ async def test_why_there_is_no_answer(image: Path, tmp_path: Path, capsys: pytes
     refused, nobody = capsys.readouterr().err.splitlines()
     assert refused.startswith(f"fleetsight detect: {tmp_path}/text.jpg: worker w0: not an image")
     assert "no detector worker was seen within 0.3 s" in nobody
+
+
+class BusyModel(FakeModel):
+    """Has something else to do at first, as its worker says; and counts how often it was asked."""
+
+    def __init__(self, refusals: int) -> None:
+        super().__init__()
+        self.refusals = refusals
+        self.asked = 0
+
+    async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """See `Model.infer`."""
+        self.asked += 1
+        if self.asked <= self.refusals:
+            raise ModelError("busy: 3 requests are under way already")
+        return await super().infer(batch)
+
+
+async def test_workers_that_are_busy_are_asked_again_until_the_time_is_up(
+    image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "AGAIN_S", (0.01, 0.02))
+    model = BusyModel(3)
+    async with workers([model]) as endpoint:
+        assert await run(settings(image, endpoint)) == 0
+    assert model.asked == 4
+    never = BusyModel(1_000_000)
+    async with workers([never]) as endpoint:
+        assert await run(settings(image, endpoint, timeout_s=1)) == 1
+    assert never.asked > 1
+    (why,) = capsys.readouterr().err.splitlines()
+    assert "worker w0: " in why
 
 
 async def test_a_file_that_is_no_image_is_named_before_a_model_is_loaded(
