@@ -39,6 +39,7 @@ class Sharing:
 
     tokens: what it says of itself, see `SharingSettings.tokens`. stream: the one whose presence says that there is a
     camera to look after. serve: does it, one call at a time for each camera. most: how many cameras at a time.
+    leaves: called when it leaves, before the others take over.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Sharing:
         *,
         most: int = MAX_STREAMS,
         join_s: float = JOIN_S,
+        leaves: Callable[[], None] = lambda: None,
     ) -> None:
         self._bus = bus
         self._tokens = tokens
@@ -58,6 +60,7 @@ class Sharing:
         self._serve = serve
         self._most = most
         self._join_s = join_s
+        self._leaves = leaves
         self._shares = Shares(self._worker)
         self._joined = False
         self._news = asyncio.Event()
@@ -92,6 +95,7 @@ class Sharing:
                 await self._news_or_time()
 
     async def _hand_over(self, group: TaskGroup) -> None:
+        self._leaves()
         for token in self._tokens:
             self._shares.worker(token, alive=False)
         with suppress(TimeoutError):

@@ -28,6 +28,8 @@ class Overlays:
         self._painters = painters
         self._waiting: tuple[Detections, ImageFrame] | None = None
         self._offered = asyncio.Event()
+        self._idle = asyncio.Event()
+        self._idle.set()
 
     @property
     def wanted(self) -> bool:
@@ -44,6 +46,11 @@ class Overlays:
         if self.wanted:
             self._waiting = (found, frame)
             self._offered.set()
+            self._idle.clear()
+
+    async def drawn(self) -> None:
+        """Wait until all that was offered is published or left out."""
+        await self._idle.wait()
 
     async def run(self) -> None:
         """Draw and publish until cancelled."""
@@ -53,6 +60,8 @@ class Overlays:
             taken, self._waiting = self._waiting, None
             if taken is not None:
                 await self._draw(*taken)
+            if self._waiting is None:
+                self._idle.set()
 
     async def _draw(self, found: Detections, frame: ImageFrame) -> None:
         looked_at = [stream for stream in self._publishers if self._publishers[stream].wanted]

@@ -99,14 +99,18 @@ class Inference:
         Raises:
             ModelError: the model is of no more use, or does not answer any more. In a group.
         """
-        async with TaskGroup() as group:
-            group.create_task(self._publish_classes())
-            group.create_task(self._publish_objects())
-            group.create_task(self._watch())
-            await self._take(group)
+        try:
+            async with TaskGroup() as group:
+                group.create_task(self._publish_classes())
+                group.create_task(self._publish_objects())
+                group.create_task(self._watch())
+                await self._take(group)
+        finally:
+            for settled in self._last.values():  # nothing more comes of what is under way
+                settled.set()
 
     async def settled(self, key: CameraKey) -> None:
-        """Wait until what is under way of a camera is published."""
+        """Wait until what is under way of a camera is published, or will never be."""
         if key in self._last:
             await self._last[key].wait()
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from bus import open_bus
+from services.detector.leaving import Leaving
 from services.detector.model import Model, ModelError
 from services.detector.requests import answering
 from services.detector.role import DETECTOR, OPINION
@@ -44,11 +45,14 @@ async def run(settings: DetectorSettings) -> int:
 async def work(settings: DetectorSettings, model: Model) -> int:
     """Serve with a model that works until cancelled; when it works no longer, log why and return the exit code."""
     role = OPINION if settings.opinion else DETECTOR
-    tokens = settings.tokens(role.service)
+    tokens, leaving = settings.tokens(role.service), Leaving()
     following = None if role.lists_only else tracking(settings.tracker)
     try:
-        async with open_bus(settings) as bus, answering(bus, model, settings.worker, role):
-            await Worker(bus, model, tokens, role=role, tracking=following, max_age_s=settings.max_age_s).run()
+        async with open_bus(settings) as bus, answering(bus, model, settings.worker, role, leaving):
+            worker = Worker(
+                bus, model, tokens, role=role, tracking=following, max_age_s=settings.max_age_s, leaving=leaving
+            )
+            await worker.run()
     except* ModelError as failed:
         log.error("%s", _first(failed))  # noqa: TRY400 - the reason is known: no stack says more
     finally:

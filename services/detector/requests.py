@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from concurrent.futures import Executor
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from typing import Final
 
 from bus import Bus, RefusedError, Reply
@@ -15,6 +15,7 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
+from services.detector.leaving import Leaving
 from services.detector.model import Failed, Model, ModelError, Request, TuningError
 from services.detector.role import DETECTOR, Role
 from services.detector.stills import ROBOT, StillError, frame_of
@@ -29,54 +30,79 @@ STILL: Final = CameraKey(ROBOT, "image")
 
 
 @asynccontextmanager
-async def answering(bus: Bus, model: Model, worker: str, role: Role = DETECTOR) -> AsyncIterator[None]:
-    """Answer requests for as long as the context lasts. role: says whether images are answered, too."""
+async def answering(
+    bus: Bus, model: Model, worker: str, role: Role = DETECTOR, leaving: Leaving | None = None
+) -> AsyncIterator[None]:
+    """Answer requests for as long as the context lasts. role: says whether images are answered, too.
 
-    async def infer(asked: Asked) -> Reply:
-        found = await detect(model, worker, await decoding.frame(asked.payload))
-        return Reply(codec.encode(found), codec.encoding(Detections))
-
-    async def tune(asked: Asked) -> Reply:
-        return _tune(model, asked)
-
+    leaving: once the worker leaves, no image is taken in, and the end waits for one that was, as long as it may.
+    """
     async with AsyncExitStack() as stack:
-        decoding = Decoding(stack.enter_context(worker_thread("stills")))
-        stack.callback(decoding.close)
+        stills = Stills(model, worker, stack.enter_context(worker_thread("stills")), leaving or Leaving())
+        stack.callback(stills.close)
         if not role.lists_only:
-            await stack.enter_async_context(bus.serve(worker_keys.infer(worker), infer, waiting=WAITING))
+            await stack.enter_async_context(bus.serve(worker_keys.infer(worker), stills.answer, waiting=WAITING))
+            stack.push_async_callback(stills.finish)
+
+        async def tune(asked: Asked) -> Reply:
+            return _tune(model, asked)
+
         await stack.enter_async_context(bus.serve(worker_keys.worker_settings(role.service, worker), tune))
         yield
 
 
-class Decoding:
-    """Decodes one image file at a time in a thread, which goes on when its caller waits no longer."""
+class Stills:
+    """Answers what is in image files, which are decoded one at a time; see `answering`."""
 
-    def __init__(self, thread: Executor) -> None:
+    def __init__(self, model: Model, worker: str, thread: Executor, leaving: Leaving) -> None:
+        self._model = model
+        self._worker = worker
         self._thread = thread
-        self._under_way: asyncio.Future[ImageFrame] | None = None
+        self._leaving = leaving
+        self._decoding: asyncio.Future[ImageFrame] | None = None
+        self._idle = asyncio.Event()
+        self._idle.set()
 
-    async def frame(self, image: bytes) -> ImageFrame:
-        """Return an image file of any format as a frame.
+    async def answer(self, asked: Asked) -> Reply:
+        """Return what is in an image file of any format. Called for one at a time.
 
         Raises:
-            RefusedError: it is no image, or one that nobody waits for any more is still being decoded.
+            RefusedError: it is no image, failed in the model, or another worker is to be asked.
         """
-        if self._under_way is not None:
-            raise RefusedError("busy: an image is still being decoded whose caller waits no longer")
-        self._under_way = asyncio.wrap_future(self._thread.submit(frame_of, image))
-        self._under_way.add_done_callback(self._forget)
+        if self._leaving.until_s is not None:
+            raise RefusedError("busy: this worker leaves")
+        self._idle.clear()
         try:
-            return await asyncio.shield(self._under_way)
-        except StillError as error:
-            raise RefusedError(str(error)) from error
+            found = await detect(self._model, self._worker, await self._decoded(asked.payload))
+        finally:
+            self._idle.set()
+        return Reply(codec.encode(found), codec.encoding(Detections))
+
+    async def finish(self) -> None:
+        """Wait for the image that is looked at, as long as the worker that leaves may."""
+        if self._leaving.until_s is not None:
+            with suppress(TimeoutError):
+                async with asyncio.timeout_at(self._leaving.until_s):
+                    await self._idle.wait()
 
     def close(self) -> None:
         """Wait for nothing more."""
-        if self._under_way is not None:
-            self._under_way.cancel()
+        if self._decoding is not None:
+            self._decoding.cancel()
+
+    async def _decoded(self, image: bytes) -> ImageFrame:
+        """Decode in the thread, which goes on when the caller waits no longer."""
+        if self._decoding is not None:
+            raise RefusedError("busy: an image is still being decoded whose caller waits no longer")
+        self._decoding = asyncio.wrap_future(self._thread.submit(frame_of, image))
+        self._decoding.add_done_callback(self._forget)
+        try:
+            return await asyncio.shield(self._decoding)
+        except StillError as error:
+            raise RefusedError(str(error)) from error
 
     def _forget(self, _: "asyncio.Future[ImageFrame]") -> None:
-        self._under_way = None
+        self._decoding = None
 
 
 async def detect(model: Model, worker: str, frame: ImageFrame) -> Detections:

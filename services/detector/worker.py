@@ -24,6 +24,7 @@ from services.detector.board import Board
 from services.detector.camera import Camera, serving
 from services.detector.feeding import feed
 from services.detector.inference import Inference
+from services.detector.leaving import FINISH_S, Leaving
 from services.detector.model import Model
 from services.detector.role import DETECTOR, Role
 from services.detector.tracking import Tracking
@@ -33,14 +34,12 @@ PACE_PERIOD_S: Final = 0.25
 PAINTERS: Final = 2
 """Threads that draw overlays, of however many cameras: each draws its newest frame when its turn comes."""
 
-FINISH_S: Final = 0.5
-"""How long a camera that is let go waits for what the model still has of it."""
-
 
 class Worker:
     """Serves the cameras that fall to it.
 
-    tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Inference`.
+    tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Inference`. leaving: hears
+    when it leaves.
     """
 
     def __init__(
@@ -53,6 +52,7 @@ class Worker:
         tracking: Tracking | None = None,
         max_age_s: float | None = None,
         join_s: float = JOIN_S,
+        leaving: Leaving | None = None,
     ) -> None:
         self._bus = bus
         self._model = model
@@ -63,6 +63,7 @@ class Worker:
         self._accounts: dict[CameraKey, Account] = {}
         self._asked: dict[CameraKey, Asked] = {}
         self._took_over: dict[CameraKey, Callable[[], None]] = {}
+        self._leaving = leaving or Leaving()
         self._painters = ThreadPoolExecutor(PAINTERS, thread_name_prefix="overlays")
         self._pace = Pace()
         self._inference = Inference(
@@ -76,10 +77,10 @@ class Worker:
             keeps_up=lambda: self._pace.limit_hz is None,
             on_result=self._has_result,
         )
-        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s, leaves=self._leaving.begin)
 
     async def run(self) -> None:
-        """Work until cancelled; then hand over, publish what is in the model, and end.
+        """Work until cancelled; then hand over, publish what has begun, and end.
 
         Raises:
             ModelError: the model is of no more use.
@@ -111,15 +112,18 @@ class Worker:
                 try:
                     await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
                 finally:
-                    await self._finish(key)
+                    await self._finish(camera)
         finally:
             del self._asked[key], self._took_over[key]
             self._cameras.pop(key, None)
 
-    async def _finish(self, key: CameraKey) -> None:
+    async def _finish(self, camera: Camera) -> None:
+        """Wait until what has begun of a camera is published and drawn, or its time is over."""
+        until_s = self._leaving.until_s or asyncio.get_running_loop().time() + FINISH_S
         with suppress(TimeoutError):
-            async with asyncio.timeout(FINISH_S):
-                await self._inference.settled(key)
+            async with asyncio.timeout_at(until_s):
+                await self._inference.settled(camera.key)
+                await camera.overlays.drawn()
 
     def _has_result(self, key: CameraKey) -> None:
         if key in self._took_over:

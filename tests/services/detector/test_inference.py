@@ -22,7 +22,7 @@ from services.detector.camera import Camera, serving
 from services.detector.inference import EXCUSED_S, Inference
 from services.detector.model import ModelError
 from services.detector.tracking import Tracking
-from tests.contract.waiting import next_of, until
+from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.schemas.frames import header, image
 from tests.services.detector.told_model import FATAL, ToldModel
 
@@ -90,6 +90,18 @@ async def result(lists: Subscription) -> tuple[str, int]:
     sample = await next_of(lists)
     found = codec.decode(ClassList, sample.payload, sample.encoding)
     return found.header.camera, found.header.seq
+
+
+async def test_what_a_model_that_ended_still_had_is_not_waited_for(bus: Bus) -> None:
+    rig = Rig(ToldModel())
+    async with rig.running(bus):
+        rig.post(CAMERAS[0], 1)
+        await rig.called(1)
+        waiting = asyncio.create_task(rig.inference.settled(CAMERAS[0]))
+        await asyncio.sleep(0)
+        assert not waiting.done()
+    async with asyncio.timeout(PATIENCE_S):
+        await waiting
 
 
 async def test_newest_frames_of_different_cameras_are_one_call(bus: Bus) -> None:
