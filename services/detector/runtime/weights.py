@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import torch
 from ultralytics.models import YOLO
+from ultralytics.nn import tasks
 from ultralytics.utils.torch_utils import select_device
 
 from services.detector.model import ModelError, first_line
@@ -18,6 +19,8 @@ from services.detector.runtime.refinement.torch_refiner import network_in
 SEGMENT: Final = "segment"
 TASKS: Final = (SEGMENT, "detect")
 SUFFIX: Final = ".pt"
+SAFE: Final = "torch 2.6 and Ultralytics 8.4.68"
+"""The first that read weights as data alone."""
 SHOUTED: Final = "ERROR \u274c\ufe0f "
 DEFAULT_SIDE: Final = 640
 """What Ultralytics trains at unless told otherwise."""
@@ -45,8 +48,10 @@ def load_weights(model: str, option: str = "--model", *, refine: bool = True) ->
     """Read a checkpoint; nothing in it is executed. refine: with its refiner.
 
     Raises:
-        ModelError: the file is no checkpoint, or of a task that finds no objects.
+        ModelError: the file is no checkpoint, or of a task that finds no objects, or would be executed.
     """
+    if not getattr(getattr(tasks, "_SafeLoad", None), "SUPPORTED", False):
+        raise ModelError(f"{option} {model}: what is in it would be executed: {SAFE} or later are needed")
     if not model.endswith(SUFFIX):
         raise ModelError(f"{option} {model}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
     try:

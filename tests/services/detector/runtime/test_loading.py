@@ -59,6 +59,21 @@ def test_nothing_in_a_file_is_executed(tmp_path: Path, model_folder: Path) -> No
     assert not trace.exists()
 
 
+@pytest.mark.parametrize("safe", [None, type("_SafeLoad", (), {"SUPPORTED": False}), type("_SafeLoad", (), {})])
+def test_nothing_is_read_where_it_would_be_executed(
+    safe: type | None, tmp_path: Path, model_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    load(settings(model_folder), model_folder / "ultralytics").close()
+    trace = tmp_path / "trace"
+    evil = tmp_path / "evil.pt"
+    evil.write_bytes(pickle.dumps(Malicious(trace)))
+    monkeypatch.setattr("ultralytics.nn.tasks._SafeLoad", safe)
+    assert refusal(model_folder, model=str(evil)) == (
+        f"--model {evil}: what is in it would be executed: torch 2.6 and Ultralytics 8.4.68 or later are needed"
+    )
+    assert not trace.exists()
+
+
 def test_another_format_is_named(tmp_path: Path, model_folder: Path) -> None:
     (tmp_path / "model.onnx").write_bytes(b"")
     assert r"Ultralytics weights end in .pt" in refusal(model_folder, model=str(tmp_path / "model.onnx"))
