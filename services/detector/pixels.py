@@ -72,7 +72,8 @@ def glance(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
 
 def _shrunk(pixels: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     scale = min(1.0, width / pixels.shape[1])
-    return np.asarray(cv2.resize(pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+    flat = max(scale, 1 / pixels.shape[0])  # a picture has one row at least
+    return np.asarray(cv2.resize(pixels, None, fx=scale, fy=flat, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _decompressed(frame: ImageFrame) -> ImageFrame:

@@ -185,6 +185,16 @@ def test_a_glance_is_the_picture_in_grey_and_small(kind: str, width: int, shape:
     assert close(small, np.asarray(expected, np.uint8), tolerance=6)
 
 
+@pytest.mark.parametrize(("size", "small"), [((3, 4000), (1, 160)), ((1, 16_384), (1, 160)), ((40, 3200), (2, 160))])
+def test_a_glance_at_a_flat_picture_has_a_row_at_least(size: tuple[int, int], small: tuple[int, int]) -> None:
+    height, width = size
+    pixels = np.full((height, width, 3), 99, np.uint8)
+    jpeg = compressed(file_of(pixels, ".jpeg"), "rgb8", width * 3, kind="jpeg", height=height, width=width)
+    for made in (frame("bgr8", pixels), jpeg):
+        assert glance(made, 160).shape == small
+        assert np.abs(glance(made, 160).astype(int) - 99).max() <= 1
+
+
 def test_a_damaged_jpeg_is_none_at_a_glance_either() -> None:
     with pytest.raises(PictureError, match="a jpeg that cannot be decoded"):
         glance(compressed(file_of(scene(), ".jpeg")[:200], "rgb8", 192, kind="jpeg", height=48, width=64), 8)
