@@ -224,8 +224,8 @@ class Inference:
             account.done += 1
             return outcome
         account.dropped[outcome.reason] += 1
-        text = "%s: frame %d of gateway %s left out, %s: %r"
-        log.warning(text, sent.camera.key, header.seq, header.boot_id, outcome.reason, outcome.error)
+        why = f"{sent.camera.key}: {outcome.reason}, {type(outcome.error).__name__}"  # each of these is said once
+        log.warning("%s: frame %d of gateway %s left out: %s", why, header.seq, header.boot_id, outcome.error)
         return None
 
     def _detections(self, sent: SentFrame, found: Found) -> Detections:

@@ -16,12 +16,13 @@ from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector import inference
-from services.detector.account import FAILED, LATE, STALE, Account
+from services.detector.account import FAILED, LATE, MALFORMED, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, serving
 from services.detector.inference import EXCUSED_S, Inference
-from services.detector.model import ModelError
+from services.detector.model import Failed, ModelError
 from services.detector.tracking import Tracking
+from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.schemas.frames import header, image
 from tests.services.detector.told_model import FATAL, ToldModel
@@ -156,7 +157,23 @@ async def test_a_frame_that_fails_fails_alone_and_is_named(bus: Bus, caplog: pyt
         assert await result(lists) == ("c1", 1)
     assert rig.accounts[CAMERAS[0]].dropped == {FAILED: 1}
     assert (rig.accounts[CAMERAS[0]].done, rig.accounts[CAMERAS[1]].done) == (0, 1)
-    assert "r1/c0: frame 13 of gateway boot left out, failed in the model" in caplog.text
+    assert "r1/c0: failed in the model, RuntimeError: frame 13 of gateway boot left out: fatal" in caplog.text
+
+
+async def test_each_reason_that_a_cameras_frames_are_left_out_for_is_logged(
+    bus: Bus, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = Rig(ToldModel(at_once=True))
+    reasons = iter(
+        [Failed(FAILED, RuntimeError("a")), Failed(FAILED, ValueError("b")), Failed(MALFORMED, ValueError("c"))]
+    )
+    monkeypatch.setattr(rig.model, "_look_at", lambda _: next(reasons))
+    caplog.handler.addFilter(RateLimitFilter(RateLimit()))
+    async with rig.running(bus):
+        for number in range(3):
+            rig.post(CAMERAS[0], number)
+            await until(lambda number=number: rig.inference.totals().done == number + 1)  # type: ignore[misc]
+    assert [message.rpartition(": ")[2] for message in caplog.messages] == ["a", "b", "c"]
 
 
 async def test_a_frame_that_is_too_old_when_its_turn_comes_is_left_out_and_counted(bus: Bus) -> None:
