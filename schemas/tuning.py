@@ -10,8 +10,10 @@ from schemas.header import Label
 Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
-class Tuning(msgspec.Struct, frozen=True, kw_only=True):
+class Tuning(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What counts as a detection. Asked of a worker, None leaves a value as it is; a worker answers with all of them.
+
+    A field of another name is refused: who misspells one hears that nothing changed.
 
     confidence: only a higher score counts. iou: overlap (intersection over union) of two boxes of one class above which
     only the better one counts. max_detections: most objects per image. classes: the names that are reported; empty for

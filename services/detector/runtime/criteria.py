@@ -29,7 +29,7 @@ class Criteria:
         Raises:
             TuningError: a class that the model does not know.
         """
-        classes = self.classes if tuning.classes is None else tuple(tuning.classes)
+        classes = self.classes if tuning.classes is None else tuple(dict.fromkeys(tuning.classes))
         return replace(
             self,
             confidence=self.confidence if tuning.confidence is None else tuning.confidence,

@@ -3,6 +3,7 @@ import io
 import threading
 from collections.abc import AsyncIterator
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
@@ -118,5 +119,12 @@ async def test_settings_that_cannot_be_are_refused_and_change_nothing(bus: Bus, 
     with pytest.raises(RefusedError, match="Tuning"):
         await bus.request(
             worker_keys.worker_settings("detector", "w1"), b"\x81", encoding=codec.encoding(Tuning), timeout_s=60
+        )
+    with pytest.raises(RefusedError, match="unknown field `confidense`"):
+        await bus.request(
+            worker_keys.worker_settings("detector", "w1"),
+            msgspec.msgpack.encode({"iou": 0.1, "confidense": 0.9}),
+            encoding=codec.encoding(Tuning),
+            timeout_s=60,
         )
     assert model.tuning == before
