@@ -42,21 +42,32 @@ UNWRITABLE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EA
 """What an exporter fails with because of where it writes."""
 
 
-def exported(weights: "Weights", kind: str, cache: Path, device: str, longest: int, *, gpu: str, spare: Path) -> Path:
+def exported(
+    weights: "Weights",
+    kind: str,
+    cache: Path,
+    device: str,
+    longest: int,
+    *,
+    gpu: str,
+    spare: Path,
+    damaged: Path | None = None,
+) -> Path:
     """Return the model as a file that other libraries run, exported by Ultralytics if it is not in the cache yet.
 
     Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
 
     kind: of FILES. device: to export on. gpu: what kind of GPU that is. spare: where it goes if the cache cannot be
-    written.
+    written. damaged: a file that is of no use, wherever it is.
 
     Raises:
         ModelError: the export failed.
     """
     name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu)
     for place in (cache, spare):
-        if (place / name / FILES[kind]).is_file():
-            return place / name / FILES[kind]
+        file = place / name / FILES[kind]
+        if file != damaged and file.is_file():
+            return file
     log.info("exporting %s for %s, once", weights.path.name, kind)
     export = partial(_export, weights, kind, device=device, longest=longest)
     try:
@@ -131,6 +142,12 @@ def _made(copy: Path, kind: str, device: str, longest: int) -> Path:
         raise RuntimeError(first_line(error)) from error
     finally:
         torch.set_num_threads(threads)  # Ultralytics has set a number of its own
+
+
+def discard(folder: Path) -> None:
+    """Take what was exported out of the cache, at once; who has it open keeps it. Nothing where it cannot be taken."""
+    with suppress(OSError), tempfile.TemporaryDirectory(prefix=MAKING, dir=folder.parent) as away:
+        folder.rename(Path(away) / folder.name)
 
 
 def remove_abandoned(cache: Path, now_s: float) -> None:

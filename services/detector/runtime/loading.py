@@ -2,6 +2,7 @@
 
 import logging
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -12,13 +13,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.printing import printable
 from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine
-from services.detector.runtime.exporting import exported
+from services.detector.runtime.exporting import discard, exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
@@ -104,7 +106,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
         if refiner is None and weights.refiner is not None:
             refiner = _refiner(weights.refiner, runtime, device, _threads(settings))
         return Pipeline(
-            Facts(weights.path.name, runtime, weights.names, weights.segments, longest, weights.stride),
+            Facts(printable(weights.path.name), runtime, weights.names, weights.segments, longest, weights.stride),
             engine,
             read.criteria,
             blank=_blank(longest, weights.stride),
@@ -211,15 +213,26 @@ def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place
         case "onnx":
             from services.detector.runtime.onnx_engine import OnnxEngine  # noqa: PLC0415
 
-            return OnnxEngine(file("onnx"), place.threads, gpu=_gpu(device))
+            return _loaded(partial(OnnxEngine, threads=place.threads, gpu=_gpu(device)), partial(file, "onnx"))
         case "openvino":
             from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415
 
-            return OpenVinoEngine(file("onnx"), place.threads)
+            return _loaded(partial(OpenVinoEngine, threads=place.threads), partial(file, "onnx"))
         case "tensorrt":
             from services.detector.runtime.torch_engine import TorchEngine  # noqa: PLC0415
 
-            return TorchEngine(file("engine"), device)
+            return _loaded(partial(TorchEngine, device=device), partial(file, "engine"))
+
+
+def _loaded(engine: Callable[[Path], Engine], file: Callable[..., Path]) -> Engine:
+    """Return the model as an exported file has it; one that cannot be loaded may be damaged, and is exported again."""
+    path = file()
+    try:
+        return engine(path)
+    except Exception as error:  # noqa: BLE001 - if the file is not to blame, it says so once more
+        log.warning("%s cannot be loaded, and is exported again: %s", path, first_line(error))
+        discard(path.parent)
+        return engine(file(damaged=path))
 
 
 def _blank(longest: int, stride: int) -> NDArray[np.uint8]:

@@ -273,6 +273,30 @@ def test_an_export_is_made_once_and_openvino_and_onnx_share_it(model_folder: Pat
     assert not [name for name in cached if name.startswith(".")]
 
 
+@pytest.mark.parametrize("runtime", ["onnx", "openvino"])
+def test_a_damaged_export_is_made_again(
+    runtime: str, tmp_path: Path, model_folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics").close()
+    cache = tmp_path / "cache"
+    shutil.copytree(model_folder / "cache", cache)
+    (file,) = (file for file in cache.rglob("*.onnx") if file.stat().st_size > 1_000_000)
+    whole = file.stat().st_size
+    file.write_bytes(b"damaged")
+    load(settings(tmp_path, runtime=runtime), tmp_path / "ultralytics").close()
+    assert f"{file} cannot be loaded, and is exported again: " in caplog.text
+    assert abs(file.stat().st_size - whole) < 1_000
+    assert not [each for each in cache.iterdir() if each.name.startswith(".")]
+
+
+def test_a_model_whose_name_is_no_text_has_one_that_can_be_sent(tmp_path: Path, model_folder: Path) -> None:
+    odd = tmp_path / os.fsdecode(b"\xff.pt")
+    shutil.copy(SHIPPED_MODEL, odd)
+    model = load(settings(model_folder, model=str(odd)), model_folder / "ultralytics")
+    model.close()
+    assert model.name == r"\udcff.pt"
+
+
 def test_what_a_cache_cannot_hold_is_made_elsewhere_and_it_is_said(
     tmp_path: Path, model_folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
