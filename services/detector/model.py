@@ -23,8 +23,10 @@ class TuningError(Exception):
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of what an error says."""
-    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+    """Return the first line of what an error says, with its kind where that is a key or a number and no words."""
+    kind = type(error).__name__
+    line = next((line.strip() for line in str(error).splitlines() if line.strip()), kind)
+    return line if " " in line or line == kind else f"{kind}: {line}"
 
 
 @dataclass(frozen=True, slots=True)

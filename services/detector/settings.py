@@ -8,11 +8,14 @@ from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
 from bus.sharing.settings import SharingSettings
+from schemas.printing import printable
 from services.detector.role import OPINION
 
 LEAST_SIDE: Final = 32
 MOST_SIDE: Final = 4096
 """Of a model's input, in pixels."""
+
+MOST_THREADS: Final = 1024
 
 SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
 
@@ -66,7 +69,9 @@ class DetectorSettings(SharingSettings, BusSettings):
     ] = None
     cache: Path = Field(default_factory=default_cache, description="folder for what is made once of the weights")
     device: Annotated[str | None, Field(description="cpu, cuda:0, ...; the best there is unless given")] = None
-    threads: Annotated[int, Field(ge=0, description="CPU threads for inference; 0 uses every core")] = 0
+    threads: Annotated[
+        int, Field(ge=0, le=MOST_THREADS, description="CPU threads for inference; 0 uses every core")
+    ] = 0
     max_age_s: Annotated[
         float | None,
         Field(
@@ -81,8 +86,13 @@ class DetectorSettings(SharingSettings, BusSettings):
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:
         for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
-            if weights is not None and not self.download and not Path(weights).is_file():
-                raise ValueError(f"{option} {weights}: no such file (--download would let Ultralytics fetch it)")
+            if weights is None or self.download:
+                continue
+            if Path(weights).is_dir():
+                raise ValueError(f"{option} {printable(weights)}: a folder")
+            if not Path(weights).is_file():
+                hint = "--download would let Ultralytics fetch it"
+                raise ValueError(f"{option} {printable(weights)}: no such file ({hint})")
         return self
 
     @model_validator(mode="after")

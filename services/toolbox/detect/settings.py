@@ -6,6 +6,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
+from schemas.printing import printable
 
 
 class DetectSettings(BusSettings):
@@ -36,22 +37,25 @@ class DetectSettings(BusSettings):
         try:
             self._check_files()
         except OSError as error:  # a name that is too long, a folder that may not be looked into
-            raise ValueError(f"{error.filename}: {error.strerror}") from error
+            raise ValueError(f"{printable(str(error.filename))}: {error.strerror}") from error
         if self.model is not None and not self.local:
             raise ValueError("--model is for --local: workers have their own")
         return self
 
     def _check_files(self) -> None:
         if not self.image.is_file():
-            raise ValueError(f"--image {self.image}: {'not a file' if self.image.exists() else 'no such file'}")
+            wrong = "not a file" if self.image.exists() else "no such file"
+            raise ValueError(f"--image {printable(str(self.image))}: {wrong}")
+        drawing = printable(str(self.drawing))
         if not self.drawing.parent.is_dir():
-            raise ValueError(f"--output {self.drawing}: {self.drawing.parent} is no folder")
+            raise ValueError(f"--output {drawing}: {printable(str(self.drawing.parent))} is no folder")
         if self.drawing.is_dir():
-            raise ValueError(f"--output {self.drawing}: a folder")
+            raise ValueError(f"--output {drawing}: a folder")
         if self.drawing.exists() and self.drawing.samefile(self.image):
-            raise ValueError(f"--output {self.drawing}: that is the image, which would be lost")
+            raise ValueError(f"--output {drawing}: that is the image, which would be lost")
         if self.local and self.model is not None and not Path(self.model).is_file():
-            raise ValueError(f"--model {self.model}: {'a folder' if Path(self.model).is_dir() else 'no such file'}")
+            model = printable(self.model)
+            raise ValueError(f"--model {model}: {'a folder' if Path(self.model).is_dir() else 'no such file'}")
 
     @property
     def drawing(self) -> Path:

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,16 @@ def test_an_absent_file_is_an_error_unless_downloading_is_allowed() -> None:
     assert DetectorSettings(model="yolo11n-seg.pt", download=True).model == "yolo11n-seg.pt"
 
 
+def test_a_folder_is_no_model(tmp_path: Path) -> None:
+    with pytest.raises(ValidationError, match=f"--model {tmp_path}: a folder"):
+        DetectorSettings(model=str(tmp_path))
+
+
+def test_an_absent_file_whose_name_is_no_text_is_named() -> None:
+    with pytest.raises(ValidationError, match=r"--model \\udcff\.pt: no such file"):
+        DetectorSettings(model=os.fsdecode(b"\xff.pt"))
+
+
 def test_no_detector_is_called_as_gateways_know_a_second_opinion() -> None:
     with pytest.raises(ValidationError, match=r"--worker opinion\.x: to gateways 'opinion\.' begins"):
         DetectorSettings(worker="opinion.x")
@@ -25,7 +36,15 @@ def test_no_detector_is_called_as_gateways_know_a_second_opinion() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("confidence", -0.1), ("confidence", 1.1), ("iou", 2), ("max_detections", 0), ("threads", -1), ("worker", "a/b")],
+    [
+        ("confidence", -0.1),
+        ("confidence", 1.1),
+        ("iou", 2),
+        ("max_detections", 0),
+        ("threads", -1),
+        ("threads", 1025),
+        ("worker", "a/b"),
+    ],
 )
 def test_what_is_out_of_range_is_named(field: str, value: object) -> None:
     with pytest.raises(ValidationError) as caught:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -227,6 +228,8 @@ async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pyt
         ({"model": "x.pt"}, "--local"),
         ({"model": "x.pt", "local": True}, "--model x.pt: no such file"),
         ({"model": ".", "local": True}, "--model .: a folder"),
+        ({"image": os.fsdecode(b"\xff.jpg")}, r"--image \\udcff.jpg: no such file"),
+        ({"model": os.fsdecode(b"\xff.pt"), "local": True}, r"--model \\udcff.pt: no such file"),
         ({"output": "absent/x.jpg"}, "--output absent/x.jpg: absent is no folder"),
     ],
 )
