@@ -11,9 +11,10 @@ from pydantic import BaseModel
 from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.errors import UsageError
 from services.toolbox.help import EXIT_CODES
 from services.toolbox.misspelt import meant
-from services.toolbox.settings import ENV_PREFIX, UsageError, load, names_of, variables
+from services.toolbox.settings import ENV_PREFIX, load, names_of, variables
 from services.toolbox.streams import PrintError
 
 OURS = ("bus", "gateway", "schemas", "services")

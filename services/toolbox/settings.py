@@ -4,15 +4,13 @@ import os
 import re
 import shutil
 import sys
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Generic, Literal, NoReturn, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
-import yaml
 from pydantic import BaseModel, Field, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_settings import (
@@ -24,8 +22,10 @@ from pydantic_settings import (
     SettingsError,
 )
 
+from services.toolbox.errors import UsageError
 from services.toolbox.help import Usage, help_text, usage_line
 from services.toolbox.misspelt import meant
+from services.toolbox.settings_file import SettingsFile
 
 ENV_PREFIX = "FLEETSIGHT_"
 MAX_HELP_WIDTH = 100
@@ -44,10 +44,6 @@ class Loaded(Generic[S]):
 
     settings: S
     log_level: LogLevel | None
-
-
-class UsageError(Exception):
-    """A setting that is wrong; the message names it and fits on one line."""
 
 
 class _EnvironmentSource(EnvSettingsSource):
@@ -88,7 +84,7 @@ def load(
         width = min(shutil.get_terminal_size().columns, MAX_HELP_WIDTH)
         sys.stdout.write(help_text(model, _Common, usage, env_prefix=ENV_PREFIX, width=width))
         raise SystemExit(0)
-    file = _File()
+    file = SettingsFile()
     _check_pairs(model, argv)
     try:
         found = _settings_class(model, prog, file)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
@@ -134,20 +130,12 @@ class _Common(BaseSettings):
     ] = None
 
 
-@dataclass(slots=True)
-class _File:
-    """The file that `--config` names, once it was read. names: of the settings in it."""
-
-    path: Path | None = None
-    names: frozenset[str] = frozenset()
-
-
 @dataclass(frozen=True, slots=True)
 class _Given:
     """Where settings came from."""
 
     argv: Sequence[str]
-    file: _File
+    file: SettingsFile
     model: type[BaseModel]
 
     def place_of(self, name: str) -> str:
@@ -158,7 +146,7 @@ class _Given:
             return option
         if variable in os.environ:
             return variable
-        return f"{self.file.path}: {name}" if name in self.file.names else option
+        return f"{self.file.place_of(name)}: {name}" if name in self.file.content else option
 
     def options_in(self, reason: str) -> str:
         """Return a reason with settings' names as those of options, as far as they cannot be words."""
@@ -170,7 +158,7 @@ def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def _settings_class(model: type[BaseModel], prog: str, file: _File) -> type[_Common]:
+def _settings_class(model: type[BaseModel], prog: str, file: SettingsFile) -> type[_Common]:
     class Settings(_Common, model):  # type: ignore[misc, valid-type]
         model_config = SettingsConfigDict(
             env_prefix=ENV_PREFIX,
@@ -202,7 +190,7 @@ def _settings_class(model: type[BaseModel], prog: str, file: _File) -> type[_Com
 class _FileSource(InitSettingsSource):
     """The file that `--config` or FLEETSIGHT_CONFIG names; the sources before this one have found its path."""
 
-    def __init__(self, settings_cls: type[BaseSettings], file: _File) -> None:
+    def __init__(self, settings_cls: type[BaseSettings], file: SettingsFile) -> None:
         super().__init__(settings_cls, init_kwargs={})
         self._file = file
 
@@ -210,33 +198,12 @@ class _FileSource(InitSettingsSource):
         path = self.current_state.get("config")
         if path is None:
             return {}
-        self._file.path = Path(path)
-        content = {name: self._listed(name, value) for name, value in _read(self._file.path).items()}
-        self._file.names = frozenset(content)
-        return content
+        self._file.read(Path(path))
+        return {name: self._file.value_of(name, self._kind_of(name)) for name in self._file.content}
 
-    def _listed(self, name: str, value: Any) -> Any:
-        """Return a lone text as a list of one, where a list is meant: on the command line it is one too."""
+    def _kind_of(self, name: str) -> str:
         field = self.settings_cls.model_fields.get(name)
-        meant = field is not None and str(field.annotation).startswith("list[")
-        return [value] if meant and isinstance(value, str) else value
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-        content = tomllib.loads(text) if path.suffix == ".toml" else yaml.safe_load(text)
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        _wrong_file(path, str(error), error)
-    if content is None:
-        return {}
-    if not isinstance(content, dict):
-        _wrong_file(path, "settings are name: value pairs")
-    return {str(name).replace("-", "_"): value for name, value in content.items()}
-
-
-def _wrong_file(path: Path, reason: str, cause: Exception | None = None) -> NoReturn:
-    raise UsageError(f"--config {path}: {' '.join(reason.split())}") from cause
+        return "" if field is None else str(field.annotation)
 
 
 def _unparsed(message: str, model: type[BaseModel], usage: str) -> str:
@@ -263,5 +230,5 @@ def _first_mistake(error: ValidationError, given: _Given) -> str:
         case "missing":
             return f"{_option(name)} is required (or {ENV_PREFIX}{name.upper()}, or in the file that --config names)"
         case "extra_forbidden":
-            return f"{given.file.path}: {name!r} is not a setting{meant(name, names_of(given.model))}"
+            return f"{given.file.place_of(name)}: {name!r} is not a setting{meant(name, names_of(given.model))}"
     return f"{given.place_of(name)}{'' if value in reason else f' {value}'}: {reason}"

@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Any, Final, Self
 
-import yaml
 from pydantic import ValidationError
-from yaml.nodes import MappingNode, Node, SequenceNode
 
 from services.monitor.rules.model import RuleBook
+from services.yaml_text import YamlError, line_of, parse
 
 MAX_BYTES: Final = 1_000_000
 
@@ -35,13 +34,9 @@ def load_rules(text: str) -> RuleBook:
     if len(text) > MAX_BYTES:
         raise RuleFileError(1, f"a rule file has at most {MAX_BYTES} characters")
     try:
-        root = yaml.compose(text, Loader=_Loader)
-        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader without aliases
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise RuleFileError(line, error.problem or "not YAML") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise RuleFileError(1, " ".join(str(error).split())[:200] or "not YAML") from error
+        content, root = parse(text)
+    except YamlError as error:
+        raise RuleFileError(error.line, error.reason) from error
     if content is None:
         raise RuleFileError(1, f"nothing is in it; {NO_RULES}")
     try:
@@ -51,7 +46,7 @@ def load_rules(text: str) -> RuleBook:
         mistake = next((each for each in mistakes if each["type"] == "extra_forbidden"), mistakes[0])
         place = [part for part in mistake["loc"] if part not in KINDS]
         where = list(mistake.get("ctx", {}).get("place", place))
-        raise RuleFileError(_line_of(root, where), _reason(place, mistake)) from error
+        raise RuleFileError(line_of(root, where), _reason(place, mistake)) from error
     if "rules" not in book.model_fields_set:
         raise RuleFileError(1, f"rules is missing; {NO_RULES}")
     return book
@@ -73,44 +68,6 @@ WORDS: Final = {
     "time_parsing": "write times like '09:00', up to '23:59'",
 }
 """What kinds of pydantic's mistakes are in words of a rule file; its own speak of Python."""
-
-
-class _Loader(yaml.SafeLoader):
-    """Takes no aliases: ten lines of them can stand for gigabytes."""
-
-    def compose_node(self, parent: Node | None, index: int) -> Node | None:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.composer.ComposerError(None, None, "aliases are not taken", self.peek_event().start_mark)  # type: ignore[no-untyped-call]
-        return super().compose_node(parent, index)
-
-    def construct_object(self, node: Node, deep: bool = False) -> Any:  # noqa: FBT001, FBT002 - PyYAML's
-        try:
-            return super().construct_object(node, deep)
-        except (ValueError, LookupError, AttributeError) as error:  # of a date like 2026-13-01, of `!!bool x`
-            reason = f"{str(node.value)[:80]!r} is no {node.tag.rpartition(':')[2]}"
-            raise yaml.constructor.ConstructorError(None, None, reason, node.start_mark) from error
-
-    def construct_mapping(self, node: MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002 - PyYAML's
-        keys = [key.value for key, _ in node.value]
-        for place, (key, _) in enumerate(node.value):
-            if key.value in keys[:place]:
-                raise yaml.constructor.ConstructorError(None, None, f"{key.value!r} is there twice", key.start_mark)
-        return super().construct_mapping(node, deep)
-
-
-def _line_of(node: Node | None, place: list[Any]) -> int:
-    """Return the line of what a place names, or of the nearest thing around it that is there."""
-    line = 1
-    for part in place:
-        if isinstance(node, MappingNode):
-            found = next(((key, value) for key, value in node.value if key.value == part), None)
-            if found is None:
-                return line
-            line, node = found[0].start_mark.line + 1, found[1]
-        elif isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.value):
-            node = node.value[part]
-            line = node.start_mark.line + 1
-    return line
 
 
 def _reason(place: list[Any], mistake: Any) -> str:

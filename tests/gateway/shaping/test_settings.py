@@ -6,7 +6,8 @@ from pydantic import ValidationError
 
 from gateway.settings import GatewaySettings
 from gateway.shaping.settings import ShapingSettings
-from services.toolbox.settings import UsageError, load
+from services.toolbox.errors import UsageError
+from services.toolbox.settings import load
 
 
 def test_nothing_is_left_out_or_changed_unless_asked_for() -> None:

@@ -4,7 +4,8 @@ from typing import Annotated, Self
 import pytest
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
-from services.toolbox.settings import Loaded, UsageError, load
+from services.toolbox.errors import UsageError
+from services.toolbox.settings import Loaded, load
 
 
 def _place(name: str) -> str:
@@ -102,7 +103,7 @@ def test_toml_file(tmp_path: Path) -> None:
         (("--robot", "r", "--cameras", "front=/a,front=/b"), "--cameras: front is given twice"),
         (("--robot", "r", "--cameras", "front=/a", "--cameras=front=/b"), "--cameras: front is given twice"),
         (("--robot", "r", "--least-m", "3"), "--least-m: 3 is more than --most-m"),
-        (("--robot", "r", "--config", "missing.yaml"), "--config missing.yaml: [Errno 2] No such file"),
+        (("--robot", "r", "--config", "missing.yaml"), "--config missing.yaml: No such file"),
     ],
 )
 def test_a_wrong_setting_is_named_on_one_line(argv: tuple[str, ...], message: str) -> None:
@@ -117,11 +118,20 @@ def test_a_wrong_setting_is_named_on_one_line(argv: tuple[str, ...], message: st
     [
         ("a.toml", "robt = 'r'", "a.toml: 'robt' is not a setting; did you mean robot?"),
         ("a.toml", "robot =", "Invalid value"),
-        ("a.yaml", "robot: [", "while parsing"),
+        ("a.toml", "robot = 'r'\nleast-m = 1\nleast_m = 2", "a.toml: 'least_m' is there twice"),
+        ("a.yaml", "robot: [", "a.yaml: line 1: expected the node content"),
+        ("a.yaml", "robot: r\nrobt: r", "a.yaml: line 2: 'robt' is not a setting; did you mean robot?"),
+        ("a.yaml", "robot: r1\nrobot: r2", "a.yaml: line 2: 'robot' is there twice"),
+        ("a.yaml", "robot: r\nleast-m: 1\nleast_m: 2", "a.yaml: line 3: 'least_m' is there twice"),
+        ("a.yaml", "robot: r\ncameras:\n  front: /a\n  front: /b", "a.yaml: line 4: 'front' is there twice"),
+        ("a.yaml", "robot: r\nrate-hz: yes", "a.yaml: line 2: rate_hz: yes and no are no values for it"),
+        ("a.yaml", "robot: r\nconnect: [a, no]", "a.yaml: line 2: connect: yes and no are no values for it"),
+        ("a.yaml", "robot: no", "a.yaml: line 1: robot: yes and no are no values for it; in quotes they are text"),
+        ("a.yaml", "robot: r\nconfig: b.yaml", "a.yaml: line 2: 'config' is no setting of a file"),
         ("a.yaml", "- robot", "settings are name: value pairs"),
-        ("a.yaml", "robot: r\nrate-hz: -1", "a.yaml: rate_hz -1: Input should be greater than 0"),
+        ("a.yaml", "robot: r\nrate-hz: -1", "a.yaml: line 2: rate_hz -1: Input should be greater than 0"),
         ("a.yaml", "robot: \x00", "unacceptable character"),
-        ("a.yaml", "robot: 2026-13-01", "month must be in 1..12"),
+        ("a.yaml", "robot: 2026-13-01", "a.yaml: line 1: '2026-13-01' is no timestamp"),
         ("a.yaml", "[" * 2_000, "maximum recursion depth"),
     ],
 )
@@ -163,3 +173,10 @@ def test_a_mistake_is_where_it_was_made(tmp_path: Path, monkeypatch: pytest.Monk
         read("--config", str(file))
     with pytest.raises(UsageError, match=r"^--rate-hz '-3': Input"):
         read("--config", str(file), "--rate-hz=-3")
+
+
+def test_yes_and_no_in_the_file_are_for_settings_that_are_one_of_them(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("robot: r1\nshared: no\njson: yes\nconnect: ['no']\n")
+    settings = read("--config", str(file)).settings
+    assert (settings.shared, settings.as_json, settings.connect) == (False, True, ["no"])

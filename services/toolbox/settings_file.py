@@ -1,0 +1,79 @@
+"""A file of settings: YAML or TOML, and where in it each setting is."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from yaml.nodes import Node
+
+from services.toolbox.errors import UsageError
+from services.yaml_text import YamlError, line_of, parse
+
+
+@dataclass(slots=True)
+class SettingsFile:
+    """The file that `--config` names; empty until it was read. content, lines: by the settings' names.
+
+    lines: where each setting is; in TOML nobody knows.
+    """
+
+    path: Path | None = None
+    content: Mapping[str, Any] = field(default_factory=dict)
+    lines: Mapping[str, int] = field(default_factory=dict)
+
+    def read(self, path: Path) -> None:
+        """Read a file.
+
+        Raises:
+            UsageError: it cannot be read, is no mapping, has a setting twice, or names another file.
+        """
+        self.path = path
+        content, root = _parsed(path)
+        names = [(key, str(key).replace("-", "_")) for key in content]
+        self.lines = {name: line_of(root, [key]) for key, name in names} if root else {}
+        self.content = {name: content[key] for key, name in names}
+        every = [name for _, name in names]
+        if twice := next((name for name in every if every.count(name) > 1), ""):
+            raise UsageError(f"{self.place_of(twice)}: {twice!r} is there twice")
+        if "config" in every:
+            raise UsageError(f"{self.place_of('config')}: 'config' is no setting of a file")
+
+    def place_of(self, name: str) -> str:
+        """Return where a setting is."""
+        return f"{self.path}: line {self.lines[name]}" if name in self.lines else f"{self.path}"
+
+    def value_of(self, name: str, kind: str) -> Any:
+        """Return a setting's value; `kind` is its annotation, or empty for one that is not known.
+
+        A lone text is a list of one, where a list is meant: on the command line it is one too.
+
+        Raises:
+            UsageError: it is what YAML takes for true or false, which pydantic would take for 1 or 0.
+        """
+        value = self.content[name]
+        if kind and "bool" not in kind and _says_yes_or_no(value):
+            raise UsageError(f"{self.place_of(name)}: {name}: yes and no are no values for it; in quotes they are text")
+        return [value] if kind.startswith("list[") and isinstance(value, str) else value
+
+
+def _parsed(path: Path) -> tuple[Mapping[Any, Any], Node | None]:
+    try:
+        text = path.read_text(encoding="utf-8")
+        content, root = (tomllib.loads(text), None) if path.suffix == ".toml" else parse(text)
+    except OSError as error:
+        raise UsageError(f"--config {path}: {error.strerror}") from error
+    except (ValueError, YamlError, RecursionError) as error:
+        raise UsageError(f"{path}: {' '.join(str(error).split())}") from error
+    if content is None:
+        return {}, root
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: settings are name: value pairs")
+    return content, root
+
+
+def _says_yes_or_no(value: Any) -> bool:
+    if isinstance(value, dict | list):
+        return any(map(_says_yes_or_no, value.values() if isinstance(value, dict) else value))
+    return isinstance(value, bool)
