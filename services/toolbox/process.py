@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NoReturn, TextIO
 
 log = logging.getLogger(__name__)
@@ -25,13 +26,12 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 def run(main: Callable[[], Awaitable[int | None]]) -> int:
     """Run `main` until it returns or a signal cancels it; return its exit code, 0 when a signal ended it in order.
 
-    A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Whoever
-    reads what `main` printed may take their time, unless a signal ended it.
+    A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Once a
+    signal has ended `main`, nobody waits for what threads are doing for it: what is to be saved it has waited for.
+    Whoever reads what `main` printed may take their time, unless a signal ended it.
     """
-    on_interrupt = signal.getsignal(signal.SIGINT)
     with asyncio.Runner() as runner:
         code = runner.run(_until_signalled(main))
-    signal.signal(signal.SIGINT, on_interrupt)
     return 0 if code is None else written(code)
 
 
@@ -70,6 +70,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | N
         elif loop.time() - signalled_s > ECHO_S:
             _give_up(f"second {number.name}")
 
+    before = {number: signal.getsignal(number) for number in SIGNALS}
     for number in SIGNALS:
         loop.add_signal_handler(number, stop, number)
     try:
@@ -77,10 +78,12 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | N
     except asyncio.CancelledError:
         if signalled_s is None:
             raise
+        loop.set_default_executor(ThreadPoolExecutor(1))  # the loop waits for the threads of its last one
         return None
     finally:
-        for number in SIGNALS:
+        for number, handler in before.items():
             loop.remove_signal_handler(number)
+            signal.signal(number, handler)
 
 
 def leave(code: int) -> NoReturn:

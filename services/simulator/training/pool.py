@@ -29,6 +29,12 @@ def run(work: Callable[[Job], None], jobs: Sequence[Job], workers: int, report: 
             raise
 
 
+def end() -> None:
+    """End the processes that do jobs; `run`, wherever it waits for them, raises."""
+    for process in multiprocessing.active_children():
+        process.kill()
+
+
 def _begin() -> None:
     """Have one processor, and end with whoever began this process, however that ends."""
     cv2.setNumThreads(1)

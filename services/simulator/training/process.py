@@ -2,14 +2,19 @@
 
 import asyncio
 import threading
+from typing import Final
 
 from rich.console import Console
 
 from services.simulator import bars
+from services.simulator.training import pool
 from services.simulator.training.evaluation.predictor import PredictorLoader
 from services.simulator.training.refining.refinement import Refinement
 from services.simulator.training.run import train
 from services.simulator.training.settings import TrainingSettings
+
+ENDING_S: Final = 1.5
+"""How long a training that is interrupted may take to note what it has cost."""
 
 
 async def run(settings: TrainingSettings, load: PredictorLoader, refinement: Refinement) -> None:
@@ -28,8 +33,14 @@ async def run(settings: TrainingSettings, load: PredictorLoader, refinement: Ref
                 raise asyncio.CancelledError
             report(stage, done, total)
 
+        training = asyncio.ensure_future(asyncio.to_thread(train, settings, progress, load, refinement))
         try:
-            await asyncio.to_thread(train, settings, progress, load, refinement)
-        finally:
+            await asyncio.shield(training)
+        except asyncio.CancelledError:
             cancelled.set()  # the thread notices where it next reports
+            pool.end()
+            ended, _ = await asyncio.wait([training], timeout=ENDING_S)
+            for each in ended:
+                each.exception()
+            raise
     Console().print(f"wrote {settings.output} and its card beside it", markup=False, highlight=False, soft_wrap=True)

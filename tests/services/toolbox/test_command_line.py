@@ -120,12 +120,27 @@ def test_a_closed_stream_is_one_that_nobody_reads_and_nothing_is_in(
     assert ended.stderr.count("\n") == bool(said)
 
 
-def test_ctrl_c_before_there_is_anything_to_end_is_silent(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", process.SIGNALS)
+def test_who_is_told_to_stop_before_there_is_anything_to_end_is_done(number: signal.Signals, tmp_path: Path) -> None:
     config = tmp_path / "slow.yaml"
     os.mkfifo(config)
     command = [sys.executable, "-m", "services.toolbox", "demo", "--config", str(config)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as running, config.open("w"):
-        running.send_signal(signal.SIGINT)
+        running.send_signal(number)
         said, _ = running.communicate(timeout=60)
-    assert running.returncode == -signal.SIGINT
+    assert running.returncode == 0
     assert said == b""
+
+
+@pytest.mark.parametrize("number", process.SIGNALS)
+def test_who_is_told_to_stop_while_everything_is_imported_is_done(number: signal.Signals, tmp_path: Path) -> None:
+    (tmp_path / "pydantic").mkdir()
+    (tmp_path / "pydantic" / "__init__.py").write_text("print('importing', flush=True)\nimport time\ntime.sleep(60)\n")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path.cwd())])}
+    command = [sys.executable, "-m", "services.toolbox", "gateway", "--robot", "r1"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == b"importing\n"
+        running.send_signal(number)
+        assert running.stdout.read() == b""
+    assert running.returncode == 0

@@ -14,9 +14,9 @@ from services.toolbox import process
 
 def spawn(body: str) -> subprocess.Popen[str]:
     """Start a process that runs `main`, defined by `body`, and says when it is ready for signals."""
-    program = "import asyncio, sys\nfrom services.toolbox import process\n" + textwrap.dedent(body)
+    program = "import asyncio, time\nfrom services.toolbox import process\n" + textwrap.dedent(body)
     return subprocess.Popen(
-        [sys.executable, "-c", program + "\nsys.exit(process.run(main))"], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", program + "\nprocess.leave(process.run(main))"], stdout=subprocess.PIPE, text=True
     )
 
 
@@ -83,6 +83,26 @@ def test_a_signal_that_arrives_twice_is_one() -> None:
         for _ in range(3):
             child.send_signal(signal.SIGTERM)
             time.sleep(0.02)
+        assert child.stdout.read() == "cleaned up\n"
+    assert child.returncode == 0
+
+
+THREADED = """
+    async def main():
+        print("ready", flush=True)
+        try:
+            await asyncio.to_thread(time.sleep, 60)
+        finally:
+            print("cleaned up", flush=True)
+"""
+
+
+@pytest.mark.parametrize("number", process.SIGNALS)
+def test_what_a_thread_does_for_a_process_that_is_to_end_is_not_waited_for(number: signal.Signals) -> None:
+    with spawn(THREADED) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        child.send_signal(number)
         assert child.stdout.read() == "cleaned up\n"
     assert child.returncode == 0
 

@@ -1,6 +1,7 @@
 import asyncio
 import subprocess
 import sys
+import threading
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -13,6 +14,7 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
+from services.toolbox.clouds import process
 from services.toolbox.clouds.drawing import Drawing
 from services.toolbox.clouds.errors import ViewerError
 from services.toolbox.clouds.process import save, view
@@ -74,6 +76,34 @@ async def test_save_writes_each_message_once_in_both_formats(
     damaged, unmeasured = complained.splitlines()
     assert damaged.startswith("fleetsight clouds: left out: ")
     assert unmeasured == "fleetsight clouds: 1 object has no points: no points within its mask"
+
+
+def contents(folder: Path) -> list[bytes]:
+    return [file.read_bytes() for file in folder.iterdir()]
+
+
+async def test_files_are_written_whole_although_it_is_told_to_stop(
+    buses: tuple[Bus, Bus], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    theirs, ours = buses
+    begun, may_end = threading.Event(), threading.Event()
+
+    def slowly(_: ObjectClouds) -> bytes:
+        begun.set()
+        may_end.wait(60)
+        return b"whole"
+
+    monkeypatch.setitem(process.WRITERS, "ply", slowly)
+    async with asyncio.TaskGroup() as group:
+        group.create_task(publishing(theirs, codec.encode(SEEN)))
+        saving = group.create_task(save(ours, asked("save", folder=tmp_path, formats=["ply"])))
+        assert await asyncio.to_thread(begun.wait, 60)
+        saving.cancel()
+        ended, _ = await asyncio.wait([saving], timeout=0.05)
+        may_end.set()
+        await asyncio.wait([saving])
+    assert not ended
+    assert contents(tmp_path) == [b"whole"]
 
 
 @pytest.mark.parametrize(
