@@ -1,9 +1,10 @@
 """Settings of the alerts."""
 
-from pathlib import Path
 from typing import ClassVar
 
 from pydantic import BaseModel, Field
+
+from services.monitor.regular_file import RegularFile
 
 
 class AlertingSettings(BaseModel):
@@ -11,4 +12,4 @@ class AlertingSettings(BaseModel):
 
     heading: ClassVar = "alerts"
 
-    rules: Path | None = Field(default=None, description="YAML file of rules; read again whenever it changes")
+    rules: RegularFile | None = Field(default=None, description="YAML file of rules; read again whenever it changes")

@@ -1,12 +1,12 @@
 """Settings of `fleetsight rules test`."""
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
 from services.monitor.export.settings import Moment
 from services.monitor.history.settings import HistoryUrl, default_url
+from services.monitor.regular_file import RegularFile
 
 
 class RulesSettings(BaseModel):
@@ -16,7 +16,7 @@ class RulesSettings(BaseModel):
     """
 
     task: Annotated[Literal["test"], Field(description="what to do")]
-    file: Annotated[Path, Field(description="the rule file")]
+    file: Annotated[RegularFile, Field(description="the rule file")]
     history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
         default_factory=default_url
     )

@@ -1,9 +1,10 @@
 """Settings of the monitor's page and HTTP API."""
 
-from pathlib import Path
 from typing import ClassVar
 
 from pydantic import BaseModel, Field, HttpUrl, field_validator
+
+from services.monitor.regular_file import RegularFile
 
 
 class WebSettings(BaseModel):
@@ -19,7 +20,7 @@ class WebSettings(BaseModel):
     web_url: HttpUrl | None = Field(
         default=None, description="address that people use if a proxy is before it, like https://fleet.example"
     )
-    floor_plan: Path | None = Field(
+    floor_plan: RegularFile | None = Field(
         default=None, description="floor plan to draw the map on: the YAML file of a map as ROS's map_server has it"
     )
     web_session_hours: float = Field(

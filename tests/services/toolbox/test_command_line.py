@@ -144,3 +144,17 @@ def test_who_is_told_to_stop_while_everything_is_imported_is_done(number: signal
         running.send_signal(number)
         assert running.stdout.read() == b""
     assert running.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("argv", "option"),
+    [(["rules", "test"], "--file"), (["monitor", "--rules"], "--rules"), (["monitor", "--floor-plan"], "--floor-plan")],
+    ids=lambda each: each if isinstance(each, str) else None,
+)
+def test_a_pipe_that_nobody_writes_to_is_not_waited_for(
+    argv: list[str], option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert main([*argv, str(pipe)]) == process.EXIT_USAGE
+    assert capsys.readouterr().err == f"fleetsight {argv[0]}: {option} '{pipe}': no regular file\n"
