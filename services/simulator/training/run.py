@@ -33,12 +33,16 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
 
     load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
 
-    Raises TrainingError, before anything is rendered, when the work directory belongs to a run with other settings or
-    what it holds is no checkpoint, when the device is not there, and when the output cannot be written.
+    Raises TrainingError, before anything is rendered, when the output or the work directory cannot be written, when the
+    device is not there, and when the work directory belongs to a run with other settings or what it holds is no
+    checkpoint.
     """
     work_dir = settings.work_dir
+    _check_folder("--output", settings.output, settings.output.parent)
+    _check_folder("--work-dir", work_dir, work_dir)
+    _check_device(settings)
     _claim(work_dir, settings)
-    _check(settings)
+    _check_checkpoints(settings)
     record = work_dir / "effort.json"
     with metered(record):
         dataset = write_dataset(
@@ -86,32 +90,41 @@ def evaluate(
     return Figures(found.masks.figures(), found.lists.figures(CONFIDENCE), near, before)
 
 
-def _claim(work_dir: Path, settings: TrainingSettings) -> None:
-    """Note whose directory this is: what is in it fits one set of settings only."""
-    work_dir.mkdir(parents=True, exist_ok=True)
-    note = work_dir / "settings.json"
-    wanted = settings.model_dump_json(include=DECISIVE)
-    if note.exists() and note.read_text() != wanted:
-        raise TrainingError(f"{work_dir} holds a run with other settings: choose another work_dir or remove it")
-    note.write_text(wanted)
+def _check_folder(option: str, named: Path, folder: Path) -> None:
+    """Find out whether files can be written in a folder, which is made; `named` is what the option says."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise TrainingError(f"{option} {named}: {error.strerror}") from error
 
 
-def _check(settings: TrainingSettings) -> None:
-    """Find out now what would only be found out after hours."""
+def _check_device(settings: TrainingSettings) -> None:
     ultralytics = load_ultralytics(settings.work_dir / "ultralytics")
     try:
         ultralytics.utils.torch_utils.select_device(device_name(settings), verbose=False)
     except Exception as error:
         raise TrainingError(f"--device {settings.device}: {first_line(error)}") from error
+
+
+def _claim(work_dir: Path, settings: TrainingSettings) -> None:
+    """Note whose directory this is: what is in it fits one set of settings only."""
+    note = work_dir / "settings.json"
+    wanted = settings.model_dump_json(include=DECISIVE)
+    try:
+        if note.exists() and note.read_text() != wanted:
+            raise TrainingError(f"--work-dir {work_dir}: holds a run with other settings; choose another or remove it")
+        note.write_text(wanted)
+    except OSError as error:
+        raise TrainingError(f"{note}: {error.strerror}") from error
+
+
+def _check_checkpoints(settings: TrainingSettings) -> None:
+    """Find out what would only be found out after hours."""
     for stage in stages_of(settings):
         _check_checkpoint(stage.checkpoint(settings.work_dir))
     kept_state(settings.work_dir / CHECKPOINT)
-    try:
-        settings.output.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=settings.output.parent):
-            pass
-    except OSError as error:
-        raise TrainingError(f"--output {settings.output}: {error.strerror}") from error
 
 
 def _check_checkpoint(checkpoint: Path) -> None:

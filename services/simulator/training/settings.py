@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from pydantic import BaseModel, Field, PositiveInt
+from pydantic import BaseModel, Field, PositiveInt, field_validator
 
 WEIGHTS_FOLDER = Path(__file__).parents[2] / "detector" / "weights"
 DECISIVE: Final = {
@@ -59,3 +59,10 @@ class TrainingSettings(BaseModel):
         default=Path("runs/warehouse-n-seg"),
         description="folder of data set and checkpoints; an interrupted run with the same settings goes on from here",
     )
+
+    @field_validator("output")
+    @classmethod
+    def _is_a_file_of_weights(cls, output: Path) -> Path:
+        if output.suffix != ".pt" or output.is_dir():
+            raise ValueError("a file whose name ends in .pt")
+        return output

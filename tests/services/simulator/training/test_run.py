@@ -198,9 +198,23 @@ def test_a_run_that_is_done_is_not_trained_again(interrupted: TrainingSettings) 
     assert recorder.of("train coarse") == recorder.of("train fine") == recorder.of("train refiner") == []
 
 
-def test_a_work_directory_belongs_to_one_set_of_settings(interrupted: TrainingSettings) -> None:
-    with pytest.raises(TrainingError, match="other settings"):
-        train(interrupted.model_copy(update={"seed": 4}), Recorder(), open_weights, REFINEMENT)
+def test_a_work_directory_belongs_to_one_set_of_settings(interrupted: TrainingSettings, tmp_path: Path) -> None:
+    other = interrupted.model_copy(update={"seed": 4})
+    reason = "holds a run with other settings; choose another or remove it"
+    assert refusal(other) == f"--work-dir {interrupted.work_dir}: {reason}"
+    assert "--device nonsense: " in refusal(other.model_copy(update={"device": "nonsense"}))
+    (tmp_path / "file").touch()
+    assert "--output " in refusal(other.model_copy(update={"output": tmp_path / "file" / "my.pt"}))
+
+
+def test_a_work_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for work_dir, reason in ((tmp_path / "file", "File exists"), (tmp_path / "file" / "more", "Not a directory")):
+        settings = small(tmp_path).model_copy(update={"work_dir": work_dir})
+        assert refusal(settings) == f"--work-dir {work_dir}: {reason}"
+    note = tmp_path / "work" / "settings.json"
+    note.mkdir(parents=True)
+    assert refusal(small(tmp_path)) == f"{note}: Is a directory"
 
 
 def refusal(settings: TrainingSettings) -> str:
