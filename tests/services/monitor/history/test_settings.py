@@ -4,7 +4,8 @@ import pytest
 
 from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.web.auth.store import users_url
-from services.toolbox.settings import UsageError, load
+from services.toolbox.errors import UsageError
+from services.toolbox.settings import load
 
 
 def test_what_is_kept_is_in_the_folder_that_the_user_names_for_state(
