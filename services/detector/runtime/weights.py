@@ -21,6 +21,8 @@ TASKS: Final = (SEGMENT, "detect")
 SUFFIX: Final = ".pt"
 SAFE: Final = "torch 2.6 and Ultralytics 8.4.68"
 """The first that read weights as data alone."""
+NO_PICKLE: Final = "damaged, or not written by torch"
+"""What it means where all that an error says is a number out of the file."""
 SHOUTED: Final = "ERROR \u274c\ufe0f "
 DEFAULT_SIDE: Final = 640
 """What Ultralytics trains at unless told otherwise."""
@@ -66,9 +68,8 @@ def load_weights(model: str, option: str = "--model", *, refine: bool = True) ->
         masks = getattr(yolo.model.model[-1], "nm", None)  # what Ultralytics calls the number of its prototypes
         refiner = network_in(yolo.ckpt or {}, len(names), masks) if refine and masks is not None else None
     except Exception as error:
-        raise ModelError(
-            f"{option} {model}: not a model that can be used: {first_line(error).removeprefix(SHOUTED)}"
-        ) from error
+        why = NO_PICKLE if isinstance(error, LookupError) else first_line(error).removeprefix(SHOUTED)
+        raise ModelError(f"{option} {model}: not a model that can be used: {why}") from error
     if yolo.task not in TASKS:
         raise ModelError(f"{option} {model}: a model for {yolo.task!r}, not for one of {', '.join(TASKS)}")
     return Weights(path, digest, yolo, names, yolo.task == SEGMENT, longest, stride, refiner)

@@ -52,6 +52,15 @@ def test_a_file_that_is_no_model(content: bytes, tmp_path: Path, model_folder: P
     )
 
 
+@pytest.mark.parametrize("content", [b"help", b"eval"])
+def test_a_file_that_only_looks_like_a_model_is_refused_in_words(
+    content: bytes, tmp_path: Path, model_folder: Path
+) -> None:
+    (tmp_path / "bad.pt").write_bytes(content)
+    reason = refusal(model_folder, model=str(tmp_path / "bad.pt"))
+    assert reason.endswith("bad.pt: not a model that can be used: damaged, or not written by torch")
+
+
 def test_nothing_in_a_file_is_executed(tmp_path: Path, model_folder: Path) -> None:
     trace = tmp_path / "trace"
     (tmp_path / "evil.pt").write_bytes(pickle.dumps(Malicious(trace)))
