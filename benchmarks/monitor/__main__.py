@@ -48,11 +48,12 @@ def main() -> None:
     """Measure and print."""
     parser = parser_of("benchmarks.monitor", __doc__)
     parser.add_argument("--seconds", type=float, default=30.0, help="length of one measurement (default: 30)")
+    parser.add_argument("--router-apart", action="store_true", help="the router is a process of its own")
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
     with tempfile.TemporaryDirectory() as folder:
         try:
-            found = asyncio.run(measure(Path(folder), arguments.seconds))
+            found = asyncio.run(measure(Path(folder), arguments.seconds, apart=arguments.router_apart))
         except* PeerError as failed:
             sys.exit("\n".join(causes(failed)))
     show(found, as_json=arguments.json)
@@ -65,9 +66,9 @@ def causes(failed: BaseException) -> list[str]:
     return [str(failed)]
 
 
-async def measure(folder: Path, seconds: float) -> dict[str, Any]:
+async def measure(folder: Path, seconds: float, *, apart: bool) -> dict[str, Any]:
     """Do everything."""
-    async with scenario(folder, ROBOTS) as fleet:
+    async with scenario(folder, ROBOTS, apart=apart) as fleet:
         note(f"{FEWER} robots")
         await fleet.robots(FEWER)
         fewer = await fleet.send(FASTER_HZ, seconds / 2)
@@ -88,6 +89,7 @@ async def measure(folder: Path, seconds: float) -> dict[str, Any]:
         "hz": HZ,
         "sessions": PUBLISHERS * SESSIONS,
         "seconds": seconds,
+        "router_apart": apart,
         "machine": machine(),
         "versions": versions(["eclipse-zenoh", "msgspec"]),
     }

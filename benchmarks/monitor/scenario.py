@@ -1,4 +1,4 @@
-"""The robots of a measurement, and the monitor, which is their router."""
+"""The robots of a measurement, the monitor, and the router of them all, which is the monitor or a process apart."""
 
 import asyncio
 import itertools
@@ -188,18 +188,21 @@ class Scenario:
 
 
 @asynccontextmanager
-async def scenario(folder: Path, robots: int) -> AsyncIterator[Scenario]:
-    """Start everything; the robots are still to come."""
+async def scenario(folder: Path, robots: int, *, apart: bool) -> AsyncIterator[Scenario]:
+    """Start everything; the robots are still to come. apart: the router is another process, the monitor its client."""
     rules = folder / "rules.yaml"
     rules.write_text(RULES, encoding="utf-8")
     router = free_endpoint()
     history, port = f"sqlite:///{folder}/history.db", free_ports(1)
     token = await asyncio.to_thread(token_of_a_viewer, history)
-    command = ["monitor", "--listen", router, "--web-port", str(port)]
+    where = ["--mode", "client", "--connect", router] if apart else ["--listen", router]
+    command = ["monitor", *where, "--web-port", str(port)]
     web = httpx.AsyncClient(
         base_url=f"http://127.0.0.1:{port}", headers={"Authorization": f"Bearer {token}"}, timeout=PATIENCE_S
     )
     with ExitStack() as stack:
+        if apart:
+            stack.enter_context(running(module("router", router)))
         monitor = stack.enter_context(running([*TOOLBOX, *command, "--history", history, "--rules", str(rules)]))
         share = robots // PUBLISHERS
         publishers = [
