@@ -12,9 +12,10 @@ from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
 from services.toolbox.errors import UsageError
+from services.toolbox.given import ENV_PREFIX
 from services.toolbox.help import EXIT_CODES
 from services.toolbox.misspelt import meant
-from services.toolbox.settings import ENV_PREFIX, load, names_of, variables
+from services.toolbox.settings import load, names_of, variables
 from services.toolbox.streams import PrintError
 
 OURS = ("bus", "gateway", "schemas", "services")

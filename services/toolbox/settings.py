@@ -23,11 +23,11 @@ from pydantic_settings import (
 )
 
 from services.toolbox.errors import UsageError
+from services.toolbox.given import ENV_PREFIX, Given, option_of
 from services.toolbox.help import Usage, help_text, usage_line
 from services.toolbox.misspelt import meant
 from services.toolbox.settings_file import SettingsFile
 
-ENV_PREFIX = "FLEETSIGHT_"
 MAX_HELP_WIDTH = 100
 MAX_VALUE = 80
 """How much of a wrong value is shown."""
@@ -85,13 +85,17 @@ def load(
         sys.stdout.write(help_text(model, _Common, usage, env_prefix=ENV_PREFIX, width=width))
         raise SystemExit(0)
     file = SettingsFile()
+    given = Given(argv, os.environ, file, model)
     _check_pairs(model, argv)
+    file.named_by = given.place_of("config")
     try:
         found = _settings_class(model, prog, file)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
         own = {name: field for name, field in model.model_fields.items() if name in found.model_fields_set}
         settings = model.model_validate({field.alias or name: getattr(found, name) for name, field in own.items()})
     except ValidationError as error:
-        raise UsageError(_first_mistake(error, _Given(argv, file, model))) from error
+        raise UsageError(_first_mistake(error, given)) from error
+    except UnicodeEncodeError as error:
+        raise UsageError(f"{given.place_of_what_is_no_text()}: no UTF-8") from error
     except SettingsError as error:
         raise UsageError(_unparsed(str(error), model, usage_line(model, usage))) from error
     return Loaded(settings, found.log_level)
@@ -112,7 +116,7 @@ def _check_pairs(model: type[BaseModel], argv: Sequence[str]) -> None:
     for setting, field in model.model_fields.items():
         if not str(field.annotation).startswith("dict["):
             continue
-        option = _option(setting)
+        option = option_of(setting)
         texts = [text for each, text in pairwise(argv) if each == option]
         texts += [each.removeprefix(f"{option}=") for each in argv if each.startswith(f"{option}=")]
         names = [pair.partition("=")[0].strip() for text in texts for pair in text.split(",")]
@@ -130,34 +134,6 @@ class _Common(BaseSettings):
     ] = None
 
 
-@dataclass(frozen=True, slots=True)
-class _Given:
-    """Where settings came from."""
-
-    argv: Sequence[str]
-    file: SettingsFile
-    model: type[BaseModel]
-
-    def place_of(self, name: str) -> str:
-        """Return what to call a setting: as it was given, or as an option."""
-        option, variable = _option(name), f"{ENV_PREFIX}{name.upper()}"
-        typed = {argument.partition("=")[0] for argument in self.argv}
-        if not typed.isdisjoint({option, option.replace("--", "--no-", 1)}):
-            return option
-        if variable in os.environ:
-            return variable
-        return f"{self.file.place_of(name)}: {name}" if name in self.file.content else option
-
-    def options_in(self, reason: str) -> str:
-        """Return a reason with settings' names as those of options, as far as they cannot be words."""
-        names = {name for name in self.model.model_fields if "_" in name}
-        return re.sub(r"\w+", lambda word: _option(word[0]) if word[0] in names else word[0], reason)
-
-
-def _option(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
-
-
 def _settings_class(model: type[BaseModel], prog: str, file: SettingsFile) -> type[_Common]:
     class Settings(_Common, model):  # type: ignore[misc, valid-type]
         model_config = SettingsConfigDict(
@@ -170,6 +146,7 @@ def _settings_class(model: type[BaseModel], prog: str, file: SettingsFile) -> ty
             cli_avoid_json=True,
             cli_exit_on_error=False,
             extra="forbid",
+            allow_inf_nan=False,
         )
 
         @classmethod
@@ -219,7 +196,7 @@ def _unparsed(message: str, model: type[BaseModel], usage: str) -> str:
     return f"--{unreadable[1].replace('_', '-')}: write it like name=value"
 
 
-def _first_mistake(error: ValidationError, given: _Given) -> str:
+def _first_mistake(error: ValidationError, given: Given) -> str:
     mistakes = sorted(error.errors(include_url=False), key=lambda mistake: mistake["type"] != "extra_forbidden")
     mistake = mistakes[0]  # a misspelt name first: it explains why another setting is missing
     reason = mistake["msg"].removeprefix("Value error, ")
@@ -228,7 +205,7 @@ def _first_mistake(error: ValidationError, given: _Given) -> str:
     name, value = str(mistake["loc"][0]), repr(mistake["input"])[:MAX_VALUE]
     match mistake["type"]:
         case "missing":
-            return f"{_option(name)} is required (or {ENV_PREFIX}{name.upper()}, or in the file that --config names)"
+            return f"{option_of(name)} is required (or {ENV_PREFIX}{name.upper()}, or in the file that --config names)"
         case "extra_forbidden":
             return f"{given.file.place_of(name)}: {name!r} is not a setting{meant(name, names_of(given.model))}"
     return f"{given.place_of(name)}{'' if value in reason else f' {value}'}: {reason}"

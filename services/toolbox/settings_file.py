@@ -16,9 +16,10 @@ from services.yaml_text import YamlError, line_of, parse
 class SettingsFile:
     """The file that `--config` names; empty until it was read. content, lines: by the settings' names.
 
-    lines: where each setting is; in TOML nobody knows.
+    lines: where each setting is; in TOML nobody knows. named_by: what names the file.
     """
 
+    named_by: str = "--config"
     path: Path | None = None
     content: Mapping[str, Any] = field(default_factory=dict)
     lines: Mapping[str, int] = field(default_factory=dict)
@@ -29,8 +30,10 @@ class SettingsFile:
         Raises:
             UsageError: it cannot be read, is no mapping, has a setting twice, or names another file.
         """
+        if path == Path():
+            raise UsageError(f"{self.named_by} names no file")
         self.path = path
-        content, root = _parsed(path)
+        content, root = self._parsed(path)
         names = [(key, str(key).replace("-", "_")) for key in content]
         self.lines = {name: line_of(root, [key]) for key, name in names} if root else {}
         self.content = {name: content[key] for key, name in names}
@@ -57,20 +60,19 @@ class SettingsFile:
             raise UsageError(f"{self.place_of(name)}: {name}: yes and no are no values for it; in quotes they are text")
         return [value] if kind.startswith("list[") and isinstance(value, str) else value
 
-
-def _parsed(path: Path) -> tuple[Mapping[Any, Any], Node | None]:
-    try:
-        text = path.read_text(encoding="utf-8")
-        content, root = (tomllib.loads(text), None) if path.suffix == ".toml" else parse(text)
-    except OSError as error:
-        raise UsageError(f"--config {path}: {error.strerror}") from error
-    except (ValueError, YamlError, RecursionError) as error:
-        raise UsageError(f"{path}: {' '.join(str(error).split())}") from error
-    if content is None:
-        return {}, root
-    if not isinstance(content, dict):
-        raise UsageError(f"{path}: settings are name: value pairs")
-    return content, root
+    def _parsed(self, path: Path) -> tuple[Mapping[Any, Any], Node | None]:
+        try:
+            text = path.read_text(encoding="utf-8")
+            content, root = (tomllib.loads(text), None) if path.suffix == ".toml" else parse(text)
+        except OSError as error:
+            raise UsageError(f"{self.named_by} {path}: {error.strerror}") from error
+        except (ValueError, YamlError, RecursionError) as error:
+            raise UsageError(f"{path}: {' '.join(str(error).split())}") from error
+        if content is None:
+            return {}, root
+        if not isinstance(content, dict):
+            raise UsageError(f"{path}: settings are name: value pairs")
+        return content, root
 
 
 def _says_yes_or_no(value: Any) -> bool:

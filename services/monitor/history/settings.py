@@ -23,7 +23,8 @@ def _url(value: object) -> str:
     if value == NONE:
         return NONE
     text = str(value)
-    if not text.startswith(SCHEMES):
+    garbled = text.startswith("postgresql://") and not text.isprintable()  # what is no UTF-8 is not, either
+    if garbled or not text.startswith(SCHEMES):
         raise _refusal(
             text, f"write it like sqlite:////var/lib/fleetsight/history.db or postgresql://user@host/db, or {NONE}"
         )

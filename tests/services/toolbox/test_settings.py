@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -23,6 +24,12 @@ class Settings(BaseModel):
     rate_hz: float = Field(default=1, gt=0)
     least_m: int = 1
     most_m: int = 2
+    master: Annotated[str, AfterValidator(_place)] = Field(
+        default_factory=lambda: os.environ.get("ROS_MASTER_URI", "there"),
+        validate_default=True,
+        description="the master; ROS_MASTER_URI unless given",
+    )
+    image: Path | None = None
     shared: bool = True
     as_json: bool = Field(default=False, alias="json")
 
@@ -30,6 +37,8 @@ class Settings(BaseModel):
     def _in_order(self) -> Self:
         if self.least_m > self.most_m:
             raise ValueError(f"least_m: {self.least_m} is more than most_m")
+        if self.image is not None and not self.image.is_file():
+            raise ValueError(f"--image {self.image}: no such file")
         return self
 
 
@@ -93,6 +102,11 @@ def test_toml_file(tmp_path: Path) -> None:
         ((), "--robot is required (or FLEETSIGHT_ROBOT, or in the file that --config names)"),
         (("--robot", "R"), "--robot 'R': String should match pattern '^[a-z0-9]+$'"),
         (("--robot", "r", "--rate-hz", "0"), "--rate-hz '0': Input should be greater than 0"),
+        (("--robot", "r", "--rate-hz", "nan"), "--rate-hz 'nan': Input should be a finite number"),
+        (("--robot", "r", "--rate-hz=-inf"), "--rate-hz '-inf': Input should be a finite number"),
+        (("--robot", "r", "--image", "a\udcff"), "--image: no UTF-8"),
+        (("--robot", "r", "--image=a\udcff"), "--image: no UTF-8"),
+        (("--robot", "r", "--config", ""), "--config names no file"),
         (("--robot", "r", "--rate-hz", "fast"), "--rate-hz 'fast': Input should be a valid number"),
         (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r; did you mean --robot?"),
         (("--robot", "r", "--rat-hz=1"), "unrecognized arguments: --rat-hz=1; did you mean --rate-hz?"),
@@ -180,3 +194,24 @@ def test_yes_and_no_in_the_file_are_for_settings_that_are_one_of_them(tmp_path: 
     file.write_text("robot: r1\nshared: no\njson: yes\nconnect: ['no']\n")
     settings = read("--config", str(file)).settings
     assert (settings.shared, settings.as_json, settings.connect) == (False, True, ["no"])
+
+
+def test_a_mistake_in_the_environment_is_named_by_its_variable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "nowhere")
+    with pytest.raises(UsageError, match=r"^ROS_MASTER_URI: 'nowhere' is no place$"):
+        read("--robot", "r1")
+    with pytest.raises(UsageError, match=r"^--master: 'nowhere' is no place$"):
+        read("--robot", "r1", "--master", "nowhere")
+    monkeypatch.delenv("ROS_MASTER_URI")
+    monkeypatch.setenv("FLEETSIGHT_CONFIG", str(tmp_path / "nope"))
+    with pytest.raises(UsageError, match=r"^FLEETSIGHT_CONFIG .*/nope: No such file or directory$"):
+        read("--robot", "r1")
+    with pytest.raises(UsageError, match=r"^--config nope: No such file or directory$"):
+        read("--robot", "r1", "--config", "nope")
+    monkeypatch.setenv("FLEETSIGHT_CONFIG", "")
+    with pytest.raises(UsageError, match=r"^FLEETSIGHT_CONFIG names no file$"):
+        read("--robot", "r1")
+    monkeypatch.delenv("FLEETSIGHT_CONFIG")
+    monkeypatch.setenv("FLEETSIGHT_IMAGE", "a\udcff")
+    with pytest.raises(UsageError, match=r"^FLEETSIGHT_IMAGE: no UTF-8$"):
+        read("--robot", "r1")

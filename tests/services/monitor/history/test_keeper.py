@@ -400,7 +400,7 @@ async def test_no_history_is_no_problem() -> None:
 def test_history_is_kept_unless_told_otherwise() -> None:
     assert default_url().startswith("sqlite:////")
     assert HistorySettings().history == default_url()
-    for wrong in ("history.db", "mysql://a/b", ""):
+    for wrong in ("history.db", "mysql://a/b", "", "postgresql://\udcff@host/db"):
         with pytest.raises(ValueError, match="write it like"):
             HistorySettings(history=wrong)
 

@@ -49,6 +49,7 @@ NO_PORT = "what follows its host is no port, a number up to 65535; write @ in a 
         ("postgresqlX://ann:SECRET@db/fleet", "postgresqlX://...", WRITE_IT),
         ("postgresql:/ann:SECRET@db/fleet", "...", WRITE_IT),
         ("ann:SECRET@db/fleet", "...", WRITE_IT),
+        ("postgresql://ann:SECRET\udcff@db/fleet", "postgresql://...", WRITE_IT),
         ("postgresql://ann:SECRET@db:bad/fleet", "postgresql://...", NO_PORT),
         ("postgresql://ann@db:65536", "postgresql://...", NO_PORT),
         ("postgresql://ann:SECRET", "postgresql://...", NO_PORT),
@@ -69,4 +70,4 @@ def test_a_database_in_a_file_s_list_is_said_without_what_may_be_secret(
     file.write_text("history: [postgresql://ann:SECRET@db/fleet]")
     with pytest.raises(UsageError) as caught:
         load(HistorySettings, ["--config", str(file)], prog="fleetsight monitor")
-    assert str(caught.value) == f"{file}: history '...': {WRITE_IT}"
+    assert str(caught.value) == f"{file}: line 1: history '...': {WRITE_IT}"
