@@ -1,10 +1,11 @@
 """Settings of the simulated robots."""
 
 import os
+import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from services.simulator.topics import Stream
@@ -13,6 +14,13 @@ from services.simulator.topics import Stream
 def master_uri() -> str | None:
     """Return ROS_MASTER_URI, if set: the real master to register at."""
     return os.environ.get("ROS_MASTER_URI") or None
+
+
+def _named(bag: Path | None) -> Path | None:
+    """Refuse a bag that is called after something else than its robot."""
+    if bag is not None and (strange := re.findall(r"\{(?!robot\}).*?\}", bag.name)):
+        raise ValueError(f"{strange[0]} stands for nothing; {{robot}} does")
+    return bag
 
 
 def _described(path: Path | None) -> Path | None:
@@ -70,6 +78,7 @@ class SimulatorSettings(BaseModel):
     ] = None
     bag: Annotated[
         Path | None,
+        AfterValidator(_named),
         Field(description="write this ROS 1 bag instead; {robot} in its name gives each robot its own"),
     ] = None
     floor_plan: Annotated[
@@ -96,3 +105,9 @@ class SimulatorSettings(BaseModel):
         Field(description="name or address at which ROS nodes reach this machine"),
     ] = "127.0.0.1"
     summary: Annotated[bool, Field(description="at the end, print the counts as one JSON object")] = False
+
+    @model_validator(mode="after")
+    def _is_a_bag_or_live(self) -> Self:
+        if self.bag is not None and self.ros_master is not None and "ros_master" in self.model_fields_set:
+            raise ValueError("--bag needs no ROS master: leave out --ros-master")
+        return self

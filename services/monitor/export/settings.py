@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
     AwareDatetime,
@@ -10,24 +10,34 @@ from pydantic import (
     Field,
     NaiveDatetime,
     ValidationError,
+    ValidationInfo,
     ValidatorFunctionWrapHandler,
     WrapValidator,
     field_validator,
+    model_validator,
 )
 
+from schemas.errors import SchemaError
+from schemas.keys import check_name
 from services.monitor.history.settings import NONE, HistoryUrl, default_url
 
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+FIRST_YEAR: Final = 1970
+LAST_YEAR: Final = 2261
+"""Of the moments that are, in any time zone, nanoseconds since the epoch in 64 bits."""
 
 
 def written_like(example: str) -> WrapValidator:
-    """Return what refuses a moment by showing how one is written."""
+    """Return what refuses a moment by showing how one is written, and one that histories cannot hold."""
 
     def read(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
-            return handler(value)
+            at = handler(value)
         except ValidationError as error:
             raise ValueError(f"write a time like {example}") from error
+        if not FIRST_YEAR <= at.year <= LAST_YEAR:
+            raise ValueError(f"use a year from {FIRST_YEAR} to {LAST_YEAR}")
+        return at
 
     return WrapValidator(read)
 
@@ -59,6 +69,22 @@ class ExportSettings(BaseModel):
         if to.suffix not in (".csv", ".parquet"):
             raise ValueError("its name is to end in .csv or .parquet")
         return to
+
+    @field_validator("robot", "camera")
+    @classmethod
+    def _is_a_name(cls, name: str, info: ValidationInfo) -> str:
+        try:
+            if name:
+                check_name(str(info.field_name), name)
+        except SchemaError as error:
+            raise ValueError(str(error)) from error
+        return name
+
+    @model_validator(mode="after")
+    def _begins_before_it_ends(self) -> Self:
+        if self.since is not None and self.until is not None and epoch_ns(self.since) > epoch_ns(self.until):
+            raise ValueError("--since is later than --until")
+        return self
 
     @field_validator("history")
     @classmethod

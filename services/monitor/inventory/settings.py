@@ -1,8 +1,8 @@
 """Settings of the inventory."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from services.monitor.inventory.debouncing import NS, Debounce
 from services.monitor.inventory.inventory import Limits
@@ -24,6 +24,12 @@ class InventorySettings(BaseModel):
     lost_s: Annotated[
         float, Field(gt=0, le=86400, description="seconds without a list before what was in view is not known any more")
     ] = 60.0
+
+    @model_validator(mode="after")
+    def _stale_before_lost(self) -> Self:
+        if self.stale_s > self.lost_s:
+            raise ValueError(f"stale_s {self.stale_s:g} is more than lost_s {self.lost_s:g}: a camera is stale first")
+        return self
 
     def limits(self) -> Limits:
         """Return them as the inventory takes them."""

@@ -31,3 +31,9 @@ class UsersSettings(BaseModel):
         if self.role is not None and self.task not in {"add", "reset"}:
             raise ValueError(f"{self.task} was given a role, and only add and reset take a role")
         return self
+
+    @model_validator(mode="after")
+    def _gives_days_to_a_token(self) -> Self:
+        if "days" in self.model_fields_set and self.task != "token":
+            raise ValueError(f"{self.task} was given days, and only token takes days")
+        return self

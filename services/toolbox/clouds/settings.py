@@ -1,9 +1,10 @@
 """Settings of `fleetsight clouds`."""
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from bus.settings import BusSettings
 from schemas.errors import SchemaError
@@ -26,6 +27,13 @@ class CloudsSettings(BusSettings):
     ] = ["ply", "pcd"]
     count: Annotated[int, Field(ge=1, le=10_000, description="messages to save")] = 1
     timeout_s: Annotated[float, Field(gt=0, le=3600, description="seconds to wait for each message to save")] = 10.0
+
+    @field_validator("folder")
+    @classmethod
+    def _is_no_file(cls, folder: Path) -> Path:
+        if os.path.exists(folder) and not os.path.isdir(folder):  # noqa: PTH110, PTH112 - these raise nothing
+            raise ValueError("no folder")
+        return folder
 
     @model_validator(mode="after")
     def _names_a_camera(self) -> Self:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from services.simulator.settings import SimulatorSettings
 from services.toolbox import process
 from services.toolbox.command_line import main
 from services.toolbox.commands import COMMANDS
@@ -158,3 +159,38 @@ def test_a_pipe_that_nobody_writes_to_is_not_waited_for(
     os.mkfifo(pipe)
     assert main([*argv, str(pipe)]) == process.EXIT_USAGE
     assert capsys.readouterr().err == f"fleetsight {argv[0]}: {option} '{pipe}': no regular file\n"
+
+
+EXPORT = ["history", "export", "--to", "a.csv", "--history", "sqlite:////nowhere"]
+
+
+@pytest.mark.parametrize(
+    ("argv", "reason"),
+    [
+        ([*EXPORT, "--since", "0001-01-01"], "--since '0001-01-01': use a year from 1970 to 2261"),
+        ([*EXPORT, "--until", "9999-12-31"], "--until '9999-12-31': use a year from 1970 to 2261"),
+        ([*EXPORT, "--since", "2026-11-21", "--until", "2026-11-20"], "--since is later than --until"),
+        ([*EXPORT, "--robot", "a/b"], "--robot: robot name 'a/b': use 1 to 64 letters"),
+        ([*EXPORT, "--camera", "*"], "--camera: camera name '*': use 1 to 64 letters"),
+        (["rules", "test", "a.yaml", "--since", "0001-01-01"], "--since '0001-01-01': use a year from 1970 to 2261"),
+        (["users", "list", "--days", "3"], "list was given days, and only token takes days"),
+        (["monitor", "--stale-s", "10", "--lost-s", "5"], "--stale-s 10 is more than --lost-s 5: a camera is stale"),
+        (["monitor", "--refresh-s", "nan"], "--refresh-s 'nan': Input should be a finite number"),
+        (["simulate", "--bag", "a.bag", "--ros-master", "http://robot:11311"], "--bag needs no ROS master"),
+        (["simulate", "--bag", "{nope}.bag"], "--bag '{nope}.bag': {nope} stands for nothing; {robot} does"),
+        (["clouds", "save", "r1", "front", "--folder", "/dev/null"], "--folder '/dev/null': no folder"),
+    ],
+    ids=lambda each: " ".join(each) if isinstance(each, list) else "",
+)
+def test_settings_that_make_no_sense_are_refused_by_name(
+    argv: list[str], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(argv) == process.EXIT_USAGE
+    said = capsys.readouterr().err
+    assert said.startswith(f"fleetsight {argv[0]}: {reason}")
+    assert said.count("\n") == 1
+
+
+def test_a_bag_is_written_whatever_master_ros_knows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://robot:11311")
+    assert SimulatorSettings.model_validate({"bag": "{robot}.bag"}).ros_master == "http://robot:11311"

@@ -165,8 +165,8 @@ async def test_a_folder_that_cannot_be_written_is_one_line(buses: tuple[Bus, Bus
     (tmp_path / "file").write_text("")
     async with asyncio.TaskGroup() as group:
         group.create_task(publishing(theirs, codec.encode(SEEN)))
-        with pytest.raises(ViewerError, match=r"--folder .*file: "):
-            await save(ours, asked("save", folder=tmp_path / "file"))
+        with pytest.raises(ViewerError, match=r"--folder .*file/more: Not a directory"):
+            await save(ours, asked("save", folder=tmp_path / "file" / "more"))
 
 
 class FakeWindow:
