@@ -27,6 +27,7 @@ def untrained(architecture: str, folder: Path, *names: str) -> Path:
     yolo: Any = YOLO(architecture)
     path = folder / architecture.replace("yaml", "pt")
     if names:
+        yolo.model = type(yolo.model)(architecture, nc=len(names), verbose=False)
         yolo.model.names = dict(enumerate(names))
     yolo.save(path)
     return path
