@@ -28,7 +28,7 @@ def untrained(architecture: str, folder: Path, *names: str) -> Path:
     path = folder / architecture.replace("yaml", "pt")
     if names:
         yolo.model = type(yolo.model)(architecture, nc=len(names), verbose=False)
-        yolo.model.names = dict(enumerate(names))
+        yolo.model.task, yolo.model.names = yolo.task, dict(enumerate(names))
     yolo.save(path)
     return path
 
