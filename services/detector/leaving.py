@@ -3,8 +3,8 @@
 import asyncio
 from typing import Final
 
-FINISH_S: Final = 1.8
-"""How long what has begun may take to end once it is let go: a process that was told to end has 0.7 s more."""
+FINISH_S: Final = 1.2
+"""How long what has begun may take to end once it is let go: less than whoever told the process to end may wait."""
 
 
 class Leaving:

@@ -34,18 +34,15 @@ WHITE: Final = (255, 255, 255)
 BRIGHT: Final = 140.0
 
 
-def overlay(found: Detections, frame: ImageFrame, *, masks: bool) -> ImageFrame:
-    """Return the frame as a JPEG with boxes, names and scores, and with masks if asked for; its header is the frame's.
+def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Iterator[ImageFrame]:
+    """Return the frame as JPEGs with boxes, names and scores, one for each of `masks`, which tell whether with masks.
+
+    Each is made when it is asked for, and what they share once. Their headers are the frame's.
 
     Raises:
         MaskError: a mask is damaged.
         PictureError: the frame cannot be decoded.
     """
-    return next(overlays(found, frame, [masks]))
-
-
-def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Iterator[ImageFrame]:
-    """Return an `overlay` for each of `masks`, each made when it is asked for and what they share made once."""
     picture = to_bgr(frame)
     for drawn in drawings(picture, found.objects, masks):
         yield _frame(found.header, drawn)

@@ -73,17 +73,27 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | N
     before = {number: signal.getsignal(number) for number in SIGNALS}
     for number in SIGNALS:
         loop.add_signal_handler(number, stop, number)
+    failed = True
     try:
-        return await work or 0
+        code = await work or 0
     except asyncio.CancelledError:
         if signalled_s is None:
             raise
         loop.set_default_executor(ThreadPoolExecutor(1))  # the loop waits for the threads of its last one
+        failed = False
         return None
+    else:
+        failed = False
+        return code
     finally:
         for number, handler in before.items():
             loop.remove_signal_handler(number)
-            signal.signal(number, handler)
+            signal.signal(number, _leave_failed if failed else handler)
+
+
+def _leave_failed(_number: int, _frame: object) -> NoReturn:
+    """Told to stop while what has failed is wound up, it has failed all the same."""
+    os._exit(EXIT_FAILED)
 
 
 def leave(code: int) -> NoReturn:

@@ -40,3 +40,4 @@ def prepare() -> None:
         sys.stdout = Printed(
             stdout.detach(), encoding, errors, line_buffering=line_buffering, write_through=write_through
         )
+        sys.__stdout__ = sys.stdout  # type: ignore[misc]  # whose terminal's width is asked for

@@ -24,6 +24,7 @@ from services.detector.runtime.exporting import discard, exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
 from services.detector.runtime.pipeline import Facts, Pipeline
+from services.detector.runtime.postprocess import OutputError
 from services.detector.runtime.proof import prove
 from services.detector.runtime.refinement.closeups import blank_close_ups
 from services.detector.runtime.refinement.refiner import Refiner
@@ -161,7 +162,12 @@ def _engines(
         return made
 
     if settings.runtime == "auto":
-        make("torch")  # what ails the weights is said at once, and of all runtimes
+        try:
+            make("torch")  # what ails the weights is said at once, and of all runtimes
+        except OutputError:
+            raise
+        except Exception as error:  # noqa: BLE001 - `choose` takes those that work
+            log.debug("torch does not work here: %s", first_line(error))
         return *choose(make, place, blank), reference
     check_installed(settings.runtime)
     return settings.runtime, make(settings.runtime), reference

@@ -57,8 +57,7 @@ def _fit_stage(
     from ultralytics.models import YOLO  # noqa: PLC0415 - after load_ultralytics
 
     arguments = _arguments(stage, settings, dataset)
-    with suppress(FileNotFoundError):
-        shutil.rmtree(settings.work_dir / arguments["name"])  # Ultralytics would execute what is there
+    _remove(settings.work_dir / arguments["name"])  # Ultralytics would execute what is there
     source = settings.work_dir / "begin.pt"
     if begin is not None:
         Checkpoint.read(begin).write(source, {"task": "segment", "mode": "train", "model": ARCHITECTURE, **arguments})
@@ -66,6 +65,14 @@ def _fit_stage(
     _watch(model, stage, settings, progress)
     with quick_arithmetic(settings.workers, device_name(settings)):
         model.train(trainer=trainer_class(), resume=resume, **arguments)
+    source.unlink(missing_ok=True)
+
+
+def _remove(folder: Path) -> None:
+    if folder.is_symlink():
+        folder.unlink()
+    with suppress(FileNotFoundError):
+        shutil.rmtree(folder)
 
 
 def _arguments(stage: Stage, settings: TrainingSettings, dataset: Path) -> dict[str, Any]:

@@ -41,6 +41,7 @@ async def run(settings: TrainingSettings, load: PredictorLoader, refinement: Ref
             pool.end()
             ended, _ = await asyncio.wait([training], timeout=ENDING_S)
             for each in ended:
-                each.exception()
+                if not each.cancelled():
+                    each.exception()
             raise
     Console().print(f"wrote {settings.output} and its card beside it", markup=False, highlight=False, soft_wrap=True)

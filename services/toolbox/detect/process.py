@@ -12,6 +12,7 @@ from typing import Final
 import msgspec
 
 from bus import MAX_REQUEST_BYTES, Bus, NotServedError, RefusedError, RequestError, open_bus
+from gateway.ros1.tasks import to_the_end
 from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
@@ -40,7 +41,7 @@ AGAIN_S: Final = (0.2, 0.8)
 async def run(settings: DetectSettings) -> int:
     """Look at the image; print what is in it, or on stderr why that cannot be told, and draw it. Return the exit code.
 
-    What was found is printed also where it cannot be drawn.
+    What was found is printed also where it cannot be drawn, and a picture that is begun becomes whole.
     """
     try:
         image = await asyncio.to_thread(settings.image.read_bytes)
@@ -49,7 +50,7 @@ async def run(settings: DetectSettings) -> int:
         return _failed(f"{settings.image}: {error}" if isinstance(error, StillError | RefusedError) else str(error))
     sys.stdout.write(as_json(found) if settings.json_ else table(found))
     try:
-        await asyncio.to_thread(_draw, found, image, settings.drawing)
+        await to_the_end(asyncio.to_thread(_draw, found, image, settings.drawing))
     except (StillError, MaskError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         return _failed(f"{settings.drawing}: nothing is drawn: {why}")

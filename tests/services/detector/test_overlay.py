@@ -6,7 +6,7 @@ import simplejpeg
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.image import ImageFrame
 from services.detector.masks import encode_all
-from services.detector.overlay import Picture, caption, color_of, drawings, overlay, overlays
+from services.detector.overlay import Picture, caption, color_of, drawings, overlays
 from services.geometry.errors import MaskError
 from services.geometry.masks import Window
 from tests.services.detector.requests import frame_of
@@ -87,7 +87,7 @@ def test_classes_have_colours_of_their_own() -> None:
 
 def test_an_overlay_is_a_jpeg_with_the_frames_header_and_colours() -> None:
     frame = frame_of(np.full((HEIGHT, WIDTH, 3), (200, 30, 10), np.uint8), "rgb8", seq=7)
-    drawn = overlay(found(INSIDE, frame=frame), frame, masks=True)
+    (drawn,) = overlays(found(INSIDE, frame=frame), frame, [True])
     assert (drawn.header, drawn.format, drawn.encoding) == (frame.header, "jpeg", "rgb8")
     assert (drawn.height, drawn.width, drawn.step) == (HEIGHT, WIDTH, WIDTH * 3)
     assert np.allclose(simplejpeg.decode_jpeg(drawn.data)[110, 150], (200, 30, 10), atol=6)
@@ -99,13 +99,14 @@ def test_the_smallest_and_the_grey_can_be_drawn_over() -> None:
     )
     everything = Detection(name="box", score=1, box=Box(0, 0, 1, 1))
     seen = Detections(header=dot.header, height=1, width=1, objects=[everything], model="fake", worker="w1")
-    assert simplejpeg.decode_jpeg(overlay(seen, dot, masks=True).data).shape == (1, 1, 3)
+    (drawn,) = overlays(seen, dot, [True])
+    assert simplejpeg.decode_jpeg(drawn.data).shape == (1, 1, 3)
 
 
 def test_overlays_made_together_are_those_made_alone() -> None:
     frame = frame_of(np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8))
     seen = found(INSIDE, detection(Box(70, 60, 130, 100), label=1, track=3), frame=frame)
-    alone = [overlay(seen, frame, masks=masks).data for masks in (True, False)]
+    alone = [next(overlays(seen, frame, [masks])).data for masks in (True, False)]
     assert [made.data for made in overlays(seen, frame, [True, False])] == alone
 
 

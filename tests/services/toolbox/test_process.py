@@ -169,3 +169,21 @@ def test_who_waits_for_a_reader_is_interrupted_without_a_stack() -> None:
         assert child.wait() == -signal.SIGINT
         assert child.stderr is not None
         assert b"Traceback" not in child.stderr.read()
+
+
+def test_what_has_failed_has_failed_also_where_a_signal_comes_while_it_is_wound_up() -> None:
+    failing = """
+        async def main():
+            def dawdle():
+                print("ready", flush=True)
+                time.sleep(2)
+            asyncio.get_running_loop().run_in_executor(None, dawdle)
+            await asyncio.sleep(0.2)
+            raise ValueError("failed")
+    """
+    with spawn(failing) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        time.sleep(0.5)
+        child.send_signal(signal.SIGTERM)
+    assert child.returncode == process.EXIT_FAILED

@@ -18,6 +18,7 @@ from schemas.keys import CameraKey
 from services.detector.model import Found, ModelError, Request
 from services.detector.runtime.loading import load, load_all
 from services.detector.runtime.pipeline import Pipeline
+from services.detector.runtime.torch_engine import TorchEngine
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from tests.services.detector.requests import frame_of
 from tests.services.detector.views import near_view
@@ -337,3 +338,13 @@ def test_who_may_read_the_cache_may_read_what_is_exported(model_folder: Path) ->
     load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics").close()
     cache = model_folder / "cache"
     assert {each.stat().st_mode for each in cache.iterdir() if each.is_dir()} == {cache.stat().st_mode}
+
+
+def test_a_torch_that_does_not_run_leaves_the_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, model_folder: Path
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("no kernel image is available")
+
+    monkeypatch.setattr(TorchEngine, "run", fail)
+    assert load(settings(tmp_path, runtime="auto", refine=False), model_folder).facts.runtime != "torch"

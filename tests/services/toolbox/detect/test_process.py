@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import threading
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ from services.toolbox.demo.ports import free_ports
 from services.toolbox.detect import process
 from services.toolbox.detect.process import run, table
 from services.toolbox.detect.settings import DetectSettings
+from tests.contract.waiting import PATIENCE_S
 from tests.schemas.frames import header
 from tests.services.detector.fakes import FakeModel
 
@@ -95,6 +97,28 @@ async def test_what_was_found_is_printed_also_where_nothing_can_be_drawn(
     said = capsys.readouterr()
     assert json.loads(said.out)["objects"][0]["name"] == "box"
     assert said.err == f"fleetsight detect: {known.output}: nothing is drawn: No space left on device\n"
+
+
+async def test_a_picture_that_is_begun_becomes_whole(image: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawing, may_end = threading.Event(), threading.Event()
+
+    def draw(_found: Detections, _image: bytes, output: Path) -> None:
+        drawing.set()
+        may_end.wait()
+        output.write_bytes(b"whole")
+
+    monkeypatch.setattr(process, "_draw", draw)
+    async with workers([FakeModel()]) as endpoint:
+        known = settings(image, endpoint)
+        running = asyncio.create_task(run(known))
+        assert await asyncio.to_thread(drawing.wait, PATIENCE_S)
+        running.cancel()
+        done, _ = await asyncio.wait([running], timeout=0.1)
+        assert not done
+        may_end.set()
+        await asyncio.wait([running])
+    assert running.cancelled()
+    assert known.drawing.read_bytes() == b"whole"
 
 
 async def test_the_largest_photographs_are_drawn_too(tmp_path: Path) -> None:
