@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from schemas.errors import SchemaError
+from schemas.jpeg_scans import FRAME_MARKERS, component_pixels, scanned_pixels
 
 JPEG: Final = "jpeg"
 PNG: Final = "png"
@@ -21,20 +22,18 @@ _JPEG_START: Final = b"\xff\xd8"
 _PNG_START: Final = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR"
 _PNG_SIZE: Final = struct.Struct(">IIBB")
 _PNG_ENCODINGS: Final = {(8, 0): "mono8", (16, 0): "mono16", (8, 2): "rgb8", (8, 3): "rgb8", (8, 6): "rgba8"}
-USUAL_SCANS: Final = 10
-"""Passes over all of its pixels that encoders ask for in a progressive JPEG file of colours."""
-
 MAX_SCANS: Final = 100
-"""Passes over a small picture. Over a larger one there are fewer: all together are at most as much work as USUAL_SCANS
-over MAX_DECODED_BYTES. Each takes few bytes in the file, and libjpeg up to 1 ns for each byte of the picture."""
+"""Passes over all components of a JPEG file. Each takes few bytes in the file, and libjpeg up to 1 ns for each
+component-pixel."""
+
+MAX_SCANNED_PIXELS: Final = 10 * MAX_DECODED_BYTES
+"""Component-pixels that all scans of a JPEG file go over. Encoders ask for at most six passes over all components."""
 
 _SEGMENT: Final = struct.Struct(">BBH")
 _FILL: Final = 0xFF
 _WITHOUT_LENGTH: Final = frozenset({0x00, 0x01, *range(0xD0, 0xDA)})
 """Markers after which a decoder does not skip a segment: it would find another size than we do."""
 _FRAME: Final = struct.Struct(">BHHB")
-_FRAME_MARKERS: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-_SCAN: Final = b"\xff\xda"
 _JPEG_ENCODINGS: Final = {1: "mono8", 3: "rgb8"}
 _ZSTD_START: Final = b"\x28\xb5\x2f\xfd"
 _SINGLE_SEGMENT: Final = 0x20
@@ -86,17 +85,25 @@ def _jpeg(data: memoryview) -> Picture:
             continue
         if start != 0xFF or marker in _WITHOUT_LENGTH or length < 2:
             raise SchemaError(f"a JPEG file with {start:#x} {marker:#x} at byte {at}")
-        if marker in _FRAME_MARKERS:
+        if marker in FRAME_MARKERS:
             _, height, width, channels = _FRAME.unpack_from(data, at + _SEGMENT.size)
             if channels not in _JPEG_ENCODINGS:
                 raise SchemaError(f"a JPEG file with {channels} channels")
-            size = max(1, height * width * channels)
-            most = max(1, min(MAX_SCANS, USUAL_SCANS * MAX_DECODED_BYTES // size))
-            if (scans := bytes(data).count(_SCAN)) > most:
-                raise SchemaError(f"a JPEG file of {scans} scans, at most {most} of so many pixels are decoded")
+            _check_scans(data, component_pixels(height, width) * channels)
             return Picture(JPEG, height, width, _JPEG_ENCODINGS[channels])
         at += 2 + length
     raise SchemaError(f"a JPEG file that says no size in its first {MAX_SEGMENTS} segments")
+
+
+def _check_scans(data: memoryview, once: int) -> None:
+    """Refuse what is made to take long to decode. once: the component-pixels of one pass over all components."""
+    most = max(once, min(MAX_SCANS * once, MAX_SCANNED_PIXELS))
+    try:
+        scanned = scanned_pixels(data)
+    except ValueError as error:
+        raise SchemaError(str(error)) from error
+    if scanned > most:
+        raise SchemaError(f"a JPEG file whose scans go over {scanned} component-pixels, at most {most} are decoded")
 
 
 def check_zstd(data: memoryview, size: int) -> None:

@@ -7,17 +7,17 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
-from schemas.compression import USUAL_SCANS
 from schemas.header import Header
 from schemas.image import MAX_SIDE, ImageFrame
-from services.detector.scans import JPEG_START, scanned_bytes
+from schemas.jpeg_scans import JPEG_START, scanned_pixels
 
 ROBOT: Final = "still"
 FORMATS: Final = ("JPEG", "PNG", "WEBP", "BMP", "GIF", "TIFF", "PPM")
 MAX_PIXELS: Final = 64_000_000
 """What is decoded at most: three bytes each."""
-MAX_SCANNED_BYTES: Final = USUAL_SCANS * 3 * MAX_PIXELS
-"""As much work as an ordinary progressive photograph of MAX_PIXELS: see `schemas.compression.MAX_SCANS`."""
+MAX_SCANNED_PIXELS: Final = 30 * MAX_PIXELS
+"""Component-pixels that all scans of a JPEG file go over. Of libjpeg's default progressive files, those of CMYK are the
+most work: 24 passes over one component."""
 
 
 class StillError(ValueError):
@@ -59,8 +59,10 @@ def _check_scans(image: Image.Image, data: bytes) -> None:
     """Refuse what is made to take long to decode."""
     if image.format == "TIFF" and "jpeg" in str(image.info.get("compression")):
         raise StillError("a TIFF file with JPEG files inside is not decoded here")
-    if data.startswith(JPEG_START) and (work := scanned_bytes(data)) > MAX_SCANNED_BYTES:
-        raise StillError(f"a JPEG file whose scans go over {work} bytes, at most {MAX_SCANNED_BYTES} are decoded")
+    if data.startswith(JPEG_START) and (work := scanned_pixels(data)) > MAX_SCANNED_PIXELS:
+        raise StillError(
+            f"a JPEG file whose scans go over {work} component-pixels, at most {MAX_SCANNED_PIXELS} are decoded"
+        )
 
 
 def _frame(rgb: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]") -> ImageFrame:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from schemas.compression import MAX_DECODED_BYTES, MAX_SCANS, MAX_SEGMENTS, Picture, check_zstd, picture_of
 from schemas.errors import SchemaError
-from tests.schemas.pictures import file_of
+from schemas.jpeg_scans import MAX_MARKERS
+from tests.schemas.pictures import SCAN, file_of, resized
 
-SCAN = b"\xff\xda"
 GREY = np.zeros((4, 6), np.uint8)
 DEEP = np.zeros((4, 6), np.uint16)
 COLOR = np.zeros((4, 6, 3), np.uint8)
@@ -57,39 +57,53 @@ def test_a_jpeg_does_not_show_decoders_another_size(marker: int) -> None:
         picture_of(memoryview(two_faced))
 
 
-@pytest.mark.parametrize("progressive", [0, 1])
-def test_a_jpeg_has_so_many_scans_at_most(progressive: int) -> None:
-    made, file = cv2.imencode(".jpg", COLOR, [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive])
-    assert made
-    data = file.tobytes()
-    scan = data[data.rindex(SCAN) : -2]
-    most = data[:-2] + scan * (MAX_SCANS - data.count(SCAN)) + data[-2:]
-    assert picture_of(memoryview(data)) == picture_of(memoryview(most)) == Picture("jpeg", 4, 6, "rgb8")
-    with pytest.raises(
-        SchemaError, match=f"a JPEG file of {MAX_SCANS + 1} scans, at most {MAX_SCANS} of so many pixels"
-    ):
-        picture_of(memoryview(most[:-2] + scan + most[-2:]))
-
-
-def jpeg_header(height: int, width: int, channels: int, scans: int) -> bytes:
-    return b"\xff\xd8\xff\xc2\x00\x11\x08" + struct.pack(">HHB", height, width, channels) + SCAN * scans
+def jpeg(height: int, width: int, channels: int, passes: int, *, first: bytes = b"") -> bytes:
+    """Return a progressive file of scans over one component each. first: segments before its size."""
+    scan = SCAN + b"\x00\x08\x01\x01\x00\x01\x05\x00"
+    frame = b"\xff\xc2\x00\x11\x08" + struct.pack(">HHB", height, width, channels) + bytes(9)
+    return b"\xff\xd8" + first + frame + scan * passes + b"\xff\xd9"
 
 
 @pytest.mark.parametrize(
     ("height", "width", "channels", "most"),
     [
-        (480, 640, 3, 100),
-        (2160, 3840, 3, 53),
-        (6600, 6600, 3, 10),
+        (480, 640, 3, 300),
+        (4, 6, 1, 100),
+        (2160, 3840, 3, 161),
+        (6608, 6608, 3, 30),
         (8192, 16384, 1, 10),
-        (65535, 65535, 3, 1),
-        (0, 0, 1, 100),
+        (65535, 65535, 3, 3),
     ],
 )
-def test_a_large_jpeg_has_fewer_scans_than_a_small_one(height: int, width: int, channels: int, most: int) -> None:
-    assert said(jpeg_header(height, width, channels, most)) is not None
-    with pytest.raises(SchemaError, match=f"{most + 1} scans, at most {most} of so many pixels are decoded"):
-        picture_of(memoryview(jpeg_header(height, width, channels, most + 1)))
+def test_the_scans_of_a_large_jpeg_are_fewer_than_those_of_a_small_one(
+    height: int, width: int, channels: int, most: int
+) -> None:
+    assert said(jpeg(height, width, channels, most)) is not None
+    with pytest.raises(SchemaError, match=r"scans go over \d+ component-pixels, at most \d+ are decoded"):
+        picture_of(memoryview(jpeg(height, width, channels, most + 1)))
+
+
+def test_a_jpeg_of_many_scans_says_how_many_pixels_they_go_over() -> None:
+    reason = f"scans go over {301 * 64} component-pixels, at most {MAX_SCANS * 3 * 64} are decoded"
+    with pytest.raises(SchemaError, match=reason):
+        picture_of(memoryview(jpeg(8, 8, 3, 301)))
+
+
+def test_a_jpegs_thumbnail_and_what_is_behind_it_are_no_scans_of_it() -> None:
+    thumbnail = jpeg(120, 160, 3, 400)
+    about = b"\xff\xe1" + struct.pack(">H", len(thumbnail) + 2) + thumbnail
+    assert said(jpeg(480, 640, 3, 300, first=about) + thumbnail) == Picture("jpeg", 480, 640, "rgb8")
+
+
+def test_a_jpegs_markers_are_not_read_for_ever() -> None:
+    with pytest.raises(SchemaError, match=f"more than {MAX_MARKERS} markers"):
+        picture_of(memoryview(jpeg(0, 0, 1, MAX_MARKERS)))
+
+
+def test_a_large_progressive_jpeg_is_taken() -> None:
+    made, file = cv2.imencode(".jpg", COLOR, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
+    assert made
+    assert said(resized(file.tobytes(), 6_600, 6_600)) == Picture("jpeg", 6_600, 6_600, "rgb8")
 
 
 @pytest.mark.parametrize(("kind", "encoding"), FILES)

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from schemas.jpeg_scans import scanned_pixels
 from services.detector.pixels import to_bgr
-from services.detector.scans import MAX_MARKERS, scanned_bytes
-from services.detector.stills import MAX_PIXELS, MAX_SCANNED_BYTES, StillError, frame_of
-
-SCAN = b"\xff\xda"
+from services.detector.stills import MAX_PIXELS, MAX_SCANNED_PIXELS, StillError, frame_of
+from tests.schemas.pictures import SCAN, resized
 
 PICTURE = Image.fromarray(np.tile(np.array([[[250, 10, 20], [20, 30, 240]]], np.uint8), (6, 4, 1)).repeat(2, axis=1))
 
@@ -76,35 +75,24 @@ def progressive(scans: int, *, behind: bytes = b"", within: bytes = b"") -> byte
 
 
 def test_a_still_is_not_made_to_take_long_to_decode(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("services.detector.stills.MAX_SCANNED_BYTES", 100 * 6 * 16 * 3)
+    monkeypatch.setattr("services.detector.stills.MAX_SCANNED_PIXELS", (14 + 90) * 8 * 16)
     assert frame_of(progressive(100, behind=SCAN * 100, within=b"\xff\xd9" + SCAN * 100)).width == 16
-    with pytest.raises(StillError, match="a JPEG file whose scans go over 29088 bytes, at most 28800 are decoded"):
+    with pytest.raises(StillError, match="scans go over 13440 component-pixels, at most 13312 are decoded"):
         frame_of(progressive(101))
     for hidden in (b"\xff\xd9", SCAN):
         with pytest.raises(StillError, match="a JPEG file whose scans"):
             frame_of(progressive(101, within=hidden))
 
 
-@pytest.mark.parametrize(("side", "scans"), [(8_000, 10), (4_000, 40), (800, 1_000)])
-def test_so_much_work_is_a_still_at_most(side: int, scans: int) -> None:
-    sized = bytearray(progressive(scans))
-    place = sized.index(b"\xff\xc2") + 5
-    sized[place : place + 4] = side.to_bytes(2, "big") * 2
-    assert scanned_bytes(bytes(sized)) == MAX_SCANNED_BYTES
-    longer = progressive(scans + 1)
+@pytest.mark.parametrize(
+    ("mode", "options"), [("L", {}), ("RGB", {}), ("RGB", {"keep_rgb": True}), ("CMYK", {})], ids=str
+)
+def test_a_progressive_photograph_of_the_largest_size_is_no_work_too_much(mode: str, options: dict[str, bool]) -> None:
+    photograph = resized(file("JPEG", PICTURE.convert(mode), progressive=True, **options), 8_000, 8_000)
     with pytest.raises(StillError, match="a JPEG file whose scans"):
-        frame_of(longer[:place] + side.to_bytes(2, "big") * 2 + longer[place + 4 :])
-
-
-def test_no_work_is_hidden_behind_markers() -> None:
-    plain = scanned_bytes(progressive(12))
-    for marker in (b"\xff\xd0", b"\xff\xff", b"\xff\x01", b"\xff\x00"):
-        data = progressive(12)
-        at = data.index(SCAN)
-        assert scanned_bytes(data[:at] + marker + data[at:]) == plain
-    with pytest.raises(ValueError, match="markers"):
-        scanned_bytes(progressive(12)[:2] + b"\xff\xfe\x00\x02" * MAX_MARKERS)
-    assert scanned_bytes(progressive(12)[:-40]) <= plain
+        frame_of(photograph[:-2] + photograph[photograph.rindex(SCAN) : -2] * 25 + photograph[-2:])
+    assert MAX_PIXELS == 8_000 * 8_000
+    assert scanned_pixels(photograph) <= MAX_SCANNED_PIXELS * 0.8
 
 
 def test_a_tiff_file_with_jpeg_files_inside_is_refused() -> None:
