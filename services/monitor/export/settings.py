@@ -105,3 +105,6 @@ def moment(ns: int) -> datetime:
 def epoch_ns(at: datetime) -> int:
     """Return nanoseconds since the epoch; a time without a zone is local."""
     return round(at.timestamp() * 1e6) * 1_000
+
+
+LAST_NS: Final = epoch_ns(datetime(LAST_YEAR, 12, 31, tzinfo=UTC))

@@ -82,7 +82,7 @@ def test_a_file_that_says_two_sizes_is_refused_before_it_is_decoded() -> None:
     at = bytes(frame.data).index(b"\xff\xc0")
     second = frame.data[at : at + 5].tobytes() + struct.pack(">HH", 16_000, 16_000) + frame.data[at + 9 : at + 19]
     doubled = frame.data[: at + 19].tobytes() + second + frame.data[at + 19 :].tobytes()
-    with pytest.raises(SchemaError, match=r"cannot be decoded|the decoder finds"):
+    with pytest.raises(SchemaError, match="scans go over"):
         image(msgspec.structs.replace(frame, data=memoryview(doubled)), 1)
 
 

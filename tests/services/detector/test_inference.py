@@ -168,7 +168,7 @@ async def test_each_reason_that_a_cameras_frames_are_left_out_for_is_logged(
         [Failed(FAILED, RuntimeError("a")), Failed(FAILED, ValueError("b")), Failed(MALFORMED, ValueError("c"))]
     )
     monkeypatch.setattr(rig.model, "_look_at", lambda _: next(reasons))
-    caplog.handler.addFilter(RateLimitFilter(RateLimit()))
+    monkeypatch.setattr(caplog.handler, "filters", [RateLimitFilter(RateLimit())])
     async with rig.running(bus):
         for number in range(3):
             rig.post(CAMERAS[0], number)

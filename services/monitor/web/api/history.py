@@ -10,12 +10,12 @@ from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, HTTPException, Query
 from fastapi.responses import FileResponse
-from pydantic import AwareDatetime
+from pydantic import AwareDatetime, ValidationError
 from starlette.background import BackgroundTask
 
 from schemas.alerts import AlertState
 from services.monitor.export.process import export
-from services.monitor.export.settings import ExportSettings, epoch_ns, moment, written_like
+from services.monitor.export.settings import LAST_NS, ExportSettings, epoch_ns, moment, written_like
 from services.monitor.history.acts import Act
 from services.monitor.history.archive import Asked
 from services.monitor.history.settings import NONE
@@ -108,9 +108,13 @@ def _export_settings(history: str, wanted: Asked, what: str, file: Path) -> Expo
     if history == NONE:
         raise HTTPException(503, "no history is kept: the monitor was started with --history none")
     given: dict[str, Any] = {"task": "export", "to": file, "history": history, "what": what}
-    given |= {"since": moment(wanted.since_ns), "until": moment(wanted.until_ns)}
+    given |= {"since": moment(min(wanted.since_ns, LAST_NS)), "until": moment(min(wanted.until_ns, LAST_NS))}
     given |= {"robot": wanted.robot, "camera": wanted.camera, "class": wanted.name}
-    return ExportSettings(**given)
+    try:
+        return ExportSettings(**given)
+    except ValidationError as error:
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("--", "")  # no options here
+        raise HTTPException(422, reason) from error
 
 
 def _bounded_ns(at: datetime) -> int:

@@ -26,3 +26,11 @@ async def test_history_is_downloaded_as_parquet(tmp_path: Path) -> None:
     assert frame["name"].to_list() == ["box", "pallet"]
     assert frame["count"].to_list() == [2, 2]
     assert pl.read_parquet(io.BytesIO(boxes.content))["name"].to_list() == ["box"]
+
+
+async def test_what_no_export_can_be_of_is_refused(tmp_path: Path) -> None:
+    async with web_in(tmp_path, history=f"sqlite:///{tmp_path / 'history.db'}") as web, await web.program() as program:
+        asked = {"since": "2026-11-21T00:00:00Z", "until": "2026-11-20T00:00:00Z"}
+        answer = await program.get("/api/v1/history/export", params=asked)
+        assert (answer.status_code, answer.json()["error"]) == (422, "since is later than until")
+        await web.monitor.history._end()
