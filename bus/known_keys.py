@@ -1,7 +1,8 @@
 """Keys that a session tells the other end of its links, each by a number, once and for good.
 
 A session has 65,535 numbers. Zenoh (1.10) gives back none and then begins anew, whatever still has its number: messages
-come under the wrong keys from then on. So whatever is declared again has the number that it had.
+come under the wrong keys from then on. So whatever is declared again has the number that it had, but for the caches of
+publishers: each takes another one, which a client's next session makes up for (see RENEWED_AFTER).
 """
 
 import logging
@@ -27,8 +28,8 @@ _log: Final = logging.getLogger(__name__)
 
 
 def number_of(key_expr: str) -> str:
-    """Return the key whose number a key expression takes: what is before its first wildcard."""
-    return key_expr.partition("*")[0].rstrip("/$")
+    """Return the key whose number a key expression takes: the chunks before its first wildcard."""
+    return key_expr.partition("*")[0].rpartition("/")[0] if "*" in key_expr else key_expr
 
 
 class Numbers:

@@ -52,7 +52,7 @@ TELL_AFTER_S: Final = 3.0
 """How long a router or peer may take to link before it is said that it waits."""
 
 RENEWED_AFTER: Final = 10_000
-"""Declarations after which another session follows a client's: each may take two numbers (see bus.known_keys)."""
+"""Declarations after which another session follows a client's: each may take a number (see bus.known_keys)."""
 
 LOOK_S: Final = 0.1
 """How often it is looked meanwhile whether there is still anything to wait for."""

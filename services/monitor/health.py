@@ -14,23 +14,25 @@ STALLED_S: Final = 10.0
 
 
 class Health:
-    """Knows why the mesh is dead."""
+    """Knows why the mesh is dead. hub: others link to it, so that it may hear them without a link of its own."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, *, hub: bool = False) -> None:
         self._bus = bus
+        self._hub = hub
         self._heard_s = time.monotonic()
 
     @property
     def problem(self) -> str:
         """Why the fleet cannot be heard, in words, or empty."""
-        if self._bus.link_problem:
-            return self._bus.link_problem
-        silent_s = time.monotonic() - self._heard_s
-        return f"the bus has brought nothing for {silent_s:.0f} s" if silent_s > STALLED_S else ""
+        return self._bus.link_problem or self._stalled()
 
     def heard_s(self) -> float | None:
         """Return when a message of its own came last, on the steady clock; None while the fleet cannot be heard."""
-        return None if self.problem else self._heard_s
+        return None if self._stalled() or (self._bus.link_problem and not self._hub) else self._heard_s
+
+    def _stalled(self) -> str:
+        silent_s = time.monotonic() - self._heard_s
+        return f"the bus has brought nothing for {silent_s:.0f} s" if silent_s > STALLED_S else ""
 
     async def run(self) -> None:
         """Send and listen, for ever."""

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 from schemas.detections import ClassList
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
+from services.monitor.fleet import MAX_LAG_NS
 from services.monitor.inventory.debouncing import NS
 
 PATIENCE_NS: Final = 2 * NS
@@ -64,10 +65,18 @@ class Undated:
         return self._is_dated(waiting[-1].seen.header, waiting[-1].received_ns)
 
     def _taken(self, key: CameraKey) -> list[Arrival]:
-        """Return a camera's lists; where nobody told what the robot's clock shows, as if the quickest took no time."""
+        """Return a camera's lists; where nobody told what the robot's clock shows, as if the newest took no time.
+
+        One that would be newer, or too old to be true, is left as it came: the robot's clock was set.
+        """
         waiting = self._waiting.pop(key)
         self._count -= len(waiting)
         if self._is_known(waiting):
             return waiting
-        ahead_ns = max(each.seen.header.received_ns - each.received_ns for each in waiting)
-        return [each._replace(received_ns=each.seen.header.received_ns - ahead_ns) for each in waiting]
+        newest = waiting[-1]
+        ahead_ns = newest.seen.header.received_ns - newest.received_ns
+        older_ns = [ahead_ns - (each.seen.header.received_ns - each.received_ns) for each in waiting]
+        return [
+            each._replace(received_ns=each.received_ns - older) if 0 <= older <= MAX_LAG_NS else each
+            for each, older in zip(waiting, older_ns, strict=True)
+        ]

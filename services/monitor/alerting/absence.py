@@ -59,13 +59,14 @@ class Absentees:
         self._inventory = inventory
         self._hearing = hearing
         self._robots = Absence[str]()
-        self._cameras = Absence[CameraKey]()
+        self._gone = Absence[CameraKey]()
+        self._mute = Absence[CameraKey]()
         self._came: set[CameraKey] = set()
 
     def clear(self) -> None:
         """Begin anew: who was not there before may be by now."""
-        self._robots.clear()
-        self._cameras.clear()
+        for each in (self._robots, self._gone, self._mute):
+            each.clear()
 
     def look_at_robot(self, robot: str, now_ns: int, now_s: float) -> tuple[bool | None, int]:
         """Return whether a robot's gateway is there, None if that is not known, and since when it is not."""
@@ -85,14 +86,16 @@ class Absentees:
         One that came, or that was not heard of before, has as long until its lists are missed as one that had some.
         """
         key, stale_ns = camera.key, self._inventory.limits.stale_ns
-        online = self._inventory.online(key)
-        if online and (told or self._inventory.speaks(camera, now_ns)):
+        online, speaks = self._inventory.online(key), self._inventory.speaks(camera, now_ns)
+        if online and (told or speaks):
             self._came.add(key)
-            self._cameras.drop(key)
-        if not self._hearing.settled or self._inventory.speaks(camera, now_ns):
+            self._gone.drop(key)
+        if speaks:
+            self._mute.drop(key)
+        if not self._hearing.settled or speaks:
             return
         if not online and key in self._came:
-            self._cameras.note(key, now_ns, now_s + GAP_S)
+            self._gone.note(key, now_ns, now_s + GAP_S)
         else:
             self._await_list(key, now_ns - stale_ns if ceased else now_ns, now_ns, now_s)
 
@@ -100,18 +103,20 @@ class Absentees:
         """Have a camera be silent if no list comes until it is stale. Before its lease a lost link is not noticed."""
         stale_s = self._inventory.limits.stale_ns / NS
         due_s = now_s + (from_ns - now_ns) / NS + max(stale_s, self._hearing.lease_s) + GAP_S
-        self._cameras.note(key, from_ns + self._inventory.limits.stale_ns, due_s)
+        self._mute.note(key, from_ns + self._inventory.limits.stale_ns, due_s)
 
     def silent_ns(self, key: CameraKey) -> int | None:
         """Return since when a camera is not spoken for, None while that is not sure."""
-        return self._cameras.since_ns(key)
+        since_ns = [since for each in (self._gone, self._mute) if (since := each.since_ns(key)) is not None]
+        return min(since_ns, default=None)
 
     def ripen(self, now_ns: int, now_s: float) -> tuple[list[str], list[CameraView]]:
         """Return the robots and cameras of which it is sure since this was asked last."""
         if not self._hearing.settled:
             return [], []
         heard_s = self._hearing.heard_s
-        cameras = [self._inventory.camera(key) for key in self._cameras.ripen(heard_s)]
+        ripe = dict.fromkeys([*self._gone.ripen(heard_s), *self._mute.ripen(heard_s)])
+        cameras = [self._inventory.camera(key) for key in ripe]
         silent = [camera for camera in cameras if camera is not None and not self._goes_on(camera, now_ns, now_s)]
         return self._robots.ripen(heard_s), silent
 
@@ -119,6 +124,6 @@ class Absentees:
         """Whether a camera that is there had a list lately after all; wait for the next one then."""
         if not self._inventory.online(camera.key) or camera.last_ns < now_ns - self._inventory.limits.stale_ns:
             return False
-        self._cameras.drop(camera.key)
+        self._mute.drop(camera.key)
         self._await_list(camera.key, camera.last_ns, now_ns, now_s)
         return True

@@ -90,8 +90,9 @@ class Alerting:
         return [] if self._engine is None else self._engine.alerts()
 
     def problems(self) -> list[str]:
-        """Say which webhooks of the rules in force take no alerts, and why."""
-        return self._webhooks.problems(self._rules.book.webhooks)
+        """Say which webhooks of the rules in force take no alerts, and why, and whether the monitor is deaf."""
+        waits = ["alerts of silence wait: the monitor does not hear itself in time"] if self._hearing.deaf else []
+        return [*waits, *self._webhooks.problems(self._rules.book.webhooks)]
 
     def posts(self) -> Mapping[tuple[str, Outcome], int]:
         """Return how many alerts for webhooks had which outcome, by the webhook's name."""
@@ -194,7 +195,7 @@ class Alerting:
                 self._unsteady.add(camera.key)
 
     def _look_of(self, camera: CameraView, now_ns: int) -> Look:
-        if self._hearing.deaf:
+        if self._hearing.deaf and not self._inventory.speaks(camera, now_ns):
             return Look(camera.key, speaks=False)
         silent_ns = self._absentees.silent_ns(camera.key)
         return look_at(self._inventory, camera, now_ns, silent_ns, complete=self._hearing.settled)

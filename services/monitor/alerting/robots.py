@@ -10,12 +10,15 @@ from bus import Bus, BusError, Publisher, QoS
 from schemas import codec
 from schemas.alerts import Action, Alert
 from schemas.keys import ACTIONS, ALERTS, RobotStreamKey
-from services.monitor.alerting.lanes import AT_ONCE, Lanes
+from services.monitor.alerting.lanes import Lanes
 
 log = logging.getLogger(__name__)
 
-MAX_PUBLISHERS: Final = 2 * AT_ONCE
-"""How many keys are kept declared, for late subscribers and for speed; the one used longest ago is the next to go."""
+MAX_PUBLISHERS: Final = 4_096
+"""How many keys are kept declared, for late subscribers and for speed; the one used longest ago is the next to go.
+
+Each that is declared again takes another number of the session's (see bus.known_keys).
+"""
 
 HEARD_S: Final = 10.0
 """How long an action waits for its robot's gateway to be found."""

@@ -22,3 +22,10 @@ async def test_it_hears_itself() -> None:
         await asyncio.wait([running])
     assert str(health.problem) == "the bus is closed"
     assert health.heard_s() is None
+
+
+async def test_what_others_link_to_hears_them_also_where_its_own_link_is_down() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        cut_off, hub = Health(bus), Health(bus, hub=True)
+    assert (cut_off.heard_s(), cut_off.problem) == (None, "the bus is closed")
+    assert (hub.heard_s(), hub.problem) == (hub._heard_s, "the bus is closed")

@@ -89,3 +89,14 @@ def test_what_arrives_while_others_are_taken_in_is_behind_them() -> None:
     assert undated.arrive(second, kept=False) == [second]
     rear = [each.seen.header.seq for each in next(taking)]
     assert (rear, list(taking)) == ([1], [])
+
+
+@pytest.mark.parametrize("set_by_ns", [3 * 86_400 * S, -3 * 86_400 * S])
+def test_lists_of_before_a_robots_clock_was_set_are_as_they_came(set_by_ns: int) -> None:
+    undated = Undated(Robots())
+    before, after = arrival(1, NOW_NS - 2 * S - set_by_ns), arrival(2, NOW_NS - S)
+    live = arrival(3, NOW_NS + S, NOW_NS + S)
+    for each, kept in ((before, True), (after, True), (live, False)):
+        undated.arrive(each, kept=kept)
+    (taken,) = undated.due(NOW_NS + PATIENCE_NS)
+    assert [each.received_ns for each in taken] == [NOW_NS, NOW_NS - S, NOW_NS + S]

@@ -167,3 +167,16 @@ def test_after_a_deaf_time_a_camera_has_the_stale_time_to_be_spoken_for() -> Non
     assert watch.silent_s(settled_s) is None
     assert watch.silent_s(settled_s + STALE_S + GAP_S - 0.1) is None
     assert watch.silent_s(settled_s + STALE_S + GAP_S) == settled_s + STALE_S
+
+
+def test_a_camera_without_lists_is_silent_also_where_its_link_comes_and_goes() -> None:
+    watch = Watch()
+    silent_s: list[float | None] = []
+    for round_s in range(10, 40, 3):
+        watch.inventory.camera_presence(FRONT, alive=True)
+        watch.silent_s(round_s, told=True)
+        silent_s.append(watch.silent_s(round_s + 2))
+        watch.inventory.camera_presence(FRONT, alive=False)
+        watch.silent_s(round_s + 2.1, told=True)
+    assert silent_s[:1] == [None]
+    assert silent_s[-1] == 10 + STALE_S
