@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine
     from types import TracebackType
+
+
+T = TypeVar("T")
 
 
 class TaskScope:
@@ -47,7 +50,7 @@ async def cancel_and_wait(tasks: set[asyncio.Task[None]]) -> None:
         await asyncio.wait(tasks)
 
 
-async def to_the_end(coroutine: Coroutine[Any, Any, None]) -> None:
+async def to_the_end(coroutine: Coroutine[Any, Any, T]) -> T:
     """Run a coroutine that has its own deadline to its end; being cancelled meanwhile is raised afterwards."""
     task = asyncio.create_task(coroutine)
     cancelled: asyncio.CancelledError | None = None
@@ -58,4 +61,4 @@ async def to_the_end(coroutine: Coroutine[Any, Any, None]) -> None:
             cancelled = error
     if cancelled is not None:
         raise cancelled from task.exception()
-    task.result()
+    return task.result()

@@ -71,7 +71,7 @@ async def save(bus: Bus, settings: CloudsSettings) -> int:
                 reason = empty or bus.link_problem or _absence(settings.key, await _cameras(bus)) or NEEDED
                 sys.stderr.write(f"fleetsight clouds: no {where}; {printable(reason)}\n")
                 return FAILED
-            for path in await _written(seen, settings):
+            for path in await to_the_end(asyncio.to_thread(_write, seen, settings)):
                 sys.stdout.write(f"{path}: {sum(each.count for each in seen.objects)} points\n")
             for remark in _remarks(seen):
                 sys.stderr.write(f"fleetsight clouds: {printable(remark)}\n")
@@ -132,17 +132,6 @@ def _remarks(seen: ObjectClouds) -> Iterator[str]:
         yield "nothing that the detector knows was in view"
     for reason, count in Counter(seen.unmeasured.values()).items():
         yield f"{count} {'object has' if count == 1 else 'objects have'} no points: {reason}"
-
-
-async def _written(seen: ObjectClouds, settings: CloudsSettings) -> list[Path]:
-    """Write files, whole ones also where this is cancelled meanwhile."""
-    paths: list[Path] = []
-
-    async def write() -> None:
-        paths.extend(await asyncio.to_thread(_write, seen, settings))
-
-    await to_the_end(write())
-    return paths
 
 
 def _write(seen: ObjectClouds, settings: CloudsSettings) -> list[Path]:
