@@ -241,12 +241,15 @@ class SessionThread:
                 return
             try:
                 with panics_are_errors():
-                    self._numbers.keep(session, declaration.number_of)
-                    declaration.declare(session)
-                    self._settle(session)
+                    self._declare_on(session, declaration)
             except Exception:  # noqa: BLE001 - the others are declared, and this one on the next session
                 _log.exception("a declaration was refused")
                 _take_back(declaration)
+
+    def _declare_on(self, session: zenoh.Session, declaration: Declaration) -> None:
+        self._numbers.keep(session, declaration.number_of)
+        declaration.declare(session)
+        self._settle(session)
 
     def _settle(self, session: zenoh.Session) -> None:
         """Wait now and then until the router has worked off what was declared.
@@ -309,12 +312,10 @@ class SessionThread:
         if self._session is None:
             return
         try:
-            self._numbers.keep(self._session, declaration.number_of)
-            declaration.declare(self._session)
+            self._declare_on(self._session, declaration)
         except zenoh.ZError as error:
             self._undeclare(declaration)
             raise BusError(f"cannot declare: {_reason(error)}") from error
-        self._settle(self._session)
         self._declared += 1
         if self._settings.mode == "client" and self._declared >= RENEWED_AFTER:
             _log.info("another session, after %d declarations on this one", self._declared)
