@@ -85,9 +85,12 @@ async def page_frame(
             client.content.clear()
             return
         banners.refresh()
+        if not links:
+            return
         with suppress(HistoryError):  # which is among the problems
+            alerts = await monitor.current_alerts()
             for each in links:
-                each.count(await monitor.current_alerts())
+                each.count(alerts)
 
     ui.timer(REFRESH_S, refresh)
     await pause()

@@ -149,9 +149,8 @@ class _Inventory:
 
     async def _look_for(self, text: str) -> None:
         self._filters = replace(self._filters, text=text)
-        self._subject = replace(self._subject, robot="", camera="", name=self._filters.name, text=text.strip())
         await self._table.begin()
-        await self.draw()
+        await self._choose_all()
 
     async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
         self._filters = replace(self._filters, in_view=bool(event.value))
