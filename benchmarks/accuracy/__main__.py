@@ -38,7 +38,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from benchmarks.accuracy.drives import drive_seeds, held_out_drives
 from benchmarks.accuracy.following import followed
@@ -47,6 +47,7 @@ from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note, note_step
 from services.detector.model import ModelError
+from services.detector.runtime.choosing import Runtime
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.simulator.training.errors import TrainingError
 from services.simulator.training.evaluation.held_out import scored
@@ -55,7 +56,6 @@ from services.simulator.training.evaluation.scenes import generator_digest, held
 from services.toolbox.train.inference import open_follower, open_weights
 
 REPORT_EVERY: Final = 20
-RUNTIMES: Final = ("torch", "onnx", "openvino", "tensorrt")
 SEED: Final = 1
 DEFAULT_CONFIDENCE: Final[float] = DetectorSettings.model_fields["confidence"].default
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "lapx", "pycocotools", "numpy", "opencv-python-headless")
@@ -69,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--drives", type=at_least_one, default=8, help="how many (default: 8)")
     parser.add_argument("--drive-frames", type=at_least_one, default=50, help="frames of each (default: 50)")
     parser.add_argument("--device", help="cpu, cuda:0, ...; the best there is unless given")
-    parser.add_argument("--runtime", choices=RUNTIMES, default=RUNTIMES[0], help="default: %(default)s")
+    parser.add_argument("--runtime", choices=get_args(Runtime), default="torch", help="default: %(default)s")
     parser.add_argument(
         "--workers", type=at_least_one, default=os.cpu_count(), help="processes that render (default: cores)"
     )
