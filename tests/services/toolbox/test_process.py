@@ -48,9 +48,20 @@ STUBBORN = """
 """
 
 
+THREADED = """
+    async def main():
+        print("ready", flush=True)
+        try:
+            await asyncio.to_thread(time.sleep, 60)
+        finally:
+            print("cleaned up", flush=True)
+"""
+
+
 @pytest.mark.parametrize("number", process.SIGNALS)
-def test_a_signal_ends_the_process_in_order(number: signal.Signals) -> None:
-    with spawn(PATIENT) as child:
+@pytest.mark.parametrize("body", [PATIENT, THREADED], ids=["itself", "whatever its threads do"])
+def test_a_signal_ends_the_process_in_order(number: signal.Signals, body: str) -> None:
+    with spawn(body) as child:
         assert child.stdout is not None
         assert child.stdout.readline() == "ready\n"
         child.send_signal(number)
@@ -83,26 +94,6 @@ def test_a_signal_that_arrives_twice_is_one() -> None:
         for _ in range(3):
             child.send_signal(signal.SIGTERM)
             time.sleep(0.02)
-        assert child.stdout.read() == "cleaned up\n"
-    assert child.returncode == 0
-
-
-THREADED = """
-    async def main():
-        print("ready", flush=True)
-        try:
-            await asyncio.to_thread(time.sleep, 60)
-        finally:
-            print("cleaned up", flush=True)
-"""
-
-
-@pytest.mark.parametrize("number", process.SIGNALS)
-def test_what_a_thread_does_for_a_process_that_is_to_end_is_not_waited_for(number: signal.Signals) -> None:
-    with spawn(THREADED) as child:
-        assert child.stdout is not None
-        assert child.stdout.readline() == "ready\n"
-        child.send_signal(number)
         assert child.stdout.read() == "cleaned up\n"
     assert child.returncode == 0
 
