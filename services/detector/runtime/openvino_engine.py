@@ -1,6 +1,7 @@
 """A model under OpenVINO, which reads ONNX files itself, and takes pixels as they are."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,15 +30,22 @@ class OpenVinoEngine:
     """Runs an ONNX file on the processor, in the precision that OpenVINO finds fastest there."""
 
     def __init__(self, path: Path, threads: int) -> None:
-        core = openvino.Core()
-        pixels = openvino.preprocess.PrePostProcessor(core.read_model(path))
-        pixels.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
-        pixels.input().model().set_layout(openvino.Layout("NCHW"))
-        pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0)
-        self._request = core.compile_model(pixels.build(), DEVICE, hints(threads)).create_infer_request()
+        # OpenVINO gives the thread that makes a model another stack for signals, and unmaps it with the model: where
+        # that happens on another thread, the next signal kills the process. The thread that makes this one ends first.
+        with ThreadPoolExecutor(1) as maker:
+            self._request = maker.submit(_request, path, threads).result()
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""
         found = self._request.infer([images], share_inputs=True)
         predictions, *prototypes = (found[index] for index in range(len(found)))
         return outputs(predictions, prototypes[0] if prototypes else None)
+
+
+def _request(path: Path, threads: int) -> openvino.InferRequest:
+    core = openvino.Core()
+    pixels = openvino.preprocess.PrePostProcessor(core.read_model(path))
+    pixels.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
+    pixels.input().model().set_layout(openvino.Layout("NCHW"))
+    pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0)
+    return core.compile_model(pixels.build(), DEVICE, hints(threads)).create_infer_request()
