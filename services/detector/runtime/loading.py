@@ -180,7 +180,7 @@ def _threads(settings: DetectorSettings) -> int:
 def _refiner(network: "RefinerNetwork", runtime: Runtime, device: "torch.device", threads: int) -> Refiner:
     """Return the refiner under ONNX Runtime where that is of use and works, else under torch. Run once: see `load`.
 
-    OpenVINO is not for it: processes in which it had computed this network crashed later.
+    Under OpenVINO it takes as long.
     """
     seen = blank_close_ups(1, network.prototypes)
     if device.type == "cpu" and runtime in ONNX and find_spec("onnxruntime") is not None:
