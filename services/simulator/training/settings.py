@@ -20,6 +20,9 @@ DECISIVE: Final = {
 }
 """What the weights and their figures depend on, wherever they are made."""
 
+MOST_WORKERS: Final = 1024
+"""Torch's OpenMP has no stack for a hundred times as many threads."""
+
 
 class TrainingSettings(BaseModel):
     """Make a model for the simulated warehouse from nothing: render, train, evaluate, write weights and their card.
@@ -49,7 +52,9 @@ class TrainingSettings(BaseModel):
     )
     imgsz: PositiveInt = Field(default=640, multiple_of=32, description="longer side of the model's input in pixels")
     batch: PositiveInt = Field(default=8, description="images per step")
-    workers: PositiveInt = Field(default=2, description="processes that render, and threads that train without a GPU")
+    workers: int = Field(
+        default=2, ge=1, le=MOST_WORKERS, description="processes that render, and threads that train without a GPU"
+    )
     device: str = Field(default="auto", description="auto (a GPU if there is one), cpu, or a GPU number such as 0")
     output: Path = Field(
         default=WEIGHTS_FOLDER / "warehouse-n-seg.pt",
