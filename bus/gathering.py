@@ -24,6 +24,9 @@ SHORTEST_S: Final = 0.005
 LONGEST_S: Final = 0.02
 """How long what comes after a batch waits for others at least, and at most."""
 
+DELIVERED_S: Final = 0.05
+"""After so long what had come is delivered: longer than anything waits, so that a busy interpreter gets to it, too."""
+
 STOP_GRACE_S: Final = 0.2
 """Longest wait for a batch that is being delivered when its subscriber is undeclared."""
 

@@ -99,7 +99,7 @@ class Inbox(Generic[T]):
             self._waiter.set_result(None)
 
 
-def call_soon(loop: AbstractEventLoop, callback: Callable[[], None]) -> None:
+def call_soon(loop: AbstractEventLoop, callback: Callable[[], object]) -> None:
     """Call on the event loop, from any thread; a loop that is closed has nobody left to tell."""
     with contextlib.suppress(RuntimeError):
         loop.call_soon_threadsafe(callback)

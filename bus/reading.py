@@ -26,6 +26,7 @@ class SampleReader:
     """A subscription's reading end."""
 
     def __init__(self, keep: Latest | Queue, loop: AbstractEventLoop) -> None:
+        self._loop = loop
         self._inbox = Inbox(_mailbox(keep), loop)
 
     def arrive(self, key: str, payload: bytes, encoding: str, *, kept: bool = False) -> None:

@@ -13,8 +13,9 @@ from zenoh.handlers import Callback
 
 from bus.api import Latest, Queue, Sample
 from bus.caches import Caches
-from bus.gathering import taking
+from bus.gathering import DELIVERED_S, taking
 from bus.history import Fetch, History, Numbered
+from bus.inbox import call_soon
 from bus.known_keys import number_of
 from bus.numbering import CACHE, is_sent_again, owner_of, stamp_of
 from bus.reading import SampleReader
@@ -134,8 +135,17 @@ class HistorySubscription(ZenohSubscription):
                 self._history.kept(fetch, each)
 
     def _on_fetched(self, fetch: Fetch) -> None:
+        """Take what a cache answered; where it overtook what came live before and waits for others, after that."""
+        fetched = partial(self._fetched, self._turn, fetch)
+        if self._together:
+            call_soon(self._loop, partial(self._loop.call_later, DELIVERED_S, fetched))
+        else:
+            fetched()
+
+    def _fetched(self, turn: int, fetch: Fetch) -> None:
         with self._one_at_a_time:
-            self._history.fetched(fetch)
+            if turn == self._turn:
+                self._history.fetched(fetch)
 
     def _deliver(self, messages: list[Sample | None]) -> None:
         self.arrive_all(message for message in messages if message is not None)

@@ -16,6 +16,7 @@ from bus import (
     Publisher,
     QoS,
     Subscription,
+    gathering,
     open_bus,
     session,
 )
@@ -243,3 +244,25 @@ async def test_what_few_send_takes_no_thread() -> None:
             assert "bus-gathering" not in bus_threads()
         async with bus.watch("fleet/**"), bus.subscribe("fleet/**", QUEUE(9)):
             assert bus_threads().count("bus-gathering") == 2
+
+
+async def test_what_a_publisher_keeps_does_not_overtake_what_came_live_and_waits_for_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(gathering, "SHORTEST_S", gathering.LONGEST_S)
+    endpoint = free_endpoint()
+
+    async def numbers_of(robot: str) -> list[int]:
+        async with bus.publisher(f"fleet/{robot}/front/classes", QoS.RESULT) as out:
+            await until(lambda: out.wanted)
+            for number in range(30):
+                out.put(bytes([number]))
+            return [(await next_of(subscription)).payload[0] for _ in range(30)]
+
+    async with (
+        open_bus(router(endpoint)) as hub,
+        open_bus(client(endpoint)) as bus,
+        hub.subscribe("fleet/**", QUEUE(100)) as subscription,
+    ):
+        for joined in range(10):
+            assert await numbers_of(f"r{joined}") == list(range(30))
