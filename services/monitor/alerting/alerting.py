@@ -9,13 +9,14 @@ from typing import Final
 from uuid import uuid4
 
 from bus import Bus
-from schemas.alerts import Action, Alert
+from schemas.alerts import Action, Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.alerting.absence import Absentees
 from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome, Webhooks
 from services.monitor.hearing import Hearing
+from services.monitor.history.acts import Act
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
@@ -65,11 +66,15 @@ class Alerting:
         self._actions = actions_to_robots()
         self._webhooks = Webhooks()
 
-    def lead(self, alerts: Sequence[Alert]) -> None:
-        """Begin to raise alerts, with those that another monitor, or this one before, left unresolved."""
+    def lead(self, alerts: Sequence[Alert], acts: Iterable[Act] = ()) -> None:
+        """Begin to raise alerts, with those that another monitor, or this one before, left unresolved.
+
+        acts: what people did with these.
+        """
         if self._engine is None:
             self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex, most=self._most_subjects)
-        self._engine.restore(alerts, time.time_ns())
+        escalated = {act.alert_id for act in acts if act.state is AlertState.ESCALATED}
+        self._engine.restore(alerts, time.time_ns(), escalated)
         self._begin_anew()
 
     def take(self, changes: Iterable[Change]) -> None:

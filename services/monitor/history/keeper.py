@@ -71,7 +71,8 @@ class HistoryStatus:
 class HistoryKeeper:
     """Writes what changes in the inventory, alerts, and where robots are, to the database of the settings.
 
-    on_lead: is called with the alerts that are not resolved whenever this monitor becomes the one that raises alerts.
+    on_lead: is called with the alerts that are not resolved, and what people did with these, whenever this monitor
+    becomes the one that raises alerts.
     acts: what people did with alerts lately, and with those that are not resolved.
     """
 
@@ -79,7 +80,7 @@ class HistoryKeeper:
         self,
         settings: HistorySettings,
         inventory: Inventory,
-        on_lead: Callable[[Sequence[Alert]], None] = lambda _: None,
+        on_lead: Callable[[Sequence[Alert], Sequence[Act]], None] = lambda *_: None,
         places: Places | None = None,
     ) -> None:
         self._settings = settings
@@ -137,7 +138,7 @@ class HistoryKeeper:
             OtherVersionError: the database is another version's. One that cannot be had is waited for.
         """
         if self._settings.history == NONE:
-            self._on_lead(())
+            self._on_lead((), ())
             return
         try:
             async with translating(RESTORE_S):
@@ -216,14 +217,14 @@ class HistoryKeeper:
             self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
         self.acts.take(kept.acts)
         if not (self._leads and self._loaded):
-            self._lead(kept.alerts)
+            self._lead(kept.alerts, kept.acts)
         self._writes = self._loaded = True
 
-    def _lead(self, alerts: Sequence[Alert]) -> None:
+    def _lead(self, alerts: Sequence[Alert], acts: Sequence[Act]) -> None:
         if not self._leads:
             self._attendance.lead(time.time_ns())
         self._leads = True
-        self._on_lead(alerts)
+        self._on_lead(alerts, acts)
 
     async def _flush(self, store: Store) -> None:
         if not self._writes:
@@ -281,7 +282,7 @@ class HistoryKeeper:
             log.warning("history is not kept: %s", error)
         if not self._asked:
             self._asked = True
-            self._lead(())
+            self._lead((), ())
         self._problem, self._writes = str(error), False
         store, self._store = self._store, None
         if store is not None:

@@ -1,6 +1,6 @@
 """Rules over time: what must hold for how long, and what becomes of the alerts. Pure."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
@@ -95,11 +95,13 @@ class RuleEngine:
         self._robots.clear()
         self._full = self._refused = False
 
-    def restore(self, alerts: Iterable[Alert], now_ns: int) -> None:
+    def restore(self, alerts: Iterable[Alert], now_ns: int, escalated: Container[str] = ()) -> None:
         """Go on with the alerts of a monitor that ran before.
 
         Those resolve that are double, and those of rules that are gone or, by now, about something else. One that was
-        acknowledged only after it was to escalate is taken to have done so.
+        acknowledged only after it was to escalate is taken to have done so, too.
+
+        escalated: the ids of those that somebody had escalate.
         """
         rules = {rule.name: rule for rule in self._book.rules}
         for alert in alerts:
@@ -108,7 +110,7 @@ class RuleEngine:
                 continue
             self._alerts[alert.id] = (alert, place)
             rule = rules.get(alert.rule)
-            if _had_escalated(alert, rule):
+            if alert.id in escalated or _had_escalated(alert, rule):
                 self._escalated.add(alert.id)
             subject = self._subject(alert.rule, place) if rule is not None and is_about(rule, *place) else None
             if subject is None or subject.alert is not None:

@@ -43,7 +43,7 @@ class Monitor:
         self.inventory = Inventory(LIMITS)
         self.places = Places()
         settings = HistorySettings(history=url)
-        self.history = HistoryKeeper(settings, self.inventory, lambda of: self.led.append(list(of)), self.places)
+        self.history = HistoryKeeper(settings, self.inventory, lambda of, _acts: self.led.append(list(of)), self.places)
 
     def see(self, seq: int, at_ns: int | None = None, /, **counts: int) -> None:
         changes = self.inventory.see(seen(seq, counts), at_ns or time.time_ns())

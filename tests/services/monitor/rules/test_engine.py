@@ -296,6 +296,19 @@ def test_of_an_alert_of_before_it_is_known_too(state: str, changed_s: int, *, es
     assert [each.escalated for each in ruling.engine.due(14 * S)] == [escalated]
 
 
+def test_an_alert_of_before_that_somebody_had_escalate_stays_so_though_it_was_acknowledged_early() -> None:
+    ruling = Ruling({**OVER, "name": "too near", "class": "forklift", "escalate_after_s": 10})
+    before = [alert(id_=name) for name in ("by hand", "not")]
+    acknowledged = [
+        msgspec.structs.replace(each, state=AlertState.ACKNOWLEDGED, raised_ns=5 * S, changed_ns=6 * S, camera=each.id)
+        for each in before
+    ]
+    ruling.engine.restore(acknowledged, 7 * S, {"by hand"})
+    for each in before:
+        ruling.engine.resolve(each.id, 8 * S)
+    assert [(each.alert.id, each.escalated) for each in ruling.engine.due(8 * S)] == [("by hand", True), ("not", False)]
+
+
 def test_changes_of_an_alert_are_in_order_though_the_clock_is_set_back() -> None:
     ruling = Ruling(OVER)
     ruling.look(100, counts={"box": 3})
