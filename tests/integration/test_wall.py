@@ -9,6 +9,8 @@ from playwright.async_api import Browser, expect
 
 from bus.fake import FakeNetwork
 from services.monitor.page import wall
+from services.monitor.web.auth.visitor import Visitor
+from tests.contract.waiting import until
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.in_sight import out_of_sight
 from tests.integration.warehouse import Robot, warehouse
@@ -82,7 +84,11 @@ async def test_what_needs_somebody_comes_first_and_all_robots_are_shown_in_turn_
             await expect(page.locator(".fs-rest .fs-panel-head")).to_contain_text(f"of {MANY}")
 
 
-async def test_where_nothing_is_wrong_and_where_nobody_is_that_is_said(browser: Browser, tmp_path: Path) -> None:
+async def test_where_nothing_is_wrong_and_where_nobody_is_that_is_said(
+    browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stayed: list[str] = []
+    monkeypatch.setattr(Visitor, "stay", lambda visitor: stayed.append(visitor.name))
     async with (
         warehouse() as empty,
         served(empty.monitor) as at,
@@ -96,6 +102,8 @@ async def test_where_nothing_is_wrong_and_where_nobody_is_that_is_said(browser: 
         await expect(page.locator("[data-robot=r1]")).to_contain_text("2 box")
         await expect(page.get_by_text("No robot has joined yet")).to_be_hidden()
         await looker.picture("wall-light")
+        before = len(stayed)
+        await until(lambda: len(stayed) > before + 1)
 
 
 async def test_what_is_wrong_with_the_monitor_itself_is_said(browser: Browser, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from services.monitor.page.robots import RobotState, robot_of
 from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.wall_rows import alert_line, lost_line, pressing, robot_cell, turned
+from services.monitor.web.auth.visitor import Visitor
 
 TURN_S: Final = 10.0
 """How long one page of what does not fit at once is shown."""
@@ -52,9 +53,9 @@ def add_wall(shared: Shared, monitor: Monitor) -> None:
 
     @page_at(WALL)
     async def wall() -> None:
-        async with page_frame(monitor, "Wall", bars=False):
+        async with page_frame(monitor, "Wall", bars=False) as visitor:
             ui.add_css(STYLE)
-            await _Wall(shared, monitor).refresh()
+            await _Wall(shared, monitor, visitor).refresh()
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +69,8 @@ class _Fits:
 class _Wall:
     """What one screen shows."""
 
-    def __init__(self, shared: Shared, monitor: Monitor) -> None:
-        self._shared, self._monitor = shared, monitor
+    def __init__(self, shared: Shared, monitor: Monitor, visitor: Visitor) -> None:
+        self._shared, self._monitor, self._visitor = shared, monitor, visitor
         self._fits = _Fits()
         with ui.element("div").classes("fs-wall-head"):
             with ui.link(target="/").classes("fs-brand"):
@@ -88,6 +89,7 @@ class _Wall:
 
     async def refresh(self) -> None:
         """Show everything as it is now."""
+        self._visitor.stay()
         survey = await self._shared.survey()
         alerts, unknown = await self._alerts()
         self._figures.set_content(figures(survey, alerts))

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from services.monitor.history.errors import HistoryError
@@ -172,8 +173,8 @@ class Access:
         login = self._login(digest, kind)
         if login is None or self._role(digest, kind) is None:
             return None
-        self._prolong(login)
-        return Visitor(login.user, lambda: self._role(digest, kind))
+        self._use(digest, kind)
+        return Visitor(login.user, partial(self._role, digest, kind), partial(self._use, digest, kind))
 
     def _role(self, digest: str, kind: Kind) -> Role | None:
         login = self._login(digest, kind)
@@ -197,12 +198,14 @@ class Access:
         self._logins[made.digest] = self._made[made.digest] = made
         return secret
 
-    def _prolong(self, login: Login) -> None:
-        until_ns = self._now_ns() + self._session_ns
-        if login.kind is Kind.SESSION and until_ns - login.until_ns > PROLONG_SHARE * self._session_ns:
+    def _use(self, digest: str, kind: Kind) -> None:
+        login, until_ns = self._login(digest, kind), self._now_ns() + self._session_ns
+        if login is None or kind is not Kind.SESSION:
+            return
+        if until_ns - login.until_ns > PROLONG_SHARE * self._session_ns:
             longer = replace(login, until_ns=until_ns)
-            self._logins[login.digest] = longer
-            (self._made if login.digest in self._made else self._prolonged)[login.digest] = longer
+            self._logins[digest] = longer
+            (self._made if digest in self._made else self._prolonged)[digest] = longer
 
     def _end(self, digest: str) -> None:
         for of in (self._logins, self._made, self._prolonged):

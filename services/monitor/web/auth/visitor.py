@@ -24,11 +24,16 @@ class Visitor:
 
     name: str
     _role: Callable[[], Role | None] = field(repr=False)
+    _use: Callable[[], None] = field(repr=False, default=lambda: None)
 
     @property
     def role(self) -> Role | None:
         """Their role now; None once they are logged out or no user any more."""
         return self._role()
+
+    def stay(self) -> None:
+        """Have their session go on though they ask for nothing, as before a screen that shows everything by itself."""
+        self._use()
 
     @property
     def may_look(self) -> bool:

@@ -76,6 +76,23 @@ async def test_a_session_is_kept_over_a_restart_and_ends_when_it_is_not_used(tmp
     assert (visitor.may_look, access.visitor(session, Kind.SESSION)) == (False, None)
 
 
+async def test_a_screen_that_is_looked_at_stays_until_its_session_is_ended(tmp_path: Path) -> None:
+    clock = Clock()
+    await access_in(tmp_path)
+    access = access_to(tmp_path, clock)
+    session = await access.log_in("viewer", PASSWORD, "a")
+    visitor = access.visitor(session, Kind.SESSION)
+    assert visitor is not None
+    for _ in range(3):
+        clock.ns += HOUR_NS * 2 // 3
+        visitor.stay()
+        await access.look()
+        assert visitor.may_look
+    access.log_out(session)
+    visitor.stay()
+    assert not visitor.may_look
+
+
 async def test_who_logs_out_is_out_everywhere_at_once(tmp_path: Path) -> None:
     access, other = await access_in(tmp_path), await access_in(tmp_path)
     session = await access.log_in("operator", PASSWORD, "a")
