@@ -3,8 +3,10 @@
 import asyncio
 import getpass
 import sys
+import termios
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final
 
@@ -75,10 +77,25 @@ async def _change(settings: UsersSettings, store: UserStore, there: Mapping[str,
 
 
 async def _hashed() -> str:
-    password = await asyncio.to_thread(read_password, getpass.getpass)
+    with _terminal_left_as_it_is():
+        password = await asyncio.to_thread(read_password, getpass.getpass)
     if wrong := mistake_in(password):
         raise UsersError(wrong)
     return await Passwords().hash(password)
+
+
+@contextmanager
+def _terminal_left_as_it_is() -> Iterator[None]:
+    """Have it show again what is typed, also where a signal ends the process and the thread that asks is given up."""
+    try:
+        before = termios.tcgetattr(sys.stdin)
+    except (termios.error, OSError):  # it is none
+        yield
+        return
+    try:
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSANOW, before)
 
 
 def read_password(ask: Callable[[str], str]) -> str:

@@ -1,4 +1,11 @@
+import asyncio
 import io
+import os
+import pty
+import signal
+import sys
+import termios
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -10,6 +17,7 @@ from services.monitor.users.settings import UsersSettings
 from services.monitor.web.auth.people import Kind, User
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.visitor import Role
+from tests.contract.waiting import PATIENCE_S, until
 from tests.services.monitor.history.test_file import names
 from tests.services.monitor.web.auth.test_access import access_to
 from tests.services.monitor.web.auth.test_store import newer
@@ -53,6 +61,30 @@ async def test_from_being_added_to_being_removed(
     await users(tmp_path, "remove", "ann")
     await access.look()
     assert (visitor.may_look, access.needs_setup) == (False, True)
+
+
+async def test_interrupted_while_it_asks_for_a_password_the_terminal_shows_again_what_is_typed(tmp_path: Path) -> None:
+    hand, terminal = pty.openpty()
+    asked = [sys.executable, "-m", "services.toolbox", "users", "add", "ann", "--history", f"sqlite:///{tmp_path}/u.db"]
+    process = await asyncio.create_subprocess_exec(
+        *asked, stdin=terminal, stderr=asyncio.subprocess.PIPE, start_new_session=True
+    )
+    try:
+        await until(lambda: not echoes(terminal))
+        process.send_signal(signal.SIGINT)
+        async with asyncio.timeout(PATIENCE_S):
+            await process.communicate()
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(process.pid, signal.SIGKILL)
+    assert process.returncode == 0
+    assert echoes(terminal)
+    os.close(hand)
+    os.close(terminal)
+
+
+def echoes(terminal: int) -> bool:
+    return bool(termios.tcgetattr(terminal)[3] & termios.ECHO)
 
 
 async def test_what_cannot_be_done_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
