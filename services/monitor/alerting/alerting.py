@@ -196,7 +196,7 @@ class Alerting:
         if engine.concerns(camera.key):
             look = self._look_of(camera, now_ns)
             engine.look(look, now_ns)
-            if look.nearest:  # which may grow old without any news
+            if look.nearest or not look.settled:  # which may grow old, or settle, without any news
                 self._unsteady.add(camera.key)
 
     def _look_of(self, camera: CameraView, now_ns: int) -> Look:
@@ -235,6 +235,7 @@ def look_at(
         silent_ns=silent_ns,
         complete=complete,
         counts={name: tracked.count.count for name, tracked in sighted},
+        settled=camera.settled,
         nearest={name: near for name, tracked in sighted if (near := tracked.nearest_since(since_ns)) is not None},
         disagreements=camera.disagreements(since_ns),
     )

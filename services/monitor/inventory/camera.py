@@ -48,6 +48,11 @@ class CameraView:
         """When the newest class list of the model that speaks came; 0 before the first."""
         return self.speaker.last_ns if self.speaker else 0
 
+    @property
+    def settled(self) -> bool:
+        """Whether enough lists came, without a gap, to tell what is not in view."""
+        return self.speaker is not None and self.speaker.settled
+
     def speaks(self, since_ns: int) -> bool:
         """Whether what it says is of now: lists came since then, and not only the one that late subscribers get."""
         return self.speaker is not None and self.speaker.lists > 1 and self.last_ns >= since_ns and not self.lost
@@ -158,7 +163,7 @@ class CameraView:
             if tracked.count.count
         ]
         counted.sort(key=_NAME)
-        return tuple(counted) if counted or self.speaker.lists > 1 else None
+        return tuple(counted) if counted or self.speaker.settled else None
 
     def others(self, since_ns: int) -> Iterator[View]:
         """Yield the models that spoke since then, and not only once, other than the one that speaks for the camera."""

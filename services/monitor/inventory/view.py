@@ -104,10 +104,21 @@ class View:
     """The classes that one model has in view.
 
     began_ns: since when it looks without a gap; of one that was restored, a moment later. lists: how many were taken
-    since then. worker: who sent the newest one.
+    since then; settled: enough to tell what is not in view. worker: who sent the newest one.
     """
 
-    __slots__ = ("began_ns", "classes", "last_ns", "lists", "model", "order", "service", "worker")
+    __slots__ = (
+        "_listed_ns",
+        "began_ns",
+        "classes",
+        "last_ns",
+        "lists",
+        "model",
+        "order",
+        "service",
+        "settled",
+        "worker",
+    )
 
     def __init__(self, model: str, began_ns: int, service: str = worker_keys.DETECTOR) -> None:
         self.model = model
@@ -118,10 +129,12 @@ class View:
         self.classes: dict[str, Tracked] = {}
         self.order = FrameOrder()
         self.lists = 0
+        self.settled = False
+        self._listed_ns = began_ns
 
     def begin_anew(self, at_ns: int) -> None:
         """Look again after a gap: what was in view then is not known to be now."""
-        self.began_ns, self.lists = at_ns, 0
+        self.began_ns, self.lists, self.settled = at_ns, 0, False
         for tracked in self.classes.values():
             tracked.count, tracked.listed = DebouncedCount(), 0
 
@@ -134,10 +147,14 @@ class View:
 
     def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
         """Take a class list that is news; return the classes whose count moved."""
-        if self.lists == 0 and at_ns > self.began_ns:
-            self.began_ns = at_ns + REPLAY_NS
+        if self.lists == 0:
+            self._listed_ns = at_ns
+            if at_ns > self.began_ns:
+                self.began_ns = at_ns + REPLAY_NS
         self.last_ns, self.worker = at_ns, seen.worker
         self.lists += 1
+        enough = self.lists > 1 and self.lists >= debounce.appear_lists
+        self.settled = enough and at_ns - self._listed_ns >= debounce.appear_ns
         moved: list[str] = []
         in_view = 0
         for each in seen.classes:

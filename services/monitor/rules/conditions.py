@@ -24,8 +24,8 @@ class Look(msgspec.Struct, frozen=True, gc=False):
 
     silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: what is missing is not
     there; else, as soon after the monitor could hear nothing, it may be still to come.
-    counts: by class, of those that were ever in view. nearest: metres by class, where known.
-    disagreements: by class, what two models count.
+    counts: by class, of those that were ever in view. settled: nothing more is in view that only does not count yet.
+    nearest: metres by class, where known. disagreements: by class, what two models count.
     """
 
     key: CameraKey
@@ -33,6 +33,7 @@ class Look(msgspec.Struct, frozen=True, gc=False):
     silent_ns: int | None = None
     complete: bool = True
     counts: Mapping[str, int] = {}
+    settled: bool = True
     nearest: Mapping[str, float] = {}
     disagreements: Mapping[str, tuple[int, int]] = {}
 
@@ -68,7 +69,8 @@ def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
             yield Finding(rule.of, over, _counted(rule.of, look, f"over {rule.count}") if over else "")
         case UnderRule() if look.speaks:
             under = look.counts.get(rule.of, 0) < rule.count
-            yield Finding(rule.of, under, _counted(rule.of, look, f"under {rule.count}") if under else "")
+            text = _counted(rule.of, look, f"under {rule.count}") if under else ""
+            yield Finding(rule.of, None if under and not look.settled else under, text)
         case NearerRule() if look.speaks:
             yield _nearer(rule, look)
         case DisagreeRule() if look.speaks:

@@ -52,12 +52,18 @@ class Rig:
 
 
 @asynccontextmanager
-async def rigged(tmp_path: Path, offer_s: float = OFFER_S, most_subjects: int = MAX_SUBJECTS) -> AsyncIterator[Rig]:
+async def rigged(
+    tmp_path: Path,
+    offer_s: float = OFFER_S,
+    most_subjects: int = MAX_SUBJECTS,
+    text: str = RULES,
+    appear: tuple[int, int] = (1, 0),
+) -> AsyncIterator[Rig]:
     path = tmp_path / "rules.yaml"
-    path.write_text(RULES, encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     rules = RuleFile(path)
     await rules.load()
-    inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+    inventory = Inventory(Limits(Debounce(*appear, 1, 0)))
     alerting = Alerting(rules, inventory, hears(), settle_s=0, offer_s=offer_s, most_subjects=most_subjects)
     network = FakeNetwork()
     async with network.open_bus() as ours, network.open_bus() as theirs:
@@ -245,3 +251,21 @@ def test_a_look_is_of_what_is_known_now() -> None:
     assert (look.speaks, look.counts, look.nearest, look.disagreements) == (True, {"box": 2}, {"box": 1.625}, {})
     later = look_at(inventory, camera, 9 * S)
     assert (later.speaks, later.counts, later.nearest) == (False, {"box": 2}, {})
+
+
+@pytest.mark.parametrize("appear", [(4, 0), (1, S // 2)])
+@pytest.mark.parametrize(("boxes", "raised"), [(3, []), (0, [("too few", AlertState.RAISED)])])
+async def test_there_are_too_few_only_once_those_that_are_there_would_count(
+    tmp_path: Path, appear: tuple[int, int], boxes: int, raised: list[tuple[str, AlertState]]
+) -> None:
+    lists, long_ns = appear
+    under = "rules: [{name: too few, when: under, class: box, count: 2}]"
+    async with rigged(tmp_path, text=under, appear=appear) as rig:
+        for _ in range(max(2, lists - 1)):
+            rig.see(box=boxes)
+        await asyncio.sleep(2 * SWEEP_S)
+        assert rig.kept == []
+        await asyncio.sleep(long_ns / S)
+        rig.see(box=boxes)
+        await asyncio.sleep(3 * SWEEP_S)
+        assert rig.states() == raised
