@@ -196,7 +196,7 @@ class Alerting:
         if engine.concerns(camera.key):
             look = self._look_of(camera, now_ns)
             engine.look(look, now_ns)
-            if look.nearest or not look.settled:  # which may grow old, or settle, without any news
+            if look.nearest or (look.speaks and not look.settled):  # which may grow old, or settle, without any news
                 self._unsteady.add(camera.key)
 
     def _look_of(self, camera: CameraView, now_ns: int) -> Look:

@@ -154,7 +154,7 @@ class View:
         self.last_ns, self.worker = at_ns, seen.worker
         self.lists += 1
         enough = self.lists > 1 and self.lists >= debounce.appear_lists
-        self.settled = enough and at_ns - self._listed_ns >= debounce.appear_ns
+        self.settled = self.settled or (enough and at_ns - self._listed_ns >= debounce.appear_ns)
         moved: list[str] = []
         in_view = 0
         for each in seen.classes:
