@@ -128,8 +128,7 @@ class CameraView:
     def set_back(self, now_ns: int) -> None:
         """Have nothing be heard later than now: the clock was set back."""
         for view in chain(self.views.values(), self.opinions.values()):
-            view.last_ns = min(view.last_ns, now_ns)
-            view.order.set_back(now_ns)
+            view.set_back(now_ns)
         self._distance_order.set_back(now_ns)
 
     def restore(self, sighting: Sighting) -> None:
@@ -166,9 +165,9 @@ class CameraView:
         return tuple(counted) if counted or self.speaker.settled else None
 
     def others(self, since_ns: int) -> Iterator[View]:
-        """Yield the models that spoke since then, and not only once, other than the one that speaks for the camera."""
+        """Yield the models that spoke since then, often enough, other than the one that speaks for the camera."""
         for view in chain(self.views.values(), self.opinions.values()):
-            if view is not self.speaker and view.last_ns >= since_ns and view.lists > 1:
+            if view is not self.speaker and view.last_ns >= since_ns and view.settled:
                 yield view
 
     def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
@@ -177,7 +176,7 @@ class CameraView:
         A class that one of them does not know is none: see `View.knows`.
         """
         found: dict[str, tuple[int, int]] = {}
-        if self.speaker is None:
+        if self.speaker is None or not self.speaker.settled:
             return found
         for view in self.others(since_ns):
             for name in {**self.speaker.classes, **view.classes}:

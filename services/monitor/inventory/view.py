@@ -138,6 +138,11 @@ class View:
         for tracked in self.classes.values():
             tracked.count, tracked.listed = DebouncedCount(), 0
 
+    def set_back(self, now_ns: int) -> None:
+        """Have nothing have come later than now: the clock was set back."""
+        self.last_ns, self._listed_ns = min(self.last_ns, now_ns), min(self._listed_ns, now_ns)
+        self.order.set_back(now_ns)
+
     def speak(self, moved: Iterable[str], since_ns: int) -> None:
         """Speak for a camera since then, of which another model said otherwise about these classes until then."""
         self.began_ns = max(self.began_ns, since_ns)

@@ -24,8 +24,9 @@ class Look(msgspec.Struct, frozen=True, gc=False):
 
     silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: what is missing is not
     there; else, as soon after the monitor could hear nothing, it may be still to come.
-    counts: by class, of those that were ever in view. settled: nothing more is in view that only does not count yet.
-    nearest: metres by class, where known. disagreements: by class, what two models count.
+    counts: by class, of those that were ever in view. settled: enough lists came for what was there from the first one
+    to count; else more may be in view. nearest: metres by class, where known. disagreements: by class, what two models
+    count.
     """
 
     key: CameraKey
@@ -59,18 +60,20 @@ def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
     match rule:
         case AppearsRule() | DisappearsRule():
             in_view = look.counts.get(rule.of, 0) > 0
-            if look.speaks and in_view is isinstance(rule, DisappearsRule):
+            known = look.speaks and (in_view or look.settled)
+            if known and in_view is isinstance(rule, DisappearsRule):
                 yield Finding(rule.of, holds=False)
         case SilentRule():
             if rule.of_cameras:
                 yield _silent(look)
         case OverRule() if look.speaks:
             over = look.counts.get(rule.of, 0) > rule.count
-            yield Finding(rule.of, over, _counted(rule.of, look, f"over {rule.count}") if over else "")
+            text = _counted(rule.of, look, f"over {rule.count}") if over else ""
+            yield Finding(rule.of, over if over or look.settled else None, text)
         case UnderRule() if look.speaks:
             under = look.counts.get(rule.of, 0) < rule.count
             text = _counted(rule.of, look, f"under {rule.count}") if under else ""
-            yield Finding(rule.of, None if under and not look.settled else under, text)
+            yield Finding(rule.of, under if look.settled or not under else None, text)
         case NearerRule() if look.speaks:
             yield _nearer(rule, look)
         case DisagreeRule() if look.speaks:
@@ -114,7 +117,8 @@ def _silent(look: Look) -> Finding:
 def _nearer(rule: NearerRule, look: Look) -> Finding:
     """Return whether it is near; what is not in view, or at no known distance, is not."""
     nearest = look.nearest.get(rule.of)
-    if nearest is None and not look.complete and look.counts.get(rule.of, 0):
+    to_come = not look.complete if look.counts.get(rule.of, 0) else not look.settled
+    if nearest is None and to_come:
         return Finding(rule.of, holds=None)
     if nearest is None or nearest >= rule.than_m:
         return Finding(rule.of, holds=False)
@@ -126,7 +130,7 @@ def _disagreements(rule: DisagreeRule, look: Look) -> Iterator[Finding]:
     for name in [rule.of] if rule.of else look.counts:
         counts = look.disagreements.get(name)
         if counts is None:
-            yield Finding(name, holds=False if look.complete else None)
+            yield Finding(name, holds=False if look.complete and look.settled else None)
         else:
             text = f"two models count {counts[0]} and {counts[1]} {name} in view of {look.key}"
             yield Finding(name, holds=True, text=text)

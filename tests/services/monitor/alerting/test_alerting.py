@@ -3,6 +3,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -12,10 +13,13 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.alerts import Action, Alert, AlertState
 from schemas.keys import ACTIONS, ALERTS, CameraKey, RobotStreamKey
+from services.monitor.alerting import alerting as module
 from services.monitor.alerting.alerting import OFFER_S, SWEEP_S, Alerting, look_at
 from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine, UnknownAlertError
 from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until
@@ -269,3 +273,21 @@ async def test_there_are_too_few_only_once_those_that_are_there_would_count(
         rig.see(box=boxes)
         await asyncio.sleep(3 * SWEEP_S)
         assert rig.states() == raised
+
+
+async def test_a_camera_that_says_nothing_is_not_looked_at_again_and_again(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[CameraKey] = []
+
+    def look(inventory: Inventory, camera: CameraView, *known: Any, **more: Any) -> Look:
+        looks.append(camera.key)
+        return look_at(inventory, camera, *known, **more)
+
+    rig.see(box=1)
+    await asyncio.sleep(3 * SWEEP_S)
+    monkeypatch.setattr(module, "look_at", look)
+    await asyncio.sleep(3 * SWEEP_S)
+    assert looks == []
+    rig.see(box=1)
+    await until(lambda: looks == [FRONT])

@@ -268,3 +268,32 @@ def test_a_class_that_a_list_names_twice_is_seen_once() -> None:
     assert camera.camera.see(twice, S, camera.debounce, SILENT_NS, LOST_NS) == []
     camera.seq = 1
     assert camera.see(2, box=1) == [("appeared", "box", 1)]
+
+
+def test_models_disagree_only_once_what_each_has_in_view_would_count() -> None:
+    camera = Seeing(Debounce(4, 0, 1, 0))
+    for at_s in range(1, 5):
+        camera.see(at_s, box=1)
+    for at_s in range(5, 8):
+        camera.see(at_s, box=1)
+        camera.opine(at_s, box=1)
+        assert camera.camera.disagreements(0) == {}
+    camera.opine(8, box=1)
+    assert camera.camera.disagreements(0) == {}
+    for at_s in range(9, 13):
+        camera.opine(at_s, box=2)
+    assert camera.camera.disagreements(0) == {"box": (1, 2)}
+
+
+def test_a_clock_that_is_set_back_neither_unsettles_a_camera_nor_keeps_one_from_settling() -> None:
+    settled, not_yet = Seeing(Debounce(1, 5 * S, 1, 0)), Seeing(Debounce(1, 5 * S, 1, 0))
+    for at_s in (3_600, 3_603, 3_606):
+        settled.see(at_s)
+    for at_s in (3_604, 3_605):
+        not_yet.see(at_s)
+    for each in (settled, not_yet):
+        each.camera.set_back(10 * S)
+        each.see(11)
+    assert (settled.camera.settled, not_yet.camera.settled) == (True, False)
+    not_yet.see(15)
+    assert not_yet.camera.settled

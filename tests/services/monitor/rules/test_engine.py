@@ -378,3 +378,32 @@ def test_what_is_remembered_for_its_cooldown_makes_room_for_what_holds() -> None
     assert ruling.look(1, counts={"box": 0}) == ["1 resolved"]
     assert ruling.look(2, counts={"box": 3}, key=REAR) == ["2 raised"]
     assert ruling.look(3, counts={"box": 0}, key=REAR) == ["2 resolved"]
+
+
+@pytest.mark.parametrize(
+    ("rule", "holds", "over"),
+    [
+        (OVER, {"counts": {"box": 3}}, {"counts": {"box": 0}}),
+        (
+            {"when": "nearer", "class": "box", "than_m": 2},
+            {"counts": {"box": 1}, "nearest": {"box": 1.0}},
+            {"counts": {}},
+        ),
+        ({"when": "disagree"}, {"counts": {"box": 1}, "disagreements": {"box": (1, 2)}}, {"counts": {"box": 1}}),
+    ],
+)
+def test_what_does_not_count_yet_ends_no_alert(
+    rule: dict[str, Any], holds: dict[str, Any], over: dict[str, Any]
+) -> None:
+    ruling = Ruling(rule)
+    assert ruling.look(1, **holds) == ["1 raised"]
+    assert ruling.look(2, settled=False, **over) == []
+    assert ruling.look(3, settled=True, **over) == ["1 resolved"]
+
+
+def test_what_appeared_is_gone_only_once_it_would_count_if_it_were_there() -> None:
+    ruling = Ruling({"when": "appears", "class": "box"})
+    assert ruling.changed(1, ChangeKind.APPEARED) == ["1 raised"]
+    assert ruling.look(2, settled=False) == []
+    assert ruling.look(3, counts={"box": 1}) == []
+    assert ruling.look(4) == ["1 resolved"]
