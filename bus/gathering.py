@@ -25,7 +25,7 @@ LONGEST_S: Final = 0.02
 """How long what comes after a batch waits for others at least, and at most."""
 
 DELIVERED_S: Final = 0.05
-"""After so long what had come is delivered: longer than anything waits, so that a busy interpreter gets to it, too."""
+"""After so long what had come should be delivered: longer than it waits, so that a busy interpreter gets to it, too."""
 
 STOP_GRACE_S: Final = 0.2
 """Longest wait for a batch that is being delivered when its subscriber is undeclared."""

@@ -6,7 +6,7 @@ import sys
 import termios
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Final
 
@@ -95,7 +95,8 @@ def _terminal_left_as_it_is() -> Iterator[None]:
     try:
         yield
     finally:
-        termios.tcsetattr(sys.stdin, termios.TCSANOW, before)
+        with suppress(termios.error):  # it is gone
+            termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, before)  # half a password is not for the shell
 
 
 def read_password(ask: Callable[[str], str]) -> str:

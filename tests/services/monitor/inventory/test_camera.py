@@ -1,5 +1,6 @@
 import msgspec
 
+from schemas import worker_keys
 from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from services.monitor.inventory.camera import MAX_MODELS, CameraView, nearest_of
@@ -272,6 +273,7 @@ def test_a_class_that_a_list_names_twice_is_seen_once() -> None:
 
 def test_models_disagree_only_once_what_each_has_in_view_would_count() -> None:
     camera = Seeing(Debounce(4, 0, 1, 0))
+    camera.vocabularies[worker_keys.OPINION, "w"] = {"box"}
     for at_s in range(1, 5):
         camera.see(at_s, box=1)
     for at_s in range(5, 8):

@@ -5,7 +5,6 @@ import pty
 import signal
 import sys
 import termios
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -75,12 +74,13 @@ async def test_interrupted_while_it_asks_for_a_password_the_terminal_shows_again
         async with asyncio.timeout(PATIENCE_S):
             await process.communicate()
     finally:
-        with suppress(ProcessLookupError):
-            os.kill(process.pid, signal.SIGKILL)
-    assert process.returncode == 0
-    assert echoes(terminal)
-    os.close(hand)
-    os.close(terminal)
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+        shown = echoes(terminal)
+        os.close(hand)
+        os.close(terminal)
+    assert (process.returncode, shown) == (0, True)
 
 
 def echoes(terminal: int) -> bool:
