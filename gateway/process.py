@@ -23,6 +23,7 @@ from gateway.requests.answering import answering
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
 from gateway.ros1.tasks import cancel_and_wait
+from gateway.scheduling import give_way
 from gateway.settings import GatewaySettings
 from gateway.shaping.consumers import Consumers, stays_near
 from gateway.shaping.shaping import Shaping
@@ -50,6 +51,7 @@ async def run(settings: GatewaySettings) -> int:
         HostError: nothing can listen at `ros_host`.
         BusError: nothing can listen where the bus settings say.
     """
+    give_way()
     boot_id, machine = uuid.uuid4().hex, clock_id()
     shaping = Shaping(settings, Consumers(settings.robot, machine, near=stays_near(settings)))
     clock = SimClock()
