@@ -1,7 +1,7 @@
 """The bus between the processes of a fleet; the only package that imports zenoh.
 
 Publishers know whether they are wanted, subscriptions are bounded, presence is seen, requests are answered or end in an
-error in time. Payloads are bytes; what they mean is for others to say.
+error in time. Payloads are bytes, or pieces of them; what they mean is for others to say.
 """
 
 from bus.api import (
@@ -26,6 +26,7 @@ from bus.api import (
     Watch,
 )
 from bus.errors import BusClosedError, BusError, NotServedError, RefusedError, RequestError, RequestTimeoutError
+from bus.pieces import Payload, Pieces
 from bus.settings import BusSettings
 from bus.zenoh_bus import open_bus
 
@@ -42,6 +43,8 @@ __all__ = [
     "Handler",
     "Latest",
     "NotServedError",
+    "Payload",
+    "Pieces",
     "Presence",
     "Publisher",
     "PublisherCounts",

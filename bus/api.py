@@ -8,6 +8,8 @@ from typing import Final, Protocol, Self
 
 import msgspec
 
+from bus.pieces import Payload
+
 
 class QoS(Enum):
     """How a publisher's messages travel. None of them waits for a receiver."""
@@ -132,7 +134,7 @@ class Publisher(Protocol):
     def counts(self) -> PublisherCounts:
         """What became of the messages so far."""
 
-    def put(self, payload: bytes | bytearray) -> None:
+    def put(self, payload: Payload) -> None:
         """Hand a message over to be sent; it must not be changed afterwards.
 
         The message that finds a quick link slow may hold up its sender for some tens of milliseconds, once: the next
@@ -140,7 +142,7 @@ class Publisher(Protocol):
 
         Raises:
             BusClosedError: the publisher or the bus is closed.
-            TypeError: the payload is neither bytes nor bytearray.
+            TypeError: the payload is no Payload.
 
         """
 
@@ -260,6 +262,6 @@ class Bus(Protocol):
             RefusedError: the server's error.
             BusClosedError: the bus is, or was meanwhile, closed.
             BusError: a bad key, a payload over MAX_REQUEST_BYTES, too many requests unanswered.
-            TypeError: the payload is neither bytes nor bytearray.
+            TypeError: the payload is no Payload.
 
         """

@@ -21,6 +21,7 @@ from bus.known_keys import number_of
 from bus.lane import Lane
 from bus.numbering import MOST_KEPT, stamp
 from bus.panics import panics_are_errors
+from bus.pieces import Payload, joined
 from bus.queries import TIMEOUT_MS, finish_query, timeout_of
 from bus.reading import PresenceReader
 from bus.serving import Call, Server
@@ -133,7 +134,7 @@ class ZenohPublisher(MessageWriter):
         if turn == self._turn:
             self._demand.offer(wanted=status.matching)
 
-    def write(self, payload: bytes | bytearray) -> None:
+    def write(self, payload: Payload) -> None:
         """Send on the lane's thread."""
         if self._publisher is None:
             return
@@ -143,18 +144,19 @@ class ZenohPublisher(MessageWriter):
             else:
                 self._write_numbered(self._publisher, payload)
 
-    def _write_image(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: bytes | bytearray) -> None:
-        placed = payload if self._shared is None else self._shared.place(payload)
+    def _write_image(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: Payload) -> None:
+        placed = joined(payload) if self._shared is None else self._shared.place(payload)
         if placed is None:
             self.count_dropped(1)
         else:
             publisher.put(placed)
 
-    def _write_numbered(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: bytes | bytearray) -> None:
+    def _write_numbered(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: Payload) -> None:
         self._number += 1
-        self._kept.append((bytes(payload), self._number))  # first: what a lost link does not take goes to the next one
+        whole = bytes(payload)
+        self._kept.append((whole, self._number))  # first: what a lost link does not take goes to the next one
         try:
-            publisher.put(payload, attachment=stamp(self._name, self._number, 0))
+            publisher.put(whole, attachment=stamp(self._name, self._number, 0))
         except zenoh.ZError:
             if not self.kept:
                 raise

@@ -12,6 +12,7 @@ from bus.asking import Asking, Unanswered
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, matches, single_key
+from bus.pieces import Payload
 from bus.reading import PresenceReader, SampleReader
 from bus.serving import Call, Server, check_free
 from bus.writing import MessageWriter
@@ -47,7 +48,7 @@ class _FakePublisher(MessageWriter):
         self.kept: deque[bytes] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
         self._network = network
 
-    def _deliver(self, payload: bytes | bytearray) -> None:
+    def _deliver(self, payload: Payload) -> None:
         sent = bytes(payload)
         self.kept.append(sent)
         for subscription in self._network.matching(self.key, _FakeSubscription):

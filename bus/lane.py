@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable
 from typing import Final, Protocol
 
 from bus.mailbox import PerKey
+from bus.pieces import Payload
 
 QUICK_S: Final = 0.005
 """A write that takes longer has waited for a link."""
@@ -24,7 +25,7 @@ class Writer(Hashable, Protocol):
     def kept(self) -> int:
         """How many of its messages are to wait at least, as far as they must."""
 
-    def write(self, payload: bytes | bytearray) -> None:
+    def write(self, payload: Payload) -> None:
         """Send a message; may take a while."""
 
     def count_dropped(self, number: int) -> None:
@@ -47,14 +48,14 @@ class Lane:
         self._queued = threading.Condition(self._lock)
         self._written = threading.Condition(self._lock)
         self._retiring = 0
-        self._held: PerKey[Writer, bytes | bytearray] = PerKey(depth)
-        self._ready: PerKey[Writer, bytes | bytearray] = PerKey(depth)
+        self._held: PerKey[Writer, Payload] = PerKey(depth)
+        self._ready: PerKey[Writer, Payload] = PerKey(depth)
         self._quick_writes: dict[Writer, int] = {}
         self._writing: set[Writer] = set()
         self._thread: threading.Thread | None = None
         self._stopping = False
 
-    def offer(self, writer: Writer, payload: bytes | bytearray) -> None:
+    def offer(self, writer: Writer, payload: Payload) -> None:
         """Send or queue a message; the one that finds a quick link slow blocks as long as its write takes."""
         with self._lock:
             at_once = self._is_quick(writer)
@@ -74,7 +75,7 @@ class Lane:
         with self._lock:
             self._quick_writes = dict.fromkeys(self._quick_writes, 0)
 
-    def _queue(self, writer: Writer, payload: bytes | bytearray) -> int:
+    def _queue(self, writer: Writer, payload: Payload) -> int:
         if writer not in self._quick_writes:
             return self._held.offer(writer, payload, writer.kept)
         self._queued.notify()
@@ -115,7 +116,7 @@ class Lane:
         while (writing := self._next()) is not None:
             self._write(*writing)
 
-    def _next(self) -> tuple[Writer, bytes | bytearray] | None:
+    def _next(self) -> tuple[Writer, Payload] | None:
         with self._lock:
             while not self._stopping:
                 taken = self._ready.take()
@@ -125,7 +126,7 @@ class Lane:
                 self._queued.wait()
             return None
 
-    def _write(self, writer: Writer, payload: bytes | bytearray) -> bool:
+    def _write(self, writer: Writer, payload: Payload) -> bool:
         """Return whether it was quick."""
         began = self._clock()
         try:

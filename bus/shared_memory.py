@@ -12,6 +12,7 @@ from zenoh.shm import ShmProvider, ZShmMut
 
 from bus.errors import BusError
 from bus.panics import panics_are_errors
+from bus.pieces import Payload, Pieces, joined
 
 FRAMES: Final = 3
 """Payloads of one size that may be on their way at once: shared ones fill no socket, which would bound them."""
@@ -47,7 +48,7 @@ class SharedFrames:
         self._refused_since = 0.0
         self._provider: ShmProvider | None = None
 
-    def place(self, payload: bytes | bytearray) -> ZShmMut | bytes | bytearray | None:
+    def place(self, payload: Payload) -> ZShmMut | bytes | bytearray | None:
         """Return the payload's copy in shared memory, or itself where it is small or the system has no room.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
@@ -55,14 +56,14 @@ class SharedFrames:
         """
         size = len(payload)
         if size < SMALLEST_BYTES:
-            return payload
+            return joined(payload)
         if size > self._largest:
             self._renew(size + size // _SPARE)
         if self._provider is None:
-            return payload
+            return joined(payload)
         if (room := _allocated(self._provider, size)) is not None:
             self._refused = 0
-            room[0:size] = payload
+            _write(payload, room)
             return room
         if not self._refused:
             self._refused_since = self._clock()
@@ -80,6 +81,13 @@ class SharedFrames:
         self._refused = 0
         self._provider = None  # whose memory the system has back then, once no subscriber has it
         self._provider = _provider(FRAMES * (largest + _OVERHEAD_BYTES))
+
+
+def _write(payload: Payload, room: ZShmMut) -> None:
+    if isinstance(payload, Pieces):
+        payload.write(room)
+    else:
+        room[0 : len(payload)] = payload
 
 
 def _allocated(provider: ShmProvider, size: int) -> ZShmMut | None:

@@ -6,12 +6,13 @@ from collections.abc import Callable
 from bus.api import PublisherCounts
 from bus.demand import Demand
 from bus.errors import BusClosedError
+from bus.pieces import Payload
 
 
 class MessageWriter:
     """A publisher as its user sees it; `send` takes each message that is fit to be sent."""
 
-    def __init__(self, key: str, demand: Demand, send: Callable[[bytes | bytearray], None]) -> None:
+    def __init__(self, key: str, demand: Demand, send: Callable[[Payload], None]) -> None:
         self._key = key
         self._demand = demand
         self._send = send
@@ -30,12 +31,12 @@ class MessageWriter:
         """What became of the messages so far."""
         return PublisherCounts(self._put, self._dropped)
 
-    def put(self, payload: bytes | bytearray) -> None:
+    def put(self, payload: Payload) -> None:
         """Hand a message over to be sent."""
         if self._ended:
             raise BusClosedError(f"the publisher of {self._key} is closed")
-        if not isinstance(payload, bytes | bytearray):
-            raise TypeError(f"a payload is bytes or bytearray, not {type(payload).__name__}")
+        if not isinstance(payload, Payload):
+            raise TypeError(f"a payload is bytes, bytearray or Pieces, not {type(payload).__name__}")
         self._put += 1
         self._send(payload)
 

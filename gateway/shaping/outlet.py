@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
-from bus import Publisher
+from bus import Payload, Pieces, Publisher
 from gateway.rate_limited_log import RateLimitedLog
 from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.shaping.counts import OutletCounts
@@ -90,7 +90,7 @@ class Outlet:
         as_it_is = method.format == RAW and factor == 1
         if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
             self._compression = frame.format
-            self._pass_on(codec.encode(frame), moment)
+            self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)
             return
         self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, Job(frame, factor, method, moment))
 
@@ -104,7 +104,7 @@ class Outlet:
         self._dropped[UNSHAPED] += 1
         self._log.warning("%s: frame left out: %s", self._key, error)
 
-    def _pass_on(self, payload: bytes, moment: Moment | None = None) -> None:
+    def _pass_on(self, payload: Payload, moment: Moment | None = None) -> None:
         if self._pacer is None:
             self._send(payload)
         elif self._plan.all_here():
@@ -119,7 +119,7 @@ class Outlet:
     def _lose(self) -> None:
         self._dropped[OVER_BUDGET] += 1
 
-    def _send(self, payload: bytes) -> None:
+    def _send(self, payload: Payload) -> None:
         self._bytes += len(payload)
         self._publisher.put(payload)
 

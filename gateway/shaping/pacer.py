@@ -6,6 +6,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Final
 
+from bus import Payload
 from gateway.shaping.uplink import Moment, Uplink
 
 MBIT: Final = 1_000_000
@@ -15,8 +16,8 @@ MBIT: Final = 1_000_000
 class _Offered:
     """A payload, what sends it, and what is told when that will never be."""
 
-    payload: bytes
-    send: Callable[[bytes], None]
+    payload: Payload
+    send: Callable[[Payload], None]
     lose: Callable[[], None]
 
 
@@ -34,8 +35,8 @@ class Pacer:
     def offer(
         self,
         stream: Hashable,
-        payload: bytes,
-        send: Callable[[bytes], None],
+        payload: Payload,
+        send: Callable[[Payload], None],
         *,
         moment: Moment | None = None,
         lose: Callable[[], None] = lambda: None,

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from bus.lane import QUICK_S, QUICK_WRITES, Lane
+from bus.pieces import Payload
 
 PATIENCE_S = 60
 
@@ -33,7 +34,7 @@ class Recorder:
         self.dropped = 0
         self._fails = fails
 
-    def write(self, payload: bytes | bytearray) -> None:
+    def write(self, payload: Payload) -> None:
         self.begun.set()
         assert self.gate.wait(PATIENCE_S)
         self.threads.append(threading.current_thread().name)

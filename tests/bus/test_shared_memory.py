@@ -1,3 +1,4 @@
+from bus.pieces import Pieces
 from bus.shared_memory import FRAMES, PATIENCE, PATIENCE_S, SMALLEST_BYTES, SharedFrames
 
 SIZE = 100_000
@@ -13,6 +14,17 @@ def test_a_large_payload_is_copied() -> None:
     placed = SharedFrames().place(payload)
     assert placed is not payload
     assert bytes(placed or b"") == payload
+
+
+def test_pieces_are_copied_into_one_place() -> None:
+    whole = bytearray(range(256)) * (SIZE // 256)
+    placed = SharedFrames().place(Pieces(b"a head", memoryview(whole)[3:-2], b"a tail"))
+    assert not isinstance(placed, bytes)
+    assert bytes(placed or b"") == b"a head" + whole[3:-2] + b"a tail"
+
+
+def test_pieces_that_are_not_shared_are_joined() -> None:
+    assert SharedFrames().place(Pieces(b"a ", memoryview(bytearray(b"small")), b" one")) == b"a small one"
 
 
 def test_there_is_room_for_so_many_payloads_until_one_is_gone() -> None:

@@ -10,6 +10,7 @@ from bus import (
     LATEST,
     QUEUE,
     Bus,
+    Pieces,
     Presence,
     QoS,
     SubscriptionCounts,
@@ -30,19 +31,22 @@ async def test_what_is_put_arrives_as_it_was(buses: tuple[Bus, Bus]) -> None:
         out.put(b"bytes")
         out.put(bytearray(b"more"))
         out.put(b"")
-        samples = [await next_of(subscription) for _ in range(3)]
-        assert [sample.payload for sample in samples] == [b"bytes", b"more", b""]
+        out.put(Pieces(b"in ", memoryview(b"pieces"), b"!"))
+        samples = [await next_of(subscription) for _ in range(4)]
+        assert [sample.payload for sample in samples] == [b"bytes", b"more", b"", b"in pieces!"]
         assert {(sample.key, sample.encoding, sample.replaced) for sample in samples} == {(KEY, "a/b;c", 0)}
         assert all(type(sample.payload) is bytes for sample in samples)
         assert samples[0].received_ns <= samples[-1].received_ns
-        assert (out.counts.put, out.counts.dropped) == (3, 0)
-        assert subscription.counts == SubscriptionCounts(received=3, dropped=0)
+        assert (out.counts.put, out.counts.dropped) == (4, 0)
+        assert subscription.counts == SubscriptionCounts(received=4, dropped=0)
 
 
+@pytest.mark.parametrize("pieces", [True, False])
 @pytest.mark.parametrize("history", [True, False])
-async def test_whole_frames_arrive(buses: tuple[Bus, Bus], *, history: bool) -> None:
+async def test_whole_frames_arrive(buses: tuple[Bus, Bus], *, history: bool, pieces: bool) -> None:
     here, there = buses
     frame = bytes(range(256)) * (ONE_FRAME // 256)
+    payload = Pieces(frame[:100], memoryview(bytearray(frame))[100:-7], frame[-7:]) if pieces else frame
     async with (
         here.subscribe("fleet/*/*/color", LATEST, history=history) as subscription,
         there.publisher(IMAGE_KEY, QoS.IMAGE) as images,
@@ -50,7 +54,7 @@ async def test_whole_frames_arrive(buses: tuple[Bus, Bus], *, history: bool) -> 
         await until(lambda: images.wanted)
         async with asyncio.timeout(PATIENCE_S):
             while subscription.counts.received < 3:  # images may be dropped
-                images.put(frame)
+                images.put(payload)
                 await asyncio.sleep(0.05)
         sample = await next_of(subscription)
         assert sample.payload == frame

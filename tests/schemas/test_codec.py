@@ -153,6 +153,17 @@ def test_pixels_and_points_are_a_view_into_the_payload(message: ImageFrame | Poi
     assert codec.decode(type(message), payload, codec.encoding(type(message))).data.obj is payload
 
 
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (1, 85), (2, 43), (5, 4369), (2, 10_923), (480, 640)])
+def test_pieces_are_what_the_message_is(height: int, width: int) -> None:
+    row = width * POINTS.point_step
+    data = memoryview(bytes(height * row))
+    points = msgspec.structs.replace(POINTS, height=height, width=width, row_step=row, data=data)
+    for message in (image(height=height, width=width), points):
+        head, data, tail = codec.encode_in_pieces(message)
+        assert data is message.data
+        assert head + data + tail == codec.encode(message)
+
+
 def test_a_frame_of_an_older_writer_is_raw_and_little_endian() -> None:
     fields = msgspec.to_builtins(image(), builtin_types=(memoryview,))
     for later in ("is_bigendian", "format", "inverse_depth"):

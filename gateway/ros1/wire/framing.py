@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from gateway.ros1.errors import TcprosError
 from gateway.ros1.wire.header import LENGTH
 
@@ -31,7 +29,7 @@ class FrameReceiver:
 
     def __init__(self, max_frame_bytes: int, budget: FrameBudget | None = None) -> None:
         self.max_frame_bytes = max_frame_bytes
-        self._small = np.empty(SCRATCH_BYTES, np.uint8).data
+        self._small = memoryview(bytearray(SCRATCH_BYTES))
         self._scratch = self._small
         self._start = 0
         self._end = 0
@@ -125,9 +123,9 @@ class FrameReceiver:
             self._scratch = self._small
 
     def _buffer(self, size: int) -> memoryview:
-        """Return memory that nobody cleared: all of it is written before anybody reads it."""
+        """Return memory of a bytearray, which is what the bus passes on without a copy in between."""
         self._take_from_budget(size if size > FIRST_STEP_BYTES else 0)
-        return np.empty(size, np.uint8).data
+        return memoryview(bytearray(size))
 
     def _take_from_budget(self, count: int) -> None:
         if self._budget is not None and count != self._taken:

@@ -1,5 +1,6 @@
 import asyncio
 
+from bus import Payload
 from gateway.shaping.pacer import Pacer
 from tests.gateway.ros1.waiting import until
 
@@ -7,7 +8,7 @@ BYTES_PER_S = 100_000
 
 
 async def test_what_fits_goes_at_once_and_the_rest_when_it_may() -> None:
-    pacer, sent = Pacer(BYTES_PER_S * 8 / 1e6), list[bytes]()
+    pacer, sent = Pacer(BYTES_PER_S * 8 / 1e6), list[Payload]()
     running = asyncio.create_task(pacer.run())
     older = b"o" * (BYTES_PER_S // 20)
     assert pacer.offer("color", bytes(BYTES_PER_S // 10), sent.append) == 0
@@ -23,7 +24,7 @@ async def test_what_fits_goes_at_once_and_the_rest_when_it_may() -> None:
 
 
 async def test_it_sleeps_until_something_waits() -> None:
-    pacer, sent = Pacer(BYTES_PER_S * 8 / 1e6), list[bytes]()
+    pacer, sent = Pacer(BYTES_PER_S * 8 / 1e6), list[Payload]()
     running = asyncio.create_task(pacer.run())
     await asyncio.sleep(0)
     for _ in range(2):
@@ -34,7 +35,7 @@ async def test_it_sleeps_until_something_waits() -> None:
 
 
 async def test_what_is_discarded_is_never_sent() -> None:
-    pacer, sent = Pacer(BYTES_PER_S * 8 / 1e6), list[bytes]()
+    pacer, sent = Pacer(BYTES_PER_S * 8 / 1e6), list[Payload]()
     running = asyncio.create_task(pacer.run())
     pacer.charge(BYTES_PER_S // 10)
     pacer.offer("color", b"1" * 100, sent.append)

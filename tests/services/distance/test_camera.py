@@ -5,7 +5,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from bus import BusClosedError
+from bus import BusClosedError, Payload
 from bus.api import PublisherCounts
 from bus.fake import FakeNetwork
 from schemas import codec
@@ -38,7 +38,7 @@ class Faltering:
     def counts(self) -> PublisherCounts:
         return PublisherCounts(self._put, 0)
 
-    def put(self, payload: bytes | bytearray) -> None:
+    def put(self, payload: Payload) -> None:
         self._put += 1
         if self._put == 1:
             raise BusClosedError("the link is gone")
