@@ -88,7 +88,6 @@ def _arguments(stage: Stage, settings: TrainingSettings, dataset: Path) -> dict[
         "seed": settings.seed,
         "device": device,
         "rect": True,
-        "cache": "ram",
         "workers": settings.workers,
         "optimizer": "AdamW",
         "lr0": stage.first_rate,
