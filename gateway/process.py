@@ -23,7 +23,7 @@ from gateway.requests.answering import answering
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
 from gateway.ros1.tasks import cancel_and_wait
-from gateway.scheduling import give_way
+from gateway.scheduling import giving_way
 from gateway.settings import GatewaySettings
 from gateway.shaping.consumers import Consumers, stays_near
 from gateway.shaping.shaping import Shaping
@@ -51,7 +51,11 @@ async def run(settings: GatewaySettings) -> int:
         HostError: nothing can listen at `ros_host`.
         BusError: nothing can listen where the bus settings say.
     """
-    give_way()
+    with giving_way():
+        return await _run(settings)
+
+
+async def _run(settings: GatewaySettings) -> int:
     boot_id, machine = uuid.uuid4().hex, clock_id()
     shaping = Shaping(settings, Consumers(settings.robot, machine, near=stays_near(settings)))
     clock = SimClock()

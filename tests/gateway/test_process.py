@@ -1,4 +1,5 @@
 import asyncio
+import os
 
 import pytest
 
@@ -38,6 +39,7 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
 
             waiting = await until_waiting_for(f"the ROS master at http://127.0.0.1:{port}")
             assert waiting.version == VERSION
+            assert os.sched_getscheduler(0) == os.SCHED_BATCH
             assert [stream.topic for stream in waiting.streams] == ["/camera/color/image_raw"]
             assert [returned.topic for returned in waiting.returns] == [
                 "/ultralytics/detection/classes",
@@ -52,6 +54,7 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
                 assert (await until_waiting_for("")).boot_id == waiting.boot_id
         running.cancel()
         await asyncio.wait([running])
+        assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
 async def test_a_gateway_that_nobody_can_reach_says_so_at_its_start(caplog: pytest.LogCaptureFixture) -> None:

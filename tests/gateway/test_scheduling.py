@@ -1,26 +1,40 @@
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from gateway.scheduling import give_way
+import pytest
+
+from gateway.scheduling import giving_way
 
 
-def after_giving_way() -> tuple[int, int]:
-    """Return the policies of this thread and of one that it starts."""
-    give_way()
+def in_a_thread(look: Callable[[], list[int]]) -> list[int]:
+    """Look in a thread of its own, for that is what has a policy."""
     with ThreadPoolExecutor(1) as executor:
-        return os.sched_getscheduler(0), executor.submit(os.sched_getscheduler, 0).result()
+        return executor.submit(look).result()
+
+
+def policies() -> list[int]:
+    """Return the policies of this thread while it gives way, of one that it starts then, and of its own afterwards."""
+    with giving_way(), ThreadPoolExecutor(1) as executor:
+        seen = [os.sched_getscheduler(0), executor.submit(os.sched_getscheduler, 0).result()]
+    return [*seen, os.sched_getscheduler(0)]
 
 
 def test_a_thread_and_those_that_it_starts_give_way() -> None:
-    with ThreadPoolExecutor(1) as executor:  # a policy is a thread's own
-        assert executor.submit(after_giving_way).result() == (os.SCHED_BATCH, os.SCHED_BATCH)
-    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+    assert in_a_thread(policies) == [os.SCHED_BATCH, os.SCHED_BATCH, os.SCHED_OTHER]
 
 
 def test_another_policy_is_kept() -> None:
-    def idle() -> tuple[int, int]:
+    def idle() -> list[int]:
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-        return after_giving_way()
+        return policies()
 
-    with ThreadPoolExecutor(1) as executor:
-        assert executor.submit(idle).result() == (os.SCHED_IDLE, os.SCHED_IDLE)
+    assert in_a_thread(idle) == [os.SCHED_IDLE] * 3
+
+
+def test_where_it_is_not_allowed_everything_else_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert in_a_thread(policies) == [os.SCHED_OTHER] * 3
