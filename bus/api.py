@@ -142,7 +142,7 @@ class Publisher(Protocol):
 
         Raises:
             BusClosedError: the publisher or the bus is closed.
-            TypeError: the payload is no Payload.
+            TypeError: the payload is neither bytes, bytearray nor Pieces.
 
         """
 
@@ -262,6 +262,6 @@ class Bus(Protocol):
             RefusedError: the server's error.
             BusClosedError: the bus is, or was meanwhile, closed.
             BusError: a bad key, a payload over MAX_REQUEST_BYTES, too many requests unanswered.
-            TypeError: the payload is no Payload.
+            TypeError: the payload is neither bytes nor bytearray.
 
         """

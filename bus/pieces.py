@@ -1,4 +1,7 @@
-"""A payload in pieces: what is to be written before and after a large part of memory that is there already. Pure."""
+"""A payload in pieces: what is to be written before and after a large part of memory that is there already.
+
+Pure but for the addresses of memory, which tell what is around a part of it.
+"""
 
 from collections.abc import Iterator
 from ctypes import addressof, c_char

@@ -13,17 +13,18 @@ def giving_way() -> Iterator[None]:
     keeps the threads of a gateway from interrupting each other: sending an image then takes fewer turns. What has been
     started under another policy than the usual one keeps it.
     """
-    gives_way = os.sched_getscheduler(0) == os.SCHED_OTHER and _follow(os.SCHED_BATCH)
+    gives_way = _changed(os.SCHED_OTHER, os.SCHED_BATCH)
     try:
         yield
     finally:
         if gives_way:
-            _follow(os.SCHED_OTHER)
+            _changed(os.SCHED_BATCH, os.SCHED_OTHER)
 
 
-def _follow(policy: int) -> bool:
-    """Return whether this thread may follow a policy, and does; a sandbox that allows none harms nothing else."""
-    with suppress(PermissionError):
-        os.sched_setscheduler(0, policy, os.sched_param(0))
-        return True
+def _changed(before: int, after: int) -> bool:
+    """Change this thread's policy if it is `before`; return whether that was done. Some sandboxes know no policies."""
+    with suppress(OSError):
+        if os.sched_getscheduler(0) == before:
+            os.sched_setscheduler(0, after, os.sched_param(0))
+            return True
     return False

@@ -3,24 +3,12 @@ from collections.abc import Callable
 import pytest
 
 from bus.pieces import Pieces, joined
+from tests.bus.rooms import Room
 
 BODY = bytes(range(100, 150))
 HEAD = b"a head"
 TAIL = b"tail"
 WHOLE = HEAD + BODY + TAIL
-
-
-class Room:
-    """What is written, and the largest piece of it that was written at once."""
-
-    def __init__(self, size: int) -> None:
-        self.memory = bytearray(size)
-        self.written: list[bytes | bytearray] = []
-
-    def __setitem__(self, item: slice, value: bytes | bytearray, /) -> None:
-        assert len(self.memory[item]) == len(value)
-        self.memory[item] = value
-        self.written.append(value)
 
 
 def message(before: int, after: int) -> tuple[bytearray, memoryview]:

@@ -1,3 +1,4 @@
+import errno
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -8,8 +9,12 @@ from gateway.scheduling import giving_way
 
 
 def in_a_thread(look: Callable[[], list[int]]) -> list[int]:
-    """Look in a thread of its own, for that is what has a policy."""
-    with ThreadPoolExecutor(1) as executor:
+    """Look in a thread of its own, for that is what has a policy; it begins with the usual one."""
+
+    def begin() -> None:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+    with ThreadPoolExecutor(1, initializer=begin) as executor:
         return executor.submit(look).result()
 
 
@@ -32,9 +37,17 @@ def test_another_policy_is_kept() -> None:
     assert in_a_thread(idle) == [os.SCHED_IDLE] * 3
 
 
-def test_where_it_is_not_allowed_everything_else_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise PermissionError
+@pytest.mark.parametrize("number", [errno.EPERM, errno.EINVAL, errno.ENOSYS])
+@pytest.mark.parametrize("call", ["sched_getscheduler", "sched_setscheduler"])
+def test_where_a_sandbox_refuses_it_everything_else_goes_on(call: str, number: int) -> None:
+    def refuse(*_: object) -> int:
+        raise OSError(number, "on purpose")
 
-    monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    assert in_a_thread(policies) == [os.SCHED_OTHER] * 3
+    def look() -> list[int]:
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(os, call, refuse)
+            with giving_way():
+                pass
+        return [os.sched_getscheduler(0)]
+
+    assert in_a_thread(look) == [os.SCHED_OTHER]

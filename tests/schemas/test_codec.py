@@ -164,6 +164,14 @@ def test_pieces_are_what_the_message_is(height: int, width: int) -> None:
         assert head + data + tail == codec.encode(message)
 
 
+FRAMES = [message for message in MESSAGES if isinstance(message, ImageFrame | PointCloud)]
+
+
+@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: f"{type(frame).__name__}-{frame.format}")
+def test_pieces_are_what_any_frame_is(frame: ImageFrame | PointCloud) -> None:
+    assert b"".join(codec.encode_in_pieces(frame)) == codec.encode(frame)
+
+
 def test_a_frame_of_an_older_writer_is_raw_and_little_endian() -> None:
     fields = msgspec.to_builtins(image(), builtin_types=(memoryview,))
     for later in ("is_bigendian", "format", "inverse_depth"):

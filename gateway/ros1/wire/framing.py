@@ -123,7 +123,7 @@ class FrameReceiver:
             self._scratch = self._small
 
     def _buffer(self, size: int) -> memoryview:
-        """Return memory of a bytearray, which is what the bus passes on without a copy in between."""
+        """Return cleared memory of a bytearray, which the bus passes on without a copy in between."""
         self._take_from_budget(size if size > FIRST_STEP_BYTES else 0)
         return memoryview(bytearray(size))
 
