@@ -3,7 +3,6 @@
 Pure but for the addresses of memory, which tell what is around a part of it.
 """
 
-from collections.abc import Iterator
 from ctypes import addressof, c_char
 from dataclasses import dataclass
 from typing import Protocol
@@ -26,11 +25,8 @@ class Pieces:
     def __len__(self) -> int:
         return len(self.head) + self.body.nbytes + len(self.tail)
 
-    def __iter__(self) -> Iterator[bytes | memoryview]:
-        return iter((self.head, self.body, self.tail))
-
     def __bytes__(self) -> bytes:
-        return b"".join(self)
+        return b"".join((self.head, self.body, self.tail))
 
     def write(self, room: Room) -> None:
         """Write them to the beginning of a room, if possible without a copy in between.

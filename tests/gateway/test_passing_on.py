@@ -9,7 +9,6 @@ from gateway.ros1.image import Image, encode_image
 from gateway.ros1.point_cloud import PointCloud, PointField, encode_point_cloud
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.framing import SCRATCH_BYTES, FrameReceiver
-from gateway.ros1.wire.header import LENGTH
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
 from gateway.translators.image import image
 from gateway.translators.points import point_cloud
@@ -18,6 +17,7 @@ from schemas.header import MAX_LABEL, Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud as Points
 from tests.bus.rooms import Room
+from tests.gateway.ros1.wire.framed import feed, framed
 
 SIDE = 160
 HEADER = Header(robot="r", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
@@ -57,20 +57,6 @@ def a_cloud(frame_id: str) -> bytes:
     return encode_point_cloud(cloud, seq=0)
 
 
-def received(message: bytes, times: int) -> list[memoryview]:
-    """Return a message as often as it was sent; from the third on, its place is there before it is."""
-    receiver, frames = FrameReceiver(1 << 20), []
-    stream = memoryview((LENGTH.pack(len(message)) + message) * times)
-    while stream:
-        buffer = receiver.get_buffer()
-        count = min(len(buffer), len(stream))
-        buffer[:count], stream = stream[:count], stream[count:]
-        receiver.buffer_updated(count)
-        while (frame := receiver.next_frame()) is not None:
-            frames.append(frame)
-    return frames
-
-
 @pytest.mark.parametrize("frame_id", ["", "camera", "\u20ac" * MAX_LABEL])
 @pytest.mark.parametrize(("made", "translate"), [(an_image, image), (a_cloud, point_cloud)])
 def test_a_message_is_written_as_it_came(
@@ -78,7 +64,7 @@ def test_a_message_is_written_as_it_came(
 ) -> None:
     message = made(frame_id)
     assert len(message) > SCRATCH_BYTES
-    frames = received(message, 4)
+    frames = feed(FrameReceiver(1 << 20), framed(*[message] * 4))  # there is a place for the third before it comes
     assert len(frames) == 4
     for frame in frames:
         translated = translate(Message(frame, "", PUBLISHER), HEADER)
