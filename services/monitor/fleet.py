@@ -225,8 +225,8 @@ class Fleet:
 
     @property
     def cameras(self) -> int:
-        """How many cameras there are or were."""
-        return len(self.inventory.cameras())
+        """How many cameras there are or were; those of forgotten robots are none."""
+        return len(self.inventory.in_order())
 
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name; also those that were heard before a restart alone."""

@@ -45,7 +45,7 @@ class Workers:
 class Glance:
     """The fleet at `now_ns` (epoch), which is `now_s` on a steady clock. What is made later shows what came later.
 
-    robots: all that were ever heard of, by name. cameras: the same, by robot and name.
+    robots: all that were ever heard of and not forgotten, by name. cameras: theirs, by robot and name.
     """
 
     def __init__(self, fleet: Fleet, workers: Workers, now_ns: int, now_s: float) -> None:
@@ -137,7 +137,9 @@ class SnapshotMaker:
 
 def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:
     names = dict.fromkeys([key.robot for key in cameras])
-    bare = (fleet.inventory.robots() | fleet.inventory.recalled().keys() | fleet.gateways.keys()) - names.keys()
+    inventory = fleet.inventory
+    bare = (inventory.robots() | inventory.recalled().keys() | fleet.gateways.keys()) - names.keys()
+    bare = {name for name in bare if not inventory.is_forgotten(name)}
     return tuple(sorted([*names, *bare])) if bare else tuple(names)
 
 

@@ -1,5 +1,6 @@
 """The monitor as its page and its API see it: what they read, and what people may do."""
 
+import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -26,6 +27,8 @@ from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import Snapshot
 from services.monitor.turns import in_turns
 
+log = logging.getLogger(__name__)
+
 MAX_AGE_S: Final = 0.5
 """How old a snapshot may be; so many people may look as want to."""
 
@@ -37,6 +40,14 @@ MAX_REMARKS: Final = 20
 """How many remarks about rules are made: each may take a look at all robots or cameras."""
 
 NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertState.RESOLVED)
+
+
+class UnknownRobotError(Exception):
+    """Nobody ever heard of a robot, or it was forgotten."""
+
+
+class RobotThereError(Exception):
+    """A robot cannot be forgotten while its gateway is there."""
 
 
 @dataclass(slots=True, eq=False)
@@ -116,6 +127,25 @@ class Monitor:
     def resolve(self, alert_id: str, by: str) -> Alert:
         """Close an alert; raises UnknownAlertError. by: a user's name."""
         return self._noted(self.alerting.resolve(alert_id), by)
+
+    def forget(self, robot: str, by: str) -> None:
+        """Take a robot whose gateway is gone off every list until that is back, and resolve its alerts.
+
+        by: a user's name.
+
+        Raises:
+            UnknownRobotError: it is on none.
+            RobotThereError: its gateway is there.
+        """
+        if robot not in self.glance().robots:
+            raise UnknownRobotError(f"no robot {robot[:64]!r}")
+        if self.fleet.inventory.is_alive(robot):
+            raise RobotThereError(f"the gateway of {robot} is there: stop it first")
+        for alert in [alert for alert in self.alerts() if alert.robot == robot]:
+            self.resolve(alert.id, by)
+        self.fleet.inventory.forget(robot)
+        self.history.forget(robot)
+        log.info("%s had %s forgotten", by, robot)
 
     def problems(self) -> list[str]:
         """Say what keeps the monitor itself from doing all that it should."""

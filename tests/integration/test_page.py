@@ -238,6 +238,35 @@ async def test_a_history_that_is_not_kept_is_said_until_it_is_kept_again(site: S
         await expect(page.locator(".fs-banner:visible")).to_have_count(0)
 
 
+async def test_a_robot_that_is_gone_for_good_is_forgotten_by_an_operator(site: Site, tmp_path: Path) -> None:
+    async with (
+        warehouse(history=f"sqlite:///{tmp_path}/history.db") as fleet,
+        served(fleet.monitor) as at,
+        looking(site.browser, at, tmp_path, size="phone") as looker,
+    ):
+        for name in ("r1", "r2"):
+            fleet.enter(Robot(name, {"box": 1}))
+        page = await looker.go("/")
+        card, forget = page.locator("[data-robot=r1]"), page.get_by_role("button", name="forget r1")
+        await expect(card).to_contain_text("online")
+        await expect(forget).to_have_count(0)
+        for name in ("r1", "r2"):
+            await fleet.leave(name)
+        await forget.click()
+        question = page.get_by_role("dialog")
+        await expect(question).to_contain_text("Forget r1?")
+        await looker.picture("forget-phone-light")
+        await question.get_by_role("button", name="Keep it").click()
+        await expect(question).to_be_hidden()
+        await expect(card).to_contain_text("offline")
+        await forget.click()
+        await question.get_by_role("button", name="Forget").click()
+        await expect(card).to_have_count(0)
+        await expect(page.locator("[data-robot=r2]")).to_contain_text("offline")
+        fleet.enter(Robot("r1", {"box": 1}))
+        await expect(card).to_contain_text("online")
+
+
 async def test_a_monitor_that_cannot_hear_the_fleet_says_so(site: Site, tmp_path: Path) -> None:
     async with FakeNetwork().open_bus() as bus:
         deaf = monitor_on(bus)
@@ -256,6 +285,10 @@ async def test_who_may_only_look_sees_alerts_but_no_buttons(site: Site, tmp_path
         page = await looker.go("/alerts")
         await expect(page.locator("[data-alert]").first).to_contain_text("boxes to move")
         assert await page.get_by_role("button", name="resolve").count() == 0
+        await site.fleet.leave("r2")
+        await looker.go("/")
+        await expect(page.locator("[data-robot=r2]")).to_contain_text("offline")
+        assert await page.get_by_role("button", name="forget").count() == 0
         await looker.picture("alerts-phone-light")
 
 

@@ -69,8 +69,11 @@ class Absentees:
             each.clear()
 
     def look_at_robot(self, robot: str, now_ns: int, now_s: float) -> tuple[bool | None, int]:
-        """Return whether a robot's gateway is there, None if that is not known, and since when it is not."""
-        if self._hearing.deaf:
+        """Return whether a robot's gateway is there, None if that is not known, and since when it is not.
+
+        Of a robot that was forgotten it is not known, nor asked.
+        """
+        if self._hearing.deaf or self._inventory.is_forgotten(robot):
             return None, now_ns
         if self._inventory.is_alive(robot):
             self._robots.drop(robot)

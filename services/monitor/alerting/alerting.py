@@ -200,7 +200,8 @@ class Alerting:
                 self._unsteady.add(camera.key)
 
     def _look_of(self, camera: CameraView, now_ns: int) -> Look:
-        if self._hearing.deaf and not self._inventory.speaks(camera, now_ns):
+        unknown = self._hearing.deaf or self._inventory.is_forgotten(camera.key.robot)
+        if unknown and not self._inventory.speaks(camera, now_ns):
             return Look(camera.key, speaks=False)
         silent_ns = self._absentees.silent_ns(camera.key)
         return look_at(self._inventory, camera, now_ns, silent_ns, complete=self._hearing.settled)

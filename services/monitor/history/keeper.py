@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Final
@@ -95,6 +95,8 @@ class HistoryKeeper:
         self._alerts: dict[str, Alert] = {}
         self.acts = Acts()
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
+        self._forgotten: dict[str, int] = {}
+        self._heeded_ns = time.time_ns()
         self._speaking = self._new_speaking()
         self._store: Store | None = None
         self._problem = ""
@@ -131,6 +133,11 @@ class HistoryKeeper:
         if self._settings.history != NONE:
             self._new_acts.append(act)
 
+    def forget(self, robot: str) -> None:
+        """Take that a robot was forgotten."""
+        if self._settings.history != NONE:
+            self._forgotten[robot] = self._heeded_ns = max(self._heeded_ns, time.time_ns())
+
     async def restore(self) -> None:
         """Give the inventory back what the database kept of it; before anything is taken.
 
@@ -147,6 +154,7 @@ class HistoryKeeper:
                 kept, there = await self._store.load(since_ns), await self._store.last_present()
                 heartbeat_ns = await self._store.heartbeat_ns()
                 poses = await self._store.poses(time.time_ns() - FORGET_NS)
+                forgotten = await self._store.forgotten()
         except OtherVersionError:
             raise
         except HistoryError as error:
@@ -154,6 +162,7 @@ class HistoryKeeper:
             return
         self._inventory.restore(interval.sighting() for interval in kept.intervals)
         self._inventory.recall(there, min(since_ns, heartbeat_ns))
+        self._heed({robot: at_ns for robot, at_ns in forgotten.items() if at_ns >= there.get((robot, ""), 0)})
         self._poses.restore(poses)
         self._ledger.adopt(kept.intervals)
 
@@ -205,6 +214,13 @@ class HistoryKeeper:
             self._attendance.follow()
             self._ledger.forget_pending(time.time_ns() - FOLLOWED_NS)
             self._alerts.clear()
+            self._heed(await store.forgotten(self._heeded_ns))
+
+    def _heed(self, forgotten: Mapping[str, int]) -> None:
+        """Forget the robots that were forgotten at another monitor, or at this one before."""
+        self._heeded_ns = max([self._heeded_ns, *forgotten.values()])
+        for robot in forgotten.keys() - self._inventory.robots():
+            self._inventory.forget(robot)
 
     async def _go_on(self, store: Store) -> None:
         """Go on where whoever wrote before stopped."""
@@ -239,6 +255,9 @@ class HistoryKeeper:
         await store.write(some, changed.values(), now_ns, acts)
         self._written(some, changed)
         self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
+        if forgotten := dict(self._forgotten):
+            await store.forget(forgotten)
+            self._forgotten = dict(self._forgotten.items() - forgotten.items())
         before_ns = now_ns - round(self._settings.history_days * DAY_NS)
         if time.monotonic() >= self._due_s and await store.prune(before_ns):
             self._due_s = time.monotonic() + PRUNE_S

@@ -3,6 +3,7 @@
 import asyncio
 import sqlite3
 import time
+from collections.abc import Set as AbstractSet
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +13,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from services.monitor.history.engine import file_of, name_of, private_file, translating
 from services.monitor.history.errors import HistoryError, OtherVersionError
-from services.monitor.history.tables import SCHEMA_VERSION, metadata, open_intervals, schema_version
+from services.monitor.history.tables import SCHEMA_VERSION, forgotten, metadata, open_intervals, schema_version
 
 OURS: Final = f"this one's are version {SCHEMA_VERSION}"
 
@@ -75,17 +76,22 @@ def begin_alone(connection: Connection) -> None:
 
 
 def _check_tables(connection: Connection, *, create: bool) -> None:
-    if _are_made(connection):
+    if _are_made(connection) and not (create and _missing(connection)):
         return
     if not create:
-        if not metadata.tables.keys() - {schema_version.name} <= set(inspect(connection).get_table_names()):
+        if not _missing(connection) <= {schema_version.name, forgotten.name}:
             raise HistoryError("no monitor has kept anything there")
         return
     begin_alone(connection)
-    if not _are_made(connection):  # by somebody who was quicker
-        metadata.create_all(connection)
-        open_intervals.create(connection, checkfirst=True)  # tables may be there without
+    are_made = _are_made(connection)  # by somebody who was quicker
+    metadata.create_all(connection)
+    open_intervals.create(connection, checkfirst=True)  # tables may be there without
+    if not are_made:
         connection.execute(schema_version.insert().values(id=1, number=SCHEMA_VERSION))
+
+
+def _missing(connection: Connection) -> AbstractSet[str]:
+    return metadata.tables.keys() - set(inspect(connection).get_table_names())
 
 
 def _are_made(connection: Connection) -> bool:

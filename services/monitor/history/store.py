@@ -37,6 +37,7 @@ from services.monitor.history.rows import (
 from services.monitor.history.tables import (
     acts,
     alerts,
+    forgotten,
     heartbeat,
     intervals,
     poses,
@@ -179,6 +180,19 @@ class Store:
         async with translating(), self._connection.begin():
             await self._put(poses, [row_of_pose(robot, pose) for robot, pose in some.items()])
 
+    async def forgotten(self, since_ns: int = 0) -> dict[str, int]:
+        """Return the robots that were forgotten after then, and when."""
+        async with translating():
+            newest = forgotten.select().where(forgotten.c.at_ns > since_ns).order_by(forgotten.c.at_ns.desc())
+            rows = (await self._connection.execute(newest.limit(MAX_MEMBERS))).all()
+            await self._connection.commit()
+            return {row.robot: row.at_ns for row in rows}
+
+    async def forget(self, robots: Mapping[str, int]) -> None:
+        """Write when robots were forgotten."""
+        async with translating(), self._connection.begin():
+            await self._put(forgotten, [{"robot": robot, "at_ns": at_ns} for robot, at_ns in robots.items()])
+
     async def write(
         self,
         some: Iterable[Lasting],
@@ -204,7 +218,8 @@ class Store:
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
             )
-            await self._connection.execute(delete(poses).where(poses.c.at_ns < before_ns))
+            for table in (poses, forgotten):
+                await self._connection.execute(delete(table).where(table.c.at_ns < before_ns))
             await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
         return all(of_each)
 

@@ -23,7 +23,8 @@ NAME: Final = String(64)
 LABEL: Final = String(MAX_LABEL)
 
 SCHEMA_VERSION: Final = 1
-"""Of all these tables: one more with every change of them, since there is nothing that changes a database."""
+"""Of all these tables: one more with every change of one, since there is nothing that changes a database. A table that
+is new and that others do without, as `forgotten`, is made where it is missing."""
 
 metadata: Final = MetaData()
 
@@ -119,6 +120,14 @@ poses: Final = Table(
     Column("at_ns", BigInteger, nullable=False),
 )
 """Where each robot was last in the map: metres, and radians from its x axis."""
+
+forgotten: Final = Table(
+    "forgotten",
+    metadata,
+    Column("robot", NAME, primary_key=True),
+    Column("at_ns", BigInteger, nullable=False),
+)
+"""When each robot that was gone for good was taken off every list; one that was there since is on them again."""
 
 heartbeat: Final = Table(
     "heartbeat",

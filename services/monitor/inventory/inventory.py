@@ -72,6 +72,7 @@ class Inventory:
         self._present: set[CameraKey] = set()
         self._disputed: set[CameraKey] = set()
         self._recalled: dict[str, int] = {}
+        self._forgotten: set[str] = set()
         self._followers: list[News] = []
         self._ticked_ns = MAX_NS
 
@@ -84,7 +85,32 @@ class Inventory:
         """Note that a robot's gateway came or went."""
         if alive:
             make_room(self._alive, robot)
+            self._remember(robot)
         (self._alive.add if alive else self._alive.discard)(robot)
+        self._tell(robot)
+
+    def forget(self, robot: str) -> None:
+        """Leave a robot whose gateway is gone, and its cameras, out of every list until the gateway is back.
+
+        What is heard of it meanwhile is taken as of any other one.
+        """
+        if robot in self._alive:
+            raise ValueError(f"the gateway of {robot} is there")
+        self._tell(robot)
+        self._forgotten.add(robot)
+        self._recalled.pop(robot, None)
+        self._in_order = [key for key in self._in_order if key.robot != robot]
+
+    def is_forgotten(self, robot: str) -> bool:
+        """Whether nobody misses a robot: see `forget`."""
+        return robot in self._forgotten
+
+    def _remember(self, robot: str) -> None:
+        if robot in self._forgotten:
+            self._forgotten.remove(robot)
+            self._in_order = sorted([*self._in_order, *(key for key in self._cameras if key.robot == robot)])
+
+    def _tell(self, robot: str) -> None:
         for news in self._followers:
             news.robots.add(robot)
             news.cameras.update(self.in_order(robot))
@@ -183,7 +209,7 @@ class Inventory:
         return self._cameras.values()
 
     def in_order(self, robot: str = "") -> tuple[CameraKey, ...]:
-        """Return every camera ever heard of, or those of one robot, by robot and name."""
+        """Return every camera ever heard of, or those of one robot, by robot and name; none of a forgotten robot."""
         return tuple(of_robot(self._in_order, robot) if robot else self._in_order)
 
     def camera(self, key: CameraKey) -> CameraView | None:
@@ -209,7 +235,7 @@ class Inventory:
                 yield from (sighting for sighting in camera.sightings() if sighting.count)
 
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
-        """Yield what is or was in view, by robot, camera and class; of one of them if it is named."""
+        """Yield what is or was in view, as `in_order`, and by class; of one of them if it is named."""
         since_ns = now_ns - self.limits.stale_ns
         for key in [key for key in self.in_order(robot) if camera in ("", key.camera)]:
             view = self._cameras[key]
@@ -222,7 +248,8 @@ class Inventory:
         if found is None:
             make_room(self._cameras, key)
             found = self._cameras[key] = CameraView(key, self._vocabularies)
-            insort(self._in_order, key)
+            if key.robot not in self._forgotten:
+                insort(self._in_order, key)
             for news in self._followers:
                 news.cameras.add(key)
                 news.robots.add(key.robot)

@@ -5,9 +5,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Final
 
-from nicegui import ui
+from nicegui import events, ui
 
-from services.monitor.monitor import Monitor
+from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
+from services.monitor.page.confirmation import Confirmation
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
 from services.monitor.page.links import FLEET, WALL
 from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
@@ -18,6 +19,7 @@ from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.tiles import Tile
 from services.monitor.turns import pause
+from services.monitor.web.auth.visitor import Visitor
 
 COLUMNS: Final = (
     Column("state", "State"),
@@ -36,10 +38,10 @@ def add_overview(shared: Shared, monitor: Monitor) -> None:
 
     @page_at(FLEET.path)
     async def overview() -> None:
-        async with page_frame(monitor, "Fleet", FLEET):
+        async with page_frame(monitor, "Fleet", FLEET) as visitor:
             figures = _Figures()
             await pause()
-            shown = _Overview(monitor, shared, figures)
+            shown = _Overview(monitor, shared, figures, visitor)
             await pause()
             await shown.refresh()
 
@@ -75,8 +77,8 @@ class _Figures:
 class _Overview:
     """One browser's view of the fleet."""
 
-    def __init__(self, monitor: Monitor, shared: Shared, figures: _Figures) -> None:
-        self._monitor, self._shared, self._figures = monitor, shared, figures
+    def __init__(self, monitor: Monitor, shared: Shared, figures: _Figures, visitor: Visitor) -> None:
+        self._monitor, self._shared, self._figures, self._visitor = monitor, shared, figures, visitor
         self._wanted = Wanted()
         figures.chosen = self._only
         with ui.element("div").classes("fs-panel"):
@@ -89,10 +91,16 @@ class _Overview:
             self._table = LiveTable(
                 COLUMNS, self._load, row_key="robot", sort="state", body=ROBOT_BODY, card=ROBOT_CARD
             )
+            self._table.table.on("forget", self._forget)
             self._nobody = nobody_yet(monitor)
             self._none = nothing_yet(
                 "search_off", "No robot is like that", "Clear the search, or choose another state above."
             )
+        self._sure = Confirmation(
+            "Forget",
+            "Keep it",
+            "It leaves every list until its gateway is back, and its alerts are resolved. Its history stays.",
+        )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
 
     async def refresh(self) -> None:
@@ -106,7 +114,12 @@ class _Overview:
         self._count(survey, len(robots))
         glance = self._monitor.glance()
         shown = robots[window.begin : window.end]
-        return [robot_row(robot_of(glance, name), glance.now_ns) for name in shown], len(robots)
+        may_act = self._may_act
+        return [robot_row(robot_of(glance, name), glance.now_ns, may_act=may_act) for name in shown], len(robots)
+
+    @property
+    def _may_act(self) -> bool:
+        return self._visitor.may_act and self._monitor.history.status.leads
 
     def _count(self, survey: Survey, found: int) -> None:
         every = survey.size
@@ -114,6 +127,17 @@ class _Overview:
         self._found.set_text(f"{found:,} of {every:,} robots" if found != every else "")
         self._nobody.set_visibility(not every)
         self._none.set_visibility(bool(every) and not found)
+
+    async def _forget(self, event: events.GenericEventArguments) -> None:
+        robot = str(event.args)
+        if not self._may_act:
+            ui.notify("Only operators may do that, at the monitor that raises the alerts.", type="warning")
+        elif await self._sure.given(f"Forget {robot}?"):
+            try:
+                self._monitor.forget(robot, self._visitor.name)
+            except (UnknownRobotError, RobotThereError) as error:
+                ui.notify(str(error), type="info")
+            await self.refresh()
 
     async def _only(self, state: RobotState) -> None:
         self._wanted = replace(self._wanted, state=None if self._wanted.state is state else state)

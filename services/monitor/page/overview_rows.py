@@ -11,13 +11,14 @@ MAX_CAMERAS: Final = 8
 """Cameras of one robot that are shown."""
 
 
-def robot_row(robot: Robot, now_ns: int) -> dict[str, Any]:
+def robot_row(robot: Robot, now_ns: int, *, may_act: bool) -> dict[str, Any]:
     """Return a robot as the overview's templates take it. Tuples: nicegui would watch whatever is in a list."""
     line, more = robot.line, len(robot.cameras) - MAX_CAMERAS
     return {
         "robot": line.name,
         "state": robot.state,
         "why": robot.why,
+        "forgettable": may_act and robot.state is RobotState.OFFLINE,
         "seen": "now" if robot.state in (RobotState.ONLINE, RobotState.TROUBLE) else ago(line.last_ns, now_ns),
         "seen_at": iso(line.last_ns) if robot.state in (RobotState.OFFLINE, RobotState.SILENT) else "",
         "cameras": tuple(_camera(camera) for camera in robot.cameras[:MAX_CAMERAS]),

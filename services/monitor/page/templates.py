@@ -11,6 +11,11 @@ STATE: Final = """
 <div class="fs-why" v-if="props.row.why">{{ props.row.why }}</div>
 """
 
+FORGET: Final = """
+<q-btn v-if="props.row.forgettable" flat dense no-caps color="primary" class="q-px-sm" label="forget"
+  @click="$parent.$emit('forget', props.row.robot)" :aria-label="'forget ' + props.row.robot" />
+"""
+
 DROPPED: Final = """
 <span v-if="props.row.dropped">{{ props.row.dropped }}<q-tooltip class="fs-tip">
   <div v-for="reason in props.row.reasons">{{ reason[0].toLocaleString() }} {{ reason[1] }}</div>
@@ -36,7 +41,7 @@ CAMERA: Final = """
 ROBOT_BODY: Final = f"""
 <q-tr v-for="(camera, n) in (props.row.cameras.length ? props.row.cameras : [null])" :key="props.row.robot + '/' + n"
     :props="props" :class="n ? 'fs-more' : ''" :data-robot="props.row.robot">
-  <q-td v-if="n === 0" key="state" class="fs-where" :rowspan="props.row.cameras.length || 1">{STATE}</q-td>
+  <q-td v-if="n === 0" key="state" class="fs-where" :rowspan="props.row.cameras.length || 1">{STATE}{FORGET}</q-td>
   <q-td v-if="n === 0" key="robot" class="fs-name" :rowspan="props.row.cameras.length || 1"
     >{{{{ props.row.robot }}}}<div class="fs-why" v-if="props.row.more">{{{{ props.row.more }}}}</div></q-td>
   <template v-if="camera">
@@ -56,7 +61,7 @@ ROBOT_CARD: Final = f"""
 <div class="fs-card" :data-robot="props.row.robot">
   <div class="fs-top"><strong>{{{{ props.row.robot }}}}</strong
     ><span class="fs-muted fs-small">{{{{ props.row.seen }}}}</span></div>
-  <div>{STATE}</div>
+  <div>{STATE}{FORGET}</div>
   <div v-for="camera in props.row.cameras" :class="camera.live ? 'fs-camera' : 'fs-camera fs-stale'">
     <div class="fs-top"><span>{CAMERA}</span
       ><span class="fs-small">{{{{ camera.age }}}} &middot; {{{{ camera.rate }}}}</span></div>

@@ -9,6 +9,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from services.monitor.history.errors import HistoryError
+from services.monitor.monitor import RobotThereError, UnknownRobotError
 from services.monitor.rules.engine import UnknownAlertError
 
 RETRY_S: Final = 2
@@ -24,7 +25,9 @@ def answer_errors(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HistoryError, _no_history)
-    app.add_exception_handler(UnknownAlertError, _no_alert)
+    app.add_exception_handler(UnknownAlertError, _not_found)
+    app.add_exception_handler(UnknownRobotError, _not_found)
+    app.add_exception_handler(RobotThereError, _in_the_way)
     app.add_exception_handler(Exception, _internal)
 
 
@@ -43,8 +46,12 @@ def _no_history(_: Request, error: Any) -> JSONResponse:
     return problem(503, f"the history cannot be read: {error}", {"Retry-After": str(RETRY_S)})
 
 
-def _no_alert(_: Request, error: Any) -> JSONResponse:
+def _not_found(_: Request, error: Any) -> JSONResponse:
     return problem(404, str(error))
+
+
+def _in_the_way(_: Request, error: Any) -> JSONResponse:
+    return problem(409, str(error))
 
 
 def _internal(_: Request, __: Any) -> JSONResponse:

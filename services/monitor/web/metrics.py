@@ -46,9 +46,9 @@ class _Seen(Collector):
 
 def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     history = monitor.history.status
-    yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of.", len(snapshot.robots))
+    yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of and not forgotten.", len(snapshot.robots))
     yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in snapshot.robots))
-    yield GaugeMetricFamily("fleetsight_cameras", "Cameras ever heard of.", len(snapshot.cameras))
+    yield GaugeMetricFamily("fleetsight_cameras", "Cameras of these robots.", len(snapshot.cameras))
     yield GaugeMetricFamily(
         "fleetsight_unlabelled", "Robots, cameras and workers without series of their own.", _over(snapshot)
     )

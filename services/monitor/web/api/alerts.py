@@ -4,14 +4,14 @@ import time
 from collections.abc import Callable
 from typing import Annotated, Final
 
-from fastapi import APIRouter, HTTPException, Path, Request
+from fastapi import APIRouter, Path, Request
 
 from schemas.alerts import Alert
 from services.monitor.export.settings import moment
 from services.monitor.monitor import Monitor
+from services.monitor.web.api.acting import operator_of
 from services.monitor.web.api.models import AlertAnswer, Page, alert_answer
 from services.monitor.web.api.paging import After, Limit, Name, page_of
-from services.monitor.web.auth.visitor import visitor_of
 
 DEFAULT_LIMIT: Final = 200
 
@@ -33,12 +33,7 @@ def alert_routes(monitor: Monitor) -> APIRouter:
         return Page(now=moment(time.time_ns()), items=[answer(alert) for alert in items], next=mark)
 
     def act(do: Callable[[str, str], Alert], alert_id: str, request: Request) -> AlertAnswer:
-        visitor = visitor_of(request)
-        if not visitor.may_act:
-            raise HTTPException(403, "only operators may do this")
-        if not monitor.history.status.leads:
-            raise HTTPException(409, "another monitor raises the alerts: ask that one")
-        return answer(do(alert_id, visitor.name))
+        return answer(do(alert_id, operator_of(request, monitor)))
 
     @router.post("/alerts/{alert_id}/acknowledge")
     async def acknowledge(alert_id: AlertId, request: Request) -> AlertAnswer:

@@ -1,15 +1,16 @@
 """Routes about the fleet now: robots, cameras, what is in view, gateways, workers. Only what is answered is made."""
 
 import time
-from typing import Final
+from typing import Annotated, Final
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Path, Request, Response
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import WorkerLine
 from services.monitor.turns import in_turns
+from services.monitor.web.api.acting import operator_of
 from services.monitor.web.api.bodies import camera_body, encoded_answer, page_response, robot_body, sighting_body
 from services.monitor.web.api.models import (
     CameraAnswer,
@@ -25,6 +26,8 @@ from services.monitor.web.api.paging import After, ClassName, Limit, Name, first
 from services.monitor.web.api.stock import Asked, some_entries
 
 DEFAULT_LIMIT: Final = 200
+
+RobotName = Annotated[str, Path(min_length=1, max_length=64)]
 
 
 def fleet_routes(monitor: Monitor) -> APIRouter:
@@ -60,7 +63,7 @@ def _member_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/robots", response_model=Page[RobotAnswer])
     async def robots(*, online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
-        """Every robot that was ever heard of, by name; one that is gone stays."""
+        """Every robot that was ever heard of, by name; one that is gone stays until it is forgotten."""
         glance = monitor.glance()
         there = monitor.fleet.inventory.is_alive
         names, mark = page_of(
@@ -68,6 +71,11 @@ def _member_routes(monitor: Monitor) -> APIRouter:
         )
         bodies = [robot_body(glance.robot(each)) async for each in in_turns(names)]
         return page_response(glance.now_ns, bodies, mark)
+
+    @router.post("/robots/{robot}/forget", status_code=204)
+    async def forget(robot: RobotName, request: Request) -> None:
+        """Take a robot whose gateway is gone off every list until it is back, and resolve its alerts."""
+        monitor.forget(robot, operator_of(request, monitor))
 
     @router.get("/cameras", response_model=Page[CameraAnswer])
     async def cameras(

@@ -42,7 +42,7 @@ class Visitor:
 
     @property
     def may_act(self) -> bool:
-        """Whether they may acknowledge, escalate and resolve."""
+        """Whether they may do something about alerts and robots."""
         return self.role is Role.OPERATOR
 
 

@@ -156,6 +156,31 @@ async def test_distances_and_silence_are_alerted(rig: Rig) -> None:
     await until(lambda: ("lost", AlertState.RESOLVED) in rig.states())
 
 
+async def test_nobody_misses_a_robot_that_was_forgotten_until_it_is_back(tmp_path: Path) -> None:
+    rules = """
+rules:
+  - {name: lost, when: silent, robots: [r1]}
+  - {name: lost for long, when: silent, for_s: 3}
+  - {name: blind for long, when: silent, cameras: [front], for_s: 3}
+"""
+    async with rigged(tmp_path, text=rules) as rig:
+        rig.see()
+        rig.see()
+        rig.inventory.robot_presence("r2", alive=True)
+        rig.inventory.robot_presence("r1", alive=False)
+        await until(lambda: rig.states() == [("lost", AlertState.RAISED)])
+        rig.alerting.resolve(rig.kept[0].id)
+        rig.inventory.forget("r1")
+        rig.inventory.robot_presence("r2", alive=False)
+        rig.rules.book = load_rules(rules + "  - {name: new, when: silent, robots: [r1]}\n")
+        await until(lambda: ("lost for long", AlertState.RAISED) in rig.states())
+        assert [(each.rule, each.robot) for each in rig.kept[2:]] == [("lost for long", "r2")]
+        rig.inventory.robot_presence("r1", alive=True)
+        await until(lambda: "r1" not in rig.alerting._news.robots)
+        rig.inventory.robot_presence("r1", alive=False)
+        await until(lambda: ("new", AlertState.RAISED) in rig.states())
+
+
 async def test_a_camera_that_joins_says_nothing_only_when_it_stays_without_lists(rig: Rig) -> None:
     rig.rules.book = load_rules(
         "rules: [{name: mute, when: silent, cameras: ['*']}, {name: boxes, when: over, class: box, count: 0}]"

@@ -122,6 +122,64 @@ async def test_who_was_there_goes_on_over_a_restart_if_it_comes_back_at_once(url
     assert ended.until_ns == gone.until_ns < other.since_ns < again.until_ns
 
 
+async def test_a_robot_that_was_forgotten_stays_so_over_a_restart_until_it_is_back(url: str) -> None:
+    async with monitoring(url) as monitor:
+        for robot in ("r1", "r2"):
+            monitor.inventory.robot_presence(robot, alive=True)
+        monitor.see(1, box=1)
+        await noted(monitor)
+        for robot in ("r1", "r2"):
+            monitor.inventory.robot_presence(robot, alive=False)
+        await noted(monitor)
+        monitor.inventory.forget("r1")
+        monitor.history.forget("r1")
+        await until(monitor.written)
+    async with monitoring(url) as monitor:
+        assert (set(monitor.inventory.recalled()), monitor.inventory.in_order()) == ({"marker", "r2"}, ())
+        monitor.inventory.robot_presence("r1", alive=True)
+        assert monitor.inventory.in_order() == (FRONT,)
+        await noted(monitor)
+        await until(monitor.written)
+    async with monitoring(url) as monitor:
+        await until(lambda: monitor.history.status.leads)
+        assert set(monitor.inventory.recalled()) == {"marker", "r1", "r2"}
+        assert monitor.inventory.in_order() == (FRONT,)
+    assert [each.name for each in await kept(url)] == ["box"], "its history stays"
+
+
+async def test_a_robot_is_forgotten_at_all_monitors_of_a_database_where_it_is_gone(url: str) -> None:
+    async with monitoring(url) as one:
+        await until(lambda: one.history.status.leads)
+        async with monitoring(url) as other:
+            for robot in ("r1", "r2"):
+                other.inventory.robot_presence(robot, alive=robot == "r2")
+            for robot in ("r1", "r2"):
+                one.history.forget(robot)
+            await until(lambda: other.inventory.is_forgotten("r1"))
+            assert not other.inventory.is_forgotten("r2")
+            other.inventory.robot_presence("r1", alive=True)
+            other.inventory.robot_presence("r1", alive=False)
+            one.history.forget("r3")
+            await until(lambda: other.inventory.is_forgotten("r3"))
+            assert not other.inventory.is_forgotten("r1"), "it was back since"
+
+
+async def test_a_robot_that_is_back_is_not_forgotten_once_more_when_another_monitor_leads(url: str) -> None:
+    async with monitoring(url) as monitor, opened(url) as leader:
+        await until(lambda: monitor.history.status.leads)
+        monitor.inventory.forget("r1")
+        monitor.history.forget("r1")
+        await until(lambda: not monitor.history._forgotten)
+        for alive in (True, False):
+            monitor.inventory.robot_presence("r1", alive=alive)
+        await monitor.history._fail(HistoryError("gone"))
+        assert await leader.lead()
+        await until(lambda: not monitor.history.status.leads)
+        await leader.forget({"r2": time.time_ns()})
+        await until(lambda: monitor.inventory.is_forgotten("r2"))
+        assert not monitor.inventory.is_forgotten("r1")
+
+
 async def test_where_robots_were_is_known_after_a_restart(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     now_ns = time.time_ns()
     old, here, there = (

@@ -254,6 +254,38 @@ def test_whoever_follows_is_told_of_what_is_new_comes_or_goes() -> None:
     assert (REAR in news.cameras, news.robots) == (True, {"r1"})
 
 
+def test_a_robot_that_is_forgotten_is_on_no_list_until_its_gateway_is_back() -> None:
+    inventory = quick()
+    for key in (FRONT, CameraKey("r0", "front"), CameraKey("r2", "front")):
+        online(inventory, key)
+    inventory.see(seen(0, {"box": 2}), 9 * S)
+    with pytest.raises(ValueError, match="r1 is there"):
+        inventory.forget("r1")
+    inventory.robot_presence("r1", alive=False)
+    news = inventory.follow()
+    news.robots.clear()
+    news.cameras.clear()
+    inventory.forget("r1")
+    inventory.see(seen(1, {"box": 2}), 10 * S)
+    inventory.camera_presence(REAR, alive=False)
+    assert [key.robot for key in inventory.in_order()] == ["r0", "r2"]
+    assert (inventory.in_order("r1"), seen_of(inventory)) == ((), [])
+    assert inventory.is_forgotten("r1")
+    assert not inventory.is_forgotten("r0")
+    assert (news.robots, news.cameras) == ({"r1"}, {FRONT, REAR})
+    inventory.robot_presence("r1", alive=True)
+    assert [key.robot for key in inventory.in_order()] == ["r0", "r1", "r1", "r2"]
+    assert [(each.key, each.count, each.last_ns) for each in seen_of(inventory)] == [(FRONT, 2, 10 * S)]
+    assert not inventory.is_forgotten("r1")
+
+
+def test_a_robot_that_was_there_before_a_restart_is_forgotten_too() -> None:
+    inventory = Inventory()
+    inventory.recall({("r1", ""): 9 * S, ("r1", "front"): 9 * S}, 5 * S)
+    inventory.forget("r1")
+    assert (inventory.recalled(), inventory.in_order()) == ({}, ())
+
+
 def test_who_was_there_before_a_restart_is_known_and_who_was_so_lately_is_missed() -> None:
     inventory = Inventory()
     news = inventory.follow()

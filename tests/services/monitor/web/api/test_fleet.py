@@ -1,7 +1,10 @@
+import msgspec
 import pytest
 
 from services.monitor import turns
+from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.web.api.seeing import ODD, fill
+from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.asking import Web
 
 
@@ -26,6 +29,29 @@ async def test_the_fleet_as_it_is(web: Web) -> None:
         (worker,) = (await program.get("/api/v1/workers?service=detector")).json()["items"]
         assert (worker["model"], worker["online"], worker["version"]) == (ODD, True, "0.9")
         assert worker["cameras"][0]["dropped"] == {"late": 2}
+
+
+async def test_a_robot_that_is_gone_is_forgotten_by_an_operator_and_its_alerts_are_resolved(web: Web) -> None:
+    fill(web.monitor.fleet)
+    about = msgspec.structs.replace(alert(), robot="r2")
+    raise_alert(web.monitor, about, alert("a2"))
+    async with await web.browser(Role.VIEWER) as viewer:
+        assert (await viewer.post("/api/v1/robots/r2/forget")).status_code == 403
+    async with await web.browser() as browser:
+        assert (await browser.post("/api/v1/robots/r2/forget")).status_code == 204
+        assert [each["name"] for each in (await browser.get("/api/v1/robots")).json()["items"]] == ["r1"]
+        assert [each["robot"] for each in (await browser.get("/api/v1/cameras")).json()["items"]] == ["r1"]
+        assert [each["id"] for each in (await browser.get("/api/v1/alerts")).json()["items"]] == ["a2"]
+        assert [act.who for act in web.monitor.acts_of(about.id)] == ["operator"]
+        for robot, status, error in (
+            ("r1", 409, "the gateway of r1 is there: stop it first"),
+            ("r2", 404, "no robot 'r2'"),
+            ("r3", 404, "no robot 'r3'"),
+        ):
+            answer = await browser.post(f"/api/v1/robots/{robot}/forget")
+            assert (answer.status_code, answer.json()) == (status, {"error": error})
+        web.monitor.fleet.robot_presence("r2", alive=True)
+        assert [each["name"] for each in (await browser.get("/api/v1/robots")).json()["items"]] == ["r1", "r2"]
 
 
 async def test_filters_leave_out_the_rest(web: Web) -> None:
