@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Select, Table, or_, select, tuple_
+from sqlalchemy import ColumnElement, Select, Table, case, func, or_, select, tuple_
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
@@ -32,6 +32,8 @@ SAID: Final = ("robot", "camera", "name", "model", "worker")
 FIRST_NS: Final = 60 * NS
 """How far back is looked first for the newest."""
 
+GOES_ON_NS: Final = 2**63 - 1
+
 SightingPlace = tuple[int, str, str, str]
 """since_ns, robot, camera and class of an interval: where a page ended."""
 
@@ -54,6 +56,17 @@ class Asked:
     text: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """How many of a class were in view from a time, when they were already there, to another; open: they still are."""
+
+    name: str
+    count: int
+    since_ns: int
+    until_ns: int
+    open: bool
+
+
 class Archive:
     """Reads the database of the history. Every method raises HistoryError: there is none, or it cannot be read."""
 
@@ -64,9 +77,7 @@ class Archive:
     async def sightings(self, asked: Asked, limit: int, after: SightingPlace | None = None) -> list[Interval]:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
-        query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
-        if asked.text:
-            query = query.where(or_(*(intervals.c[each].icontains(asked.text, autoescape=True) for each in SAID)))
+        query = intervals.select().where(*_like(asked), intervals.c.since_ns <= asked.until_ns)
         query = _page(query, order, limit, after)
         rows: Sequence[Any] = ()
         async with self._connected() as connection:
@@ -80,6 +91,15 @@ class Archive:
             else:
                 rows = (await connection.execute(query.where(lasted(intervals, asked.since_ns)))).all()
         return [lasting_of_row(Interval, row, at_ns) for row in rows]
+
+    async def in_view_at(self, asked: Asked, at_ns: int, limit: int) -> list[Counted]:
+        """Return what was in view at a time and had begun before, counted by class and end; what ended last first."""
+        of = intervals.c
+        end = case((of.open, GOES_ON_NS), else_=of.until_ns).label("until_ns")
+        query = select(of.name, func.sum(of.count), end)
+        query = query.where(*_like(asked), of.since_ns < at_ns, lasted(intervals, at_ns)).group_by(of.name, end)
+        rows = await self._read(query.order_by(end.desc(), of.name).limit(min(limit, MAX_ROWS)))
+        return [Counted(name, int(count), at_ns, end_ns, end_ns == GOES_ON_NS) for name, count, end_ns in rows]
 
     async def alerts(
         self, asked: Asked, limit: int, after: AlertPlace | None = None, *, states: Sequence[AlertState] = ()
@@ -136,6 +156,12 @@ def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
     while newest_ns - back_ns > since_ns:
         yield newest_ns - back_ns
         back_ns *= 4
+
+
+def _like(asked: Asked) -> list[ColumnElement[bool]]:
+    """Return what finds the intervals that are asked for, whenever they were."""
+    said = [intervals.c[each].icontains(asked.text, autoescape=True) for each in SAID] if asked.text else []
+    return [*_named(asked, intervals), *([or_(*said)] if said else [])]
 
 
 def _named(asked: Asked, table: Table) -> list[ColumnElement[bool]]:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from nicegui import ui
 
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, Asked, Counted
 from services.monitor.history.errors import HistoryError
 from services.monitor.page.counts_over_time import Points, counts_over_time
 from services.monitor.page.formatting import NS
@@ -75,13 +75,18 @@ class Charts:
         until_ns = time.time_ns()
         since_ns = until_ns - subject.seconds * NS
         asked = Asked(since_ns, until_ns, subject.robot, subject.camera, subject.name, subject.text)
+        before: list[Counted] = []
         try:
             found = await self._archive.sightings(asked, MAX_INTERVALS)
+            whole = len(found) < MAX_INTERVALS
+            if not whole:
+                since_ns = max(since_ns, found[-1].since_ns)
+                before = await self._archive.in_view_at(asked, since_ns, MAX_INTERVALS)
+            if len(before) == MAX_INTERVALS:
+                since_ns = before[-1].until_ns
         except HistoryError as error:
             return Drawn({}, since_ns, until_ns, whole=True, problem=str(error))
-        whole = len(found) < MAX_INTERVALS
-        since_ns = since_ns if whole else max(since_ns, found[-1].since_ns)
-        return Drawn(counts_over_time(found, since_ns, until_ns), since_ns, until_ns, whole)
+        return Drawn(counts_over_time([*found, *before], since_ns, until_ns), since_ns, until_ns, whole)
 
 
 def chart() -> ui.echart:

@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+from services.monitor.history.archive import Counted
 from services.monitor.history.intervals import Interval
 from services.monitor.page.formatting import NS
 
@@ -16,7 +17,7 @@ Points = list[tuple[int, int]]
 """(milliseconds since the epoch, count), the oldest first; a count lasts until the next."""
 
 
-def counts_over_time(intervals: Iterable[Interval], since_ns: int, until_ns: int) -> dict[str, Points]:
+def counts_over_time(intervals: Iterable[Interval | Counted], since_ns: int, until_ns: int) -> dict[str, Points]:
     """Return the points of each class, all cameras together, the class with the most first.
 
     Where more happened than a chart can show, a point is the most that were in view in its slot.

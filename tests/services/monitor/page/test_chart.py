@@ -1,10 +1,12 @@
+import time
 from pathlib import Path
 
 from schemas.keys import CameraKey
 from services.monitor.history.archive import Archive
 from services.monitor.history.intervals import Interval
 from services.monitor.history.store import Store
-from services.monitor.page.chart import MAX_KEPT, Charts, Subject, options
+from services.monitor.page.chart import MAX_INTERVALS, MAX_KEPT, Charts, Subject, options
+from tests.services.monitor.history.test_store import interval, opened
 
 S = 1_000_000_000
 
@@ -51,6 +53,28 @@ async def test_a_chart_shows_what_the_history_has_of_its_subject(tmp_path: Path)
     assert drawn.lines["box"][-1][1] == 2
     (series,) = options(drawn)["series"]
     assert (series["name"], series["data"][-1]) == ("box", [drawn.until_ns // 1_000_000, 2])
+
+
+async def test_a_chart_of_more_than_it_reads_has_what_was_in_view_before(tmp_path: Path) -> None:
+    url, now_s = f"sqlite:///{tmp_path / 'history.db'}", int(time.time())
+    cameras = [CameraKey(f"r{number}", "front") for number in range(5)]
+    long = [interval(now_s - 3_000, now_s, key=key, name="pallet", is_open=True) for key in cameras]
+    gone = interval(now_s - 3_000, now_s - 100, key=CameraKey("r9", "front"), name="pallet")
+    before = interval(now_s - 3_000, now_s - 2_000, name="forklift")
+    short = [
+        interval(now_s - ago, now_s - ago + 1, key=key, name="person")
+        for ago in range(1, 1 + 2 * MAX_INTERVALS // len(cameras))
+        for key in cameras
+    ]
+    async with opened(url) as store:
+        await store.write([*long, gone, before, *short], [], now_s * S)
+    charts = Charts(Archive(url))
+    drawn = await charts.of(Subject())
+    assert (drawn.whole, drawn.since_ns) == (False, (now_s - MAX_INTERVALS // len(cameras)) * S)
+    assert drawn.lines.keys() == {"pallet", "person"}
+    assert [count for _, count in drawn.lines["pallet"]] == [0, 12, 10, 10]
+    pallets = await charts.of(Subject(name="pallet"))
+    assert (pallets.whole, [count for _, count in pallets.lines["pallet"]]) == (True, [0, 12, 10, 10])
 
 
 def test_a_subject_is_said_in_words() -> None:
