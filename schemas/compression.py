@@ -37,6 +37,7 @@ _FRAME: Final = struct.Struct(">BHHB")
 _JPEG_ENCODINGS: Final = {1: "mono8", 3: "rgb8"}
 _ZSTD_START: Final = b"\x28\xb5\x2f\xfd"
 _SINGLE_SEGMENT: Final = 0x20
+_RESERVED: Final = 0x08
 _DICTIONARY: Final = 0x03
 _CONTENT_SIZES: Final = ("<B", "<H", "<I", "<Q")
 _TWO_BYTES_ADD: Final = 256
@@ -110,7 +111,7 @@ def check_zstd(data: memoryview, size: int) -> None:
     """Check that a Zstandard frame (RFC 8878) says of itself to hold exactly `size` bytes, and no absurd number.
 
     Raises:
-        SchemaError: it does not, or needs a dictionary.
+        SchemaError: it does not, or it needs a dictionary or a later decoder.
     """
     if size > MAX_DECODED_BYTES:
         raise SchemaError(f"{size} bytes to be decoded, at most {MAX_DECODED_BYTES} are")
@@ -128,6 +129,8 @@ def _content_size(data: memoryview) -> int | None:
         raise SchemaError(f"not zstd data: it begins with {bytes(data[:8])!r}")
     described = data[at]
     single, width = bool(described & _SINGLE_SEGMENT), described >> 6
+    if described & _RESERVED:
+        raise SchemaError("zstd data of a later kind: its header has a reserved bit")
     if described & _DICTIONARY:
         raise SchemaError("zstd data that needs a dictionary")
     if not width and not single:

@@ -171,6 +171,7 @@ def test_sizes_of_eight_bytes_are_read() -> None:
         (zstd.compress(bytes(70_000))[:7], 70_000, "zstd data cut off at 7 bytes"),
         (b"\x28\xb5\x2f\xfd\x00\x58", 1, "zstd data holds an unknown number of bytes instead of 1"),
         (b"\x28\xb5\x2f\xfd\x21\x05\x01", 1, "zstd data that needs a dictionary"),
+        (b"\x28\xb5\x2f\xfd\x28\x01", 1, "its header has a reserved bit"),
         (zstd.compress(b""), MAX_DECODED_BYTES + 1, f"{MAX_DECODED_BYTES + 1} bytes to be decoded, at most"),
     ],
 )
