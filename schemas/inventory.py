@@ -12,6 +12,9 @@ MAX_SIGHTINGS: Final = 20_000
 """Most sightings in one answer; whoever wants more asks robot by robot."""
 
 
+MAX_PROBLEMS: Final = 16
+
+
 class InventoryRequest(msgspec.Struct, frozen=True, kw_only=True):
     """What is asked: sightings of one robot, camera or class, each of all if empty.
 
@@ -59,4 +62,4 @@ class InventoryAnswer(msgspec.Struct, frozen=True, kw_only=True):
     complete: bool = True
     class_lists: Count = 0
     left_out: Drops = {}
-    problems: Annotated[list[Label], msgspec.Meta(max_length=16)] = []
+    problems: Annotated[list[Label], msgspec.Meta(max_length=MAX_PROBLEMS)] = []

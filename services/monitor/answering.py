@@ -10,10 +10,11 @@ from bus import Bus, RefusedError, Reply, Request
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
-from schemas.inventory import MAX_SIGHTINGS, ClassSighting, InventoryAnswer, InventoryRequest
+from schemas.inventory import MAX_PROBLEMS, MAX_SIGHTINGS, ClassSighting, InventoryAnswer, InventoryRequest
 from services.monitor.display import Problems
 from services.monitor.fleet import Fleet
 from services.monitor.inventory.inventory import Entry
+from services.monitor.troubles import shortened
 from services.monitor.turns import in_turns
 
 WAITING: Final = 64
@@ -48,7 +49,7 @@ async def answer_to(asked: InventoryRequest, fleet: Fleet, problems: Sequence[st
         complete=next(found, None) is None,
         class_lists=fleet.class_lists,
         left_out=dict(fleet.left_out),
-        problems=[problem[:MAX_LABEL] for problem in problems],
+        problems=[problem[:MAX_LABEL] for problem in shortened(problems, MAX_PROBLEMS - 1)],
     )
 
 

@@ -5,7 +5,7 @@ from bus.fake import FakeNetwork
 from schemas import codec, keys
 from schemas.alerts import Action
 from schemas.header import MAX_LABEL
-from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.inventory import MAX_PROBLEMS, InventoryAnswer, InventoryRequest
 from services.monitor import answering
 from services.monitor.answering import answer_inventory, answer_to
 from services.monitor.fleet import Fleet
@@ -43,6 +43,10 @@ async def test_an_answer_says_how_far_it_can_be_relied_on() -> None:
     answer = await answer_to(InventoryRequest(in_view=True), fleet, ["history is not being kept: " + "x" * 999], S)
     assert (answer.class_lists, answer.left_out) == (1, {"malformed messages": 2})
     assert [len(problem) for problem in answer.problems] == [MAX_LABEL]
+    problems = [f"webhook {number} takes no alerts" for number in range(MAX_PROBLEMS + 4)]
+    answer = await answer_to(InventoryRequest(in_view=True), fleet, problems, S)
+    assert codec.decode(InventoryAnswer, codec.encode(answer), codec.encoding(InventoryAnswer)) == answer
+    assert answer.problems == [*problems[: MAX_PROBLEMS - 1], "and 5 more problems"]
     assert codec.decode(InventoryAnswer, codec.encode(answer), codec.encoding(InventoryAnswer)) == answer
 
 
