@@ -50,7 +50,7 @@ class _Subject:
 
 
 class RuleEngine:
-    """Applies a rule book to what changes. Times are epoch nanoseconds of the monitor's clock.
+    """Applies a rule book to what changes. Times are epoch nanoseconds of the monitor's clock, which may be set back.
 
     new_id: names alerts. most: subjects that are followed; of more, those that come later are left out.
     What comes out is to be fetched with `due` after everything that went in.
@@ -68,6 +68,7 @@ class RuleEngine:
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
         self._robots: dict[str, list[SilentRule]] = {}
         self._unknown: set[tuple[str, str]] = set()
+        self._now_ns = 0
         self._full = False
         self._refused = False
 
@@ -103,6 +104,7 @@ class RuleEngine:
 
         escalated: the ids of those that somebody had escalate.
         """
+        self._advance(now_ns)
         rules = {rule.name: rule for rule in self._book.rules}
         for alert in alerts:
             place = (alert.robot, alert.camera, alert.name)
@@ -116,12 +118,13 @@ class RuleEngine:
             if subject is None or subject.alert is not None:
                 self._change(alert, AlertState.RESOLVED, now_ns)
             else:
-                subject.holds, subject.since_ns, subject.text = True, alert.raised_ns, alert.text
-                subject.alert, subject.raised_ns = alert, alert.raised_ns
+                subject.holds, subject.alert, subject.text = True, alert, alert.text
+                subject.since_ns = subject.raised_ns = min(alert.raised_ns, now_ns)
                 self._waiting.discard(alert.rule, place)
 
     def changed(self, changes: Iterable[Change], now_ns: int) -> None:
         """Take what changed in the inventory."""
+        self._advance(now_ns)
         for change in changes:
             key = change.sighting.key
             for rule in self._rules_of(key.robot, key.camera):
@@ -135,6 +138,7 @@ class RuleEngine:
 
     def look(self, look: Look, now_ns: int) -> None:
         """Take what is known of one camera now."""
+        self._advance(now_ns)
         robot, camera = look.key.robot, look.key.camera
         (self._unknown.discard if look.speaks else self._unknown.add)((robot, camera))
         for rule in self._rules_of(robot, camera):
@@ -172,11 +176,21 @@ class RuleEngine:
 
     def due(self, now_ns: int) -> list[Effect]:
         """Let time pass; return what became of alerts since this was asked last."""
+        self._advance(now_ns)
         self._raise_due(now_ns)
         self._escalate_due(now_ns)
         self._full = False
         effects, self._effects = self._effects, []
         return effects
+
+    def _advance(self, now_ns: int) -> None:
+        """Let time pass. If the clock was set back, nothing waits for it to be again what it was."""
+        by_ns, self._now_ns = self._now_ns - now_ns, now_ns
+        if by_ns > 0:
+            for subject in (each for subjects in self._subjects.values() for each in subjects.values()):
+                subject.since_ns -= by_ns
+                subject.raised_ns = None if subject.raised_ns is None else subject.raised_ns - by_ns
+            self._waiting.set_back(by_ns)
 
     def _raise_due(self, now_ns: int) -> None:
         self._waiting.ripen(now_ns)
@@ -200,9 +214,10 @@ class RuleEngine:
     def _escalations(self) -> Iterator[tuple[Alert, int]]:
         """Yield the alerts that nobody acknowledged yet and when each escalates."""
         after_s = {rule.name: rule.escalate_after_s for rule in self._book.rules if rule.escalate_after_s is not None}
-        for alert, _ in self._alerts.values() if after_s else ():
+        for alert, place in self._alerts.values() if after_s else ():
             if alert.state is AlertState.RAISED and alert.rule in after_s:
-                yield alert, alert.raised_ns + round(after_s[alert.rule] * NS)
+                raised_ns = self._subjects[alert.rule][place].raised_ns or 0
+                yield alert, raised_ns + round(after_s[alert.rule] * NS)
 
     def acknowledge(self, alert_id: str, now_ns: int) -> Alert:
         """Note that somebody looks after an alert.

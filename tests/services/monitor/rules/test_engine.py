@@ -316,6 +316,30 @@ def test_changes_of_an_alert_are_in_order_though_the_clock_is_set_back() -> None
     assert ruling.engine.acknowledge("1", S).changed_ns == raised.changed_ns + 1
 
 
+def test_nothing_waits_longer_because_the_clock_is_set_back() -> None:
+    ruling = Ruling({**OVER, "for_s": 10, "cooldown_s": 60, "escalate_after_s": 30})
+    hour = 3_600
+    assert ruling.look(2 * hour, counts={"box": 3}) == []
+    assert ruling.look(2 * hour + 4, counts={"box": 3}) == []
+    assert ruling.look(hour, counts={"box": 3}) == []
+    assert ruling.due(hour + 5) == []
+    assert ruling.due(hour + 6) == ["1 raised"]
+    assert ruling.due(6) == []
+    assert ruling.due(35) == []
+    assert ruling.due(36) == ["1 escalated"]
+    assert ruling.look(40, counts={"box": 0}) == ["1 resolved"]
+    assert ruling.look(30, counts={"box": 3}) == []
+    assert ruling.due(55) == []
+    assert ruling.due(56) == ["2 raised"]
+
+
+def test_an_alert_of_before_escalates_though_the_clock_was_set_back_meanwhile() -> None:
+    ruling = Ruling({**OVER, "name": "too near", "class": "forklift", "escalate_after_s": 10})
+    ruling.engine.restore([msgspec.structs.replace(alert(), raised_ns=10**9 * S, changed_ns=10**9 * S)], 7 * S)
+    assert ruling.due(16) == []
+    assert ruling.due(17) == [f"{alert().id} escalated"]
+
+
 def test_other_rules_resolve_what_was_theirs_alone() -> None:
     ruling = Ruling(OVER, {**OVER, "for_s": 5})
     assert ruling.look(0, counts={"box": 3}) == ["1 raised"]
