@@ -15,7 +15,8 @@ MOST_WAIT_S: Final = 3600.0
 class RateBudget(msgspec.Struct, frozen=True, kw_only=True):
     """What a consumer that cannot keep up asks of a camera's gateway. Its newest one counts, while it wants the stream.
 
-    A consumer is known by its `schemas.keys.Wanted` token, and the budget ends with that.
+    A consumer is known by its `schemas.keys.Wanted` token, and the budget ends with that, as when a link is lost: one
+    that is still so is to be said again every few seconds.
 
     consumer, stream: those of the token.
     hz: the most frames a second of the consumer's own time that it has a use for; None for any number of them.

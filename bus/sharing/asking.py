@@ -2,11 +2,16 @@
 
 import asyncio
 import time
+from contextlib import suppress
+from typing import Final
 
 from bus.api import Bus, QoS
 from schemas import codec, keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.keys import StreamKey
+
+REPEAT_S: Final = 5.0
+"""How often a limit is said again: a gateway forgets it with the link on which it was said."""
 
 
 class Asked:
@@ -31,7 +36,7 @@ class Asked:
         self._changed.set()
 
     async def tell(self, bus: Bus, frames: StreamKey, consumer: str) -> None:
-        """Tell the gateway who wants the frames of a stream, and each change, for ever."""
+        """Tell the gateway who wants the frames of a stream, each change, and now and then a limit, for ever."""
         if self.hz is None:
             self._changed.clear()
             await self._changed.wait()
@@ -41,7 +46,9 @@ class Asked:
                 self._changed.clear()
                 publisher.put(codec.encode(self._budget(frames, consumer)))
                 self._wait_s = 0.0
-                await self._changed.wait()
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(None if self.hz is None else REPEAT_S):
+                        await self._changed.wait()
 
     def _budget(self, frames: StreamKey, consumer: str) -> RateBudget:
         return RateBudget(

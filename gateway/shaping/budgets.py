@@ -25,8 +25,11 @@ class Allowance:
         self._longest_ns = 0
 
     def say(self, budget: RateBudget, now_ns: int) -> None:
-        """Take a consumer's word."""
-        self.hz = math.inf if budget.hz is None else budget.hz
+        """Take a consumer's word; one that says nothing new puts no frame forward."""
+        hz = math.inf if budget.hz is None else budget.hz
+        if hz == self.hz and not budget.wait_s:
+            return
+        self.hz = hz
         self._longest_ns = round(budget.wait_s * SECOND_NS)
         self._due_ns = now_ns + self._longest_ns
 

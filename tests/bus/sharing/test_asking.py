@@ -3,8 +3,11 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+import pytest
+
 from bus import QUEUE, Subscription
 from bus.fake import FakeNetwork
+from bus.sharing import asking
 from bus.sharing.asking import Asked
 from schemas import codec, keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
@@ -57,6 +60,20 @@ async def test_a_limit_that_was_there_before_is_said_at_once_and_without_its_wai
         await told(budgets)
     async with telling(asked) as budgets:
         assert await told(budgets) == budget(2)
+
+
+async def test_a_limit_is_said_again_for_a_gateway_that_forgot_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(asking, "REPEAT_S", 0.05)
+    asked = Asked()
+    async with telling(asked) as budgets:
+        asked.ask(2.5, 0.4)
+        assert [await told(budgets) for _ in range(3)] == [budget(2.5, 0.4), budget(2.5), budget(2.5)]
+        asked.ask(None)
+        while (await told(budgets)).hz is not None:
+            pass
+        received = budgets.counts.received
+        await asyncio.sleep(0.2)
+        assert budgets.counts.received == received, "and nothing once there is none"
 
 
 def test_it_is_known_when_the_next_one_is_wanted() -> None:

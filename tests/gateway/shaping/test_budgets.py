@@ -54,6 +54,15 @@ def test_a_budget_counts_only_while_its_consumer_wants_the_stream() -> None:
     assert len(sent(made, A)) == 100
 
 
+def test_a_word_that_is_said_again_puts_no_frame_forward() -> None:
+    made = told(budget(2))
+    assert made.passes(COLOR, [A], START)
+    made.say(FRONT, budget(2), START + 100 * MS)
+    assert sent(made, A)[:2] == [500, 1000]
+    made.say(FRONT, budget(2, wait_s=1.0), START + 10_000 * MS)
+    assert sent(made, A, start=START + 10_000 * MS)[:2] == [1000, 1500]
+
+
 def test_the_newest_word_counts_and_says_when_the_next_frame_is_wanted() -> None:
     made = told(budget(2), budget(5, wait_s=0.31))
     assert sent(made, A)[:3] == [400, 600, 800]
