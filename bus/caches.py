@@ -25,7 +25,7 @@ class Caches:
     """The caches that one subscription asks.
 
     submit: has something done on the session's thread. recover: how many messages are wanted of each.
-    answer: is given each message; answered: told that no more of them come.
+    answer: is given each message; answered: told that no more of them come, and whether any came.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class Caches:
         submit: Callable[[Callable[[], None]], object],
         recover: int,
         answer: Callable[[Fetch, zenoh.Sample], None],
-        answered: Callable[[Fetch], None],
+        answered: Callable[[Fetch, bool], None],
     ) -> None:
         self._submit = submit
         self._recover = recover
@@ -65,12 +65,13 @@ class Caches:
 
     def _send(self, session: zenoh.Session, fetch: Fetch) -> None:
         self._asked.add(fetch.cache)
-        done = partial(self._submit, partial(self._done, self._turn, fetch))
+        replies = count()
+        done = partial(self._submit, partial(self._done, self._turn, fetch, replies))
         try:
             with panics_are_errors():
                 session.get(
                     f"{fetch.cache}?{_after(fetch)}_max={self._recover}",
-                    Callback(partial(self._on_reply, self._turn, fetch, count()), done, indirect=False),
+                    Callback(partial(self._on_reply, self._turn, fetch, replies), done, indirect=False),
                     accept_replies=zenoh.ReplyKeyExpr.ANY,
                     consolidation=zenoh.ConsolidationMode.NONE,
                     timeout=TIMEOUT_S,
@@ -83,10 +84,10 @@ class Caches:
         if turn == self._turn and reply.ok is not None and next(before) < self._recover:  # whatever it sends
             self._answer(fetch, reply.ok)
 
-    def _done(self, turn: int, fetch: Fetch) -> None:
+    def _done(self, turn: int, fetch: Fetch, replies: Iterator[int]) -> None:
         if turn == self._turn and fetch.cache in self._asked:  # an error may end it twice
             self._asked.discard(fetch.cache)
-            self._answered(fetch)
+            self._answered(fetch, next(replies) > 0)
             self._go_on()
 
 

@@ -23,6 +23,9 @@ PUBLISHERS_REMEMBERED: Final = 128
 NONE: Final = -1
 """Less than any number."""
 
+FIRST: Final = 1
+"""A publisher's first number; Zenoh's own begin with 0."""
+
 WRAPPED: Final = 1 << 31
 """A number so much smaller than the last is a newer one: Zenoh's own have 32 bits."""
 
@@ -68,12 +71,16 @@ class _Publisher:
     def is_behind_hole(self, number: int) -> bool:
         return self.last != NONE and number > self.last + 1
 
+    def is_next(self, number: int) -> bool:
+        return number <= FIRST if self.last == NONE else number == self.last + 1
+
 
 @dataclass(slots=True)
 class _Key(Generic[M]):
     """What is known of a key.
 
     caches: of publishers that are there. asked: those that are being asked, and whether they are to be asked once more.
+    doubted: those that are there and had nothing when they were asked first.
     held: what came live and waits for what they have, None if nothing has to; kept: what they have answered.
     """
 
@@ -81,6 +88,7 @@ class _Key(Generic[M]):
     publishers: OrderedDict[int | str, _Publisher] = field(default_factory=OrderedDict)
     caches: set[str] = field(default_factory=set)
     asked: dict[str, bool] = field(default_factory=dict)
+    doubted: set[str] = field(default_factory=set)
     held: list[Numbered[M]] | None = None
     kept: list[Numbered[M]] = field(default_factory=list)
 
@@ -106,14 +114,15 @@ class History(Generic[M]):
 
     recover: how many of the messages that a publisher keeps are wanted; with more than one, a hole in the live messages
     is filled too, and what is live waits for what was before. fetch: has a cache asked, `kept` called with its answers
-    and `fetched` at their end, however it comes about. deliver, miss: take messages in order, and the number of those
-    that never came.
+    and `fetched` at their end, however it comes about. later: has `ask_again` called in a while, with what is asked
+    for. deliver, miss: take messages in order, and the number of those that never came.
 
     Not to be called from several threads at once.
     """
 
     recover: int
     fetch: Callable[[Fetch], None]
+    later: Callable[[Fetch], None]
     deliver: Callable[[list[M]], None]
     miss: Callable[[int], None]
     _keys: dict[str, _Key[M]] = field(default_factory=dict)
@@ -133,6 +142,7 @@ class History(Generic[M]):
         """A publisher is not there any more, or cannot be reached."""
         known = self._known(key)
         known.caches.discard(cache)
+        known.doubted.discard(cache)
         if not known.caches:
             self._desert(key)
 
@@ -143,6 +153,7 @@ class History(Generic[M]):
             known.out_of_sight()
             known.caches.clear()
             known.asked.clear()
+            known.doubted.clear()
             known.kept.clear()
             self._deserted[key] = None
 
@@ -181,9 +192,17 @@ class History(Generic[M]):
         if fetch.cache in known.asked and message.key == fetch.key and message.newness <= self.recover:
             known.kept.append(message)
 
-    def fetched(self, fetch: Fetch) -> None:
-        """There is nothing more to come from a cache."""
+    def fetched(self, fetch: Fetch, *, empty: bool = False) -> None:
+        """There is nothing more to come from a cache. empty: nothing came.
+
+        The first time that says little: of a link that is new a router may know that a cache is there, and not yet the
+        way to it.
+        """
         known = self._known(fetch.key)
+        if empty and fetch.cache in known.asked and fetch.cache in known.caches - known.doubted:
+            known.doubted.add(fetch.cache)
+            self.later(fetch)
+            return
         again = known.asked.pop(fetch.cache, None)
         if again:
             self._ask(known, fetch.cache)
@@ -191,6 +210,12 @@ class History(Generic[M]):
             ready: list[M] = []
             self._release(known, ready)
             self._deliver(ready)
+
+    def ask_again(self, fetch: Fetch) -> None:
+        """Ask a cache that had nothing."""
+        known = self._known(fetch.key)
+        if fetch.cache in known.asked:
+            self._fetch(known, fetch.cache)
 
     def _known(self, key: str) -> _Key[M]:
         known = self._keys.get(key)
@@ -223,12 +248,17 @@ class History(Generic[M]):
             known.asked[cache] = True
             return
         known.asked[cache] = False
+        self._fetch(known, cache)
+
+    def _fetch(self, known: _Key[M], cache: str) -> None:
         places = tuple(each.place for each in known.publishers.values() if each.place is not None)
         self.fetch(Fetch(known.name, cache, places))
 
     def _take_live(self, known: _Key[M], by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
         """Take what came live, or hold it while there may be older ones to come."""
-        if known.held is not None:
+        if known.held is not None and not known.held and by.is_next(each.number) and not each.newness:
+            self._take(by, each, ready)
+        elif known.held is not None:
             known.held.append(each)
             if len(known.held) > max(MOST_HELD, 2 * self.recover):
                 self._take_waiting(known, ready, seek=False)

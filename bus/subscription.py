@@ -20,6 +20,9 @@ from bus.known_keys import number_of
 from bus.numbering import CACHE, is_sent_again, owner_of, stamp_of
 from bus.reading import SampleReader
 
+AGAIN_S: Final = 0.5
+"""After so long a cache that had nothing is asked again: Zenoh's routers (1.10) find their ways 0.1 s after a link."""
+
 _PUT: Final = zenoh.SampleKind.PUT
 
 
@@ -75,7 +78,9 @@ class HistorySubscription(ZenohSubscription):
     ) -> None:
         super().__init__(key_expr, keep, loop, few=few)
         self._caches = Caches(submit, recover, self._on_kept, self._on_fetched)
-        self._history: History[Sample | None] = History(recover, self._caches.ask, self._deliver, self.miss)
+        self._history: History[Sample | None] = History(
+            recover, self._caches.ask, self._ask_later, self._deliver, self.miss
+        )
         self._known = known
         self._one_at_a_time = threading.Lock()
 
@@ -134,18 +139,22 @@ class HistorySubscription(ZenohSubscription):
             for each in numbered:
                 self._history.kept(fetch, each)
 
-    def _on_fetched(self, fetch: Fetch) -> None:
+    def _on_fetched(self, fetch: Fetch, replied: bool) -> None:  # noqa: FBT001 - a callback's
         """Take what a cache answered; where it overtook what came live before and waits for others, after that."""
-        fetched = partial(self._fetched, self._turn, fetch)
+        fetched = partial(self._with_history, self._turn, partial(self._history.fetched, fetch, empty=not replied))
         if self._together:
             call_soon(self._loop, partial(self._loop.call_later, DELIVERED_S, fetched))
         else:
             fetched()
 
-    def _fetched(self, turn: int, fetch: Fetch) -> None:
+    def _ask_later(self, fetch: Fetch) -> None:
+        again = partial(self._with_history, self._turn, partial(self._history.ask_again, fetch))
+        call_soon(self._loop, partial(self._loop.call_later, AGAIN_S, again))
+
+    def _with_history(self, turn: int, act: Callable[[], None]) -> None:
         with self._one_at_a_time:
             if turn == self._turn:
-                self._history.fetched(fetch)
+                act()
 
     def _deliver(self, messages: list[Sample | None]) -> None:
         self.arrive_all(message for message in messages if message is not None)

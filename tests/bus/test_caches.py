@@ -38,6 +38,7 @@ class Asked:
         self.queries: list[zenoh.Query] = []
         self.answers: list[tuple[str, bytes]] = []
         self.answered: list[str] = []
+        self.empty: list[str] = []
         self._thread = thread
         self.caches = Caches(thread.submit, RECOVER, self._on_answer, self._on_answered)
         session.declare_queryable(cache_of("*"), Callback(self.queries.append, indirect=False))
@@ -46,8 +47,10 @@ class Asked:
     def _on_answer(self, fetch: Fetch, sample: zenoh.Sample) -> None:
         self.answers.append((fetch.key, sample.payload.to_bytes()))
 
-    def _on_answered(self, fetch: Fetch) -> None:
+    def _on_answered(self, fetch: Fetch, replied: bool) -> None:  # noqa: FBT001 - a callback's
         self.answered.append(fetch.key)
+        if not replied:
+            self.empty.append(fetch.key)
 
     def use(self, session: zenoh.Session | None) -> None:
         self._thread.submit(self.caches.use, session).result()
@@ -105,6 +108,16 @@ async def test_one_that_answers_with_more_than_it_was_asked_for_is_heard_so_far(
         those.end(those.queries[0], *(b"%d" % number for number in range(RECOVER + MORE)))
         await until(lambda: those.answered == ["key"])
         assert those.answers == [("key", b"%d" % number) for number in range(RECOVER)]
+
+
+async def test_whether_one_had_anything_is_told() -> None:
+    with asked() as those:
+        for key, payloads in (("nothing", ()), ("something", (b"1",))):
+            those.ask(key)
+            await until(lambda: those.queries)
+            those.end(those.queries[0], *payloads)
+        await until(lambda: len(those.answered) == 2)
+        assert those.empty == ["nothing"]
 
 
 async def test_what_was_asked_on_a_session_that_is_over_is_answered_by_nobody() -> None:

@@ -24,7 +24,10 @@ class Received:
         self.messages: list[int] = []
         self.missed = 0
         self.fetches: list[Fetch] = []
-        self.history: History[int] = History(recover, self.fetches.append, self.messages.extend, self._miss)
+        self.doubts: list[Fetch] = []
+        self.history: History[int] = History(
+            recover, self.fetches.append, self.doubts.append, self.messages.extend, self._miss
+        )
 
     def _miss(self, number: int) -> None:
         self.missed += number
@@ -44,6 +47,13 @@ class Received:
         for number in kept:
             self.history.kept(self.fetches[-1], message(number))
         self.history.fetched(self.fetches[-1])
+
+    def nothing(self) -> None:
+        """Have the cache that was asked last have nothing, or not be reached."""
+        self.history.fetched(self.fetches[-1], empty=True)
+
+    def ask_again(self) -> None:
+        self.history.ask_again(self.doubts[-1])
 
     def live(self, *numbers: int, publisher: int = OURS, key: str = KEY) -> None:
         self.history.live(message(number, publisher=publisher, key=key) for number in numbers)
@@ -72,6 +82,61 @@ def test_where_the_last_is_enough_what_is_live_waits_for_nothing() -> None:
     got.answer(2)
     got.live(4)
     assert got.outcome == ([3, 4], 0)
+
+
+@pytest.mark.parametrize("recover", [1, 9])
+def test_a_cache_that_has_nothing_is_asked_once_more_a_while_later(recover: int) -> None:
+    got = Received(recover)
+    got.appear(kept=None)
+    got.nothing()
+    assert got.doubts == got.fetches == [Fetch(KEY, HERE)]
+    got.ask_again()
+    got.answer(*range(10 - recover, 10))
+    got.live(10)
+    assert got.outcome == ([*range(10 - recover, 10), 10], 0)
+    assert (len(got.doubts), len(got.fetches)) == (1, 2)
+
+
+def test_what_is_live_waits_meanwhile_where_something_is_missing_before_it() -> None:
+    got = Received()
+    got.appear(kept=None)
+    got.nothing()
+    got.live(1)
+    assert got.messages == [1], "a publisher's first waits for nothing"
+    got.live(2, 5)
+    assert got.messages == [1, 2]
+    got.ask_again()
+    assert got.fetches[-1] == Fetch(KEY, HERE, ("place of 2",))
+    got.answer(3, 4, 5)
+    got.live(6)
+    assert got.outcome == ([1, 2, 3, 4, 5, 6], 0)
+
+
+def test_what_is_live_waits_no_longer_than_until_there_is_really_nothing() -> None:
+    got = Received()
+    got.appear(kept=None)
+    got.nothing()
+    got.live(5, 6)
+    assert got.messages == []
+    got.ask_again()
+    got.nothing()
+    assert got.outcome == ([5, 6], 0)
+    assert len(got.doubts) == 1
+    got.history.cut_off()
+    got.appear(kept=None)
+    got.nothing()
+    assert len(got.doubts) == 2, "the next link is new, too"
+
+
+def test_a_cache_that_is_gone_is_not_asked_again_and_what_waits_is_taken() -> None:
+    got = Received()
+    got.appear(kept=None)
+    got.nothing()
+    got.live(5)
+    got.history.leave(KEY, HERE)
+    got.ask_again()
+    got.nothing()
+    assert (got.outcome, len(got.doubts)) == (([5], 0), 1)
 
 
 @pytest.mark.parametrize("recover", [1, 9])

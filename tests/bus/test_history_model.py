@@ -13,6 +13,8 @@ ALL = 1_000
 PUBLISHERS = 3
 RUNS = 100
 STEPS = 200
+REACHED_AT_ONCE = 0.8
+"""How often the way to a cache is known as soon as the cache is."""
 
 Message = tuple[int, int]
 
@@ -69,7 +71,11 @@ class World:
         self.got: dict[int, list[int]] = {name: [] for name in range(PUBLISHERS)}
         self.missed = 0
         self.fetches: list[Fetch] = []
-        self.history: History[Message] = History(recover, self.fetches.append, self._deliver, self._miss)
+        self.doubts: list[Fetch] = []
+        self.tried: set[str] = set()
+        self.history: History[Message] = History(
+            recover, self.fetches.append, self.doubts.append, self._deliver, self._miss
+        )
         self.history.cut_off()
         self.publishers: list[Publisher] = []
         for name in range(PUBLISHERS):
@@ -107,6 +113,8 @@ class World:
     def cut(self) -> None:
         self.linked = False
         self.fetches.clear()
+        self.doubts.clear()
+        self.tried.clear()
         for publisher in self.publishers:
             publisher.on_its_way.clear()
 
@@ -121,6 +129,7 @@ class World:
     def _arrivals(self) -> list[Callable[[], None]]:
         live = [publisher for publisher in self.publishers if publisher.on_its_way]
         acts: list[Callable[[], None]] = [self._answer] * 2 if self.fetches else []
+        acts += [lambda: self.history.ask_again(self.doubts.pop(0))] if self.doubts else []
         return acts + [lambda: self._arrive(self.random.choice(live))] * 2 if live else acts
 
     def _arrive(self, publisher: Publisher) -> None:
@@ -130,11 +139,14 @@ class World:
     def _answer(self) -> None:
         fetch = self.fetches.pop(self.random.randrange(len(self.fetches)))
         asked = next((each for each in self.publishers if each.cache == fetch.cache), None)
-        if asked is not None:
+        found: list[Numbered[Message]] = []
+        if asked is not None and (fetch.cache in self.tried or self.random.random() < REACHED_AT_ONCE):
             after = max((number for cache, number in fetch.places if cache == fetch.cache), default=0)
-            for message in [each for each in asked.cached if each.number > after][-self.recover :]:
-                self.history.kept(fetch, message)
-        self.history.fetched(fetch)
+            found = [each for each in asked.cached if each.number > after][-self.recover :]
+        self.tried.add(fetch.cache)
+        for message in found:
+            self.history.kept(fetch, message)
+        self.history.fetched(fetch, empty=not found)
 
     def _deliver(self, messages: list[Message]) -> None:
         for name, number in messages:
