@@ -144,8 +144,9 @@ async def test_what_waits_for_a_publisher_that_ends_meanwhile_is_not_lost(monkey
         own = await stack.enter_async_context(severable(int(endpoint.rpartition(":")[2])))
         monkeypatch.setattr(caches, "ASKED_AT_ONCE", 0)  # no cache answers
         here = await stack.enter_async_context(open_bus(client(f"tcp/127.0.0.1:{own.port}")))
-        subscription = await stack.enter_async_context(here.subscribe(KEY, QUEUE(9), recover=KEPT))
         async with open_bus(client(endpoint)) as there, there.publisher(KEY, QoS.RESULT, kept=KEPT) as out:
+            out.put(b"before")
+            subscription = await stack.enter_async_context(here.subscribe(KEY, QUEUE(9), recover=KEPT))
             await until(lambda: out.wanted)
             out.put(b"waits")
             await asyncio.sleep(LEASE_S / 2)
