@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import Final
 
-from schemas.alerts import Alert
+from msgspec.structs import replace
+
+from schemas.alerts import Alert, AlertState
 from services.monitor.history.acts import Act, Acts
 from services.monitor.history.disagreements import Disagreements
 from services.monitor.history.engine import translating
@@ -37,6 +39,9 @@ NOTE_S: Final = 0.5
 """How often it is noted who came and went, and what models disagree about."""
 
 RETRY_S: Final = 1.0
+FIRST_GO_S: Final = 3.0
+"""How long a database that is back is left to whoever led until it was gone: they know what became of alerts since."""
+
 RESTORE_S: Final = 5.0
 """How long the database may keep a monitor from beginning."""
 
@@ -105,6 +110,7 @@ class HistoryKeeper:
         self._leader = ""
         self._asked = False
         self._follows = False
+        self._may_lead_s = 0.0
         self._loaded = False
         self._due_s = 0.0
 
@@ -192,6 +198,8 @@ class HistoryKeeper:
         try:
             if self._store is None:
                 self._store = await Store.open(self._settings.history)
+                if self._follows and self._problem:
+                    self._may_lead_s = time.monotonic() + FIRST_GO_S
             if not self._writes:
                 await self._take_the_lead(self._store)
             await self._flush(self._store)
@@ -204,7 +212,7 @@ class HistoryKeeper:
         return FLUSH_S
 
     async def _take_the_lead(self, store: Store) -> None:
-        leads = await store.lead()
+        leads = time.monotonic() >= self._may_lead_s and await store.lead()
         self._leader = "" if leads else await store.leader()
         self._asked, self._follows = True, not leads
         if leads:
@@ -213,8 +221,21 @@ class HistoryKeeper:
             self._leads = False
             self._attendance.follow()
             self._ledger.forget_pending(time.time_ns() - FOLLOWED_NS)
-            self._alerts.clear()
+            await self._hand_over(store)
             self._heed(await store.forgotten(self._heeded_ns))
+
+    async def _hand_over(self, store: Store) -> None:
+        """Write what people did while this monitor alone thought that it led, and that the alerts are over it raised.
+
+        Whoever leads raises what still holds, and knows nothing of these. What became of theirs is theirs to say.
+        """
+        if not (self._alerts or self._new_acts):
+            return
+        theirs = await store.known_alerts(self._alerts)
+        ours = [over(alert) for name, alert in self._alerts.items() if name not in theirs]
+        await store.write([], ours, None, self._new_acts)
+        self._alerts.clear()
+        self._new_acts.clear()
 
     def _heed(self, forgotten: Mapping[str, int]) -> None:
         """Forget the robots that were forgotten at another monitor, or at this one before."""
@@ -318,6 +339,13 @@ class HistoryKeeper:
             log.warning("the end of the history was not kept: %s", error)
         finally:
             await self._store.close()
+
+
+def over(alert: Alert) -> Alert:
+    """Return an alert as it is once it is resolved."""
+    if alert.state is AlertState.RESOLVED:
+        return alert
+    return replace(alert, state=AlertState.RESOLVED, changed_ns=max(time.time_ns(), alert.changed_ns + 1))
 
 
 async def _whole(work: Coroutine[None, None, float]) -> float:

@@ -147,6 +147,14 @@ class Store:
             every = [lasting_of_row(Presence, row, at_ns) for row in rows]
             return {there.place: there.until_ns for there in every}
 
+    async def known_alerts(self, ids: Iterable[str]) -> set[str]:
+        """Return which of some alerts are kept."""
+        async with translating():
+            found = await self._connection.scalars(select(alerts.c.id).where(alerts.c.id.in_(list(ids))))
+            known = set(found)
+            await self._connection.commit()
+            return known
+
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
         async with translating():

@@ -12,6 +12,8 @@ from msgspec.structs import replace
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history import keeper as module
+from services.monitor.history.acts import Act
+from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval, interval_of
@@ -256,6 +258,40 @@ async def test_of_two_monitors_one_writes_until_it_goes(url: str) -> None:
             assert [each.open for each in runs] == [False, True]
         else:
             assert [each.open for each in runs] == [True]
+
+
+async def test_what_people_did_while_another_monitor_had_taken_the_lead_is_kept(url: str) -> None:
+    async with monitoring(url) as monitor, opened(url) as leader:
+        monitor.history.alert(alert(id_="of both"))
+        await until(monitor.written)
+        await monitor.history._fail(HistoryError("gone"))
+        assert await leader.lead()
+        monitor.history.alert(replace(alert(id_="of both"), state=AlertState.ACKNOWLEDGED))
+        monitor.history.act(Act("of both", AlertState.ACKNOWLEDGED, "bob", 5))
+        monitor.history.alert(alert(id_="its own"))
+        await until(lambda: not monitor.history.status.leads)
+        await until(lambda: not monitor.history._alerts)
+        found = await Archive(url).alerts(Asked(), 9)
+        assert {each.id: each.state for each in found} == {"of both": "raised", "its own": "resolved"}
+        assert [act.who for act in await Archive(url).acts(["of both"])] == ["bob"]
+
+
+async def test_whoever_led_until_the_database_was_gone_leads_when_it_is_back(url: str) -> None:
+    async def refuse(*_: Any, **__: Any) -> None:
+        raise HistoryError("gone")
+
+    async with monitoring(url) as one:
+        await until(lambda: one.history.status.leads)
+        async with monitoring(url) as other:
+            await until(lambda: bool(other.history.status.leader))
+            for _ in range(3):
+                with pytest.MonkeyPatch.context() as patch:
+                    patch.setattr(Store, "write", refuse)
+                    patch.setattr(Store, "lead", refuse)
+                    await until(lambda: one.history.status.problem == other.history.status.problem == "gone")
+                await until(lambda: not (one.history.status.problem or other.history.status.problem))
+                assert (one.history.status.leads, other.history.status.leads) == (True, False)
+        await until(one.written)
 
 
 async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url: str) -> None:
