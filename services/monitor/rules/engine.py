@@ -68,6 +68,7 @@ class RuleEngine:
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
         self._robots: dict[str, list[SilentRule]] = {}
         self._unknown: set[tuple[str, str]] = set()
+        self._inherited: dict[tuple[str, str], set[str]] = {}
         self._now_ns = 0
         self._full = False
         self._refused = False
@@ -110,6 +111,7 @@ class RuleEngine:
             place = (alert.robot, alert.camera, alert.name)
             if alert.id in self._alerts:
                 continue
+            self._inherited.setdefault((alert.robot, alert.camera), set()).add(alert.name)
             self._alerts[alert.id] = (alert, place)
             rule = rules.get(alert.rule)
             if alert.id in escalated or _had_escalated(alert, rule):
@@ -140,6 +142,8 @@ class RuleEngine:
         """Take what is known of one camera now."""
         self._advance(now_ns)
         robot, camera = look.key.robot, look.key.camera
+        if (names := self._inherited.get((robot, camera))) is not None:  # classes that nobody else may know of any more
+            look = msgspec.structs.replace(look, counts={**dict.fromkeys(names, 0), **look.counts})
         (self._unknown.discard if look.speaks else self._unknown.add)((robot, camera))
         for rule in self._rules_of(robot, camera):
             for found in findings(rule, look):

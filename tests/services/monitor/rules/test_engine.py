@@ -333,6 +333,13 @@ def test_nothing_waits_longer_because_the_clock_is_set_back() -> None:
     assert ruling.due(56) == ["2 raised"]
 
 
+def test_a_disagreement_of_before_about_a_class_that_nobody_remembers_is_over_once_the_models_agree() -> None:
+    ruling = Ruling({"name": "new model", "when": "disagree"})
+    ruling.engine.restore([msgspec.structs.replace(alert(), rule="new model", name="forklift")], S)
+    assert ruling.look(2, key=CameraKey(alert().robot, alert().camera), complete=False) == []
+    assert ruling.look(3, key=CameraKey(alert().robot, alert().camera)) == [f"{alert().id} resolved"]
+
+
 def test_an_alert_of_before_escalates_though_the_clock_was_set_back_meanwhile() -> None:
     ruling = Ruling({**OVER, "name": "too near", "class": "forklift", "escalate_after_s": 10})
     ruling.engine.restore([msgspec.structs.replace(alert(), raised_ns=10**9 * S, changed_ns=10**9 * S)], 7 * S)
