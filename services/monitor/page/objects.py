@@ -83,6 +83,7 @@ class _Solids:
         self._since_s = time.monotonic()
         self._chosen: int | None = None
         self._seen: ObjectClouds | None = None
+        self._received_ns = 0
         self._has_looked = False
         self._rows: list[_Row] = []
         with ui.element("div").classes("fs-view"):
@@ -119,6 +120,7 @@ class _Solids:
     def begin(self) -> None:
         """Note that they are asked for from now on."""
         self._since_s = time.monotonic()
+        self._shown = 0
 
     def say(self, reason: Reason) -> None:
         """Say why nothing is shown."""
@@ -127,10 +129,10 @@ class _Solids:
     def refresh(self, newest: Newest[ObjectClouds]) -> None:
         """Show what came, unless what is shown is to stay."""
         if newest.message is not None and newest.number != self._shown and self._live.value:
-            self._shown, self._seen = newest.number, newest.message
+            self._shown, self._seen, self._received_ns = newest.number, newest.message, newest.received_ns
             self._draw()
         seen = self._seen
-        age = self._monitor.fleet.age_of(seen.header, newest.received_ns, time.time_ns()) if seen else None
+        age = self._monitor.fleet.age_of(seen.header, self._received_ns, time.time_ns()) if seen else None
         self._age.set_text(f"{age_text(age)} old" if age and self._live.value else "")
         if age is not None and (age.seconds <= STALE_S or not self._live.value):
             self._stage.explain(None if seen and seen.objects else _nothing_in_view(seen))
