@@ -11,6 +11,9 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 NONE: Final = "none"
 SCHEMES: Final = ("sqlite:///", "postgresql://")
 
+NO_FILES: Final = ("sqlite:///", "sqlite:///:memory:")
+"""SQLite's databases that are gone with the connection."""
+
 _PORT: Final = re.compile(
     r"postgresql://(?:[^:/]*(?::[^@]*)?@)?(?:\[[^/?]+\]|[^/:?]+)?(?::(?P<port>[^/?]*))?(?:[/?].*)?"
 )
@@ -28,6 +31,8 @@ def _url(value: object) -> str:
         raise _refusal(
             text, f"write it like sqlite:////var/lib/fleetsight/history.db or postgresql://user@host/db, or {NONE}"
         )
+    if text.partition("?")[0] in NO_FILES:
+        raise _refusal(text, f"it names no file, and so keeps nothing; {NONE} says that")
     port = match["port"] if (match := _PORT.fullmatch(text)) else None
     if port and not (port.isdecimal() and int(port) <= _HIGHEST_PORT):
         raise _refusal(

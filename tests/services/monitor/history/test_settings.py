@@ -40,6 +40,7 @@ def test_a_database_is_taken_as_it_is(url: str) -> None:
 
 
 WRITE_IT = "write it like sqlite:////var/lib/fleetsight/history.db or postgresql://user@host/db, or none"
+NO_FILE = "it names no file, and so keeps nothing; none says that"
 NO_PORT = "what follows its host is no port, a number up to 65535; write @ in a password as %40"
 
 
@@ -48,6 +49,9 @@ NO_PORT = "what follows its host is no port, a number up to 65535; write @ in a 
     [
         ("postgresqlX://ann:SECRET@db/fleet", "postgresqlX://...", WRITE_IT),
         ("postgresql:/ann:SECRET@db/fleet", "...", WRITE_IT),
+        ("sqlite:///", "sqlite://...", NO_FILE),
+        ("sqlite:///:memory:", "sqlite://...", NO_FILE),
+        ("sqlite:///:memory:?cache=shared", "sqlite://...", NO_FILE),
         ("ann:SECRET@db/fleet", "...", WRITE_IT),
         ("postgresql://ann:SECRET\udcff@db/fleet", "postgresql://...", WRITE_IT),
         ("postgresql://ann:SECRET@db:bad/fleet", "postgresql://...", NO_PORT),
