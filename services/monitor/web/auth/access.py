@@ -131,7 +131,12 @@ class Access:
             raise AccessError("nobody can log in: the users cannot be read", LOOK_S)
         self._limit.failed(address, name, time.monotonic())
         user = self._users.get(name)
-        if not await self._check(user, password) or user is None:
+        try:
+            is_right = await self._passwords.check(None if user is None else user.password, password)
+        except BusyError as error:
+            self._limit.unknown(address, name)
+            raise AccessError(str(error), LOOK_S) from error
+        if user is None or not is_right:
             log.warning("log-in of %s from %s failed", name[:64], address)
             raise AccessError("this name and password do not go together")
         self._limit.succeeded(address, name)
@@ -211,12 +216,6 @@ class Access:
         for of in (self._logins, self._made, self._prolonged):
             of.pop(digest, None)
         self._ended.add(digest)
-
-    async def _check(self, user: User | None, password: str) -> bool:
-        try:
-            return await self._passwords.check(None if user is None else user.password, password)
-        except BusyError as error:
-            raise AccessError(str(error), LOOK_S) from error
 
     def _hold_back(self, address: str, name: str) -> None:
         wait_s = self._limit.wait_s(address, name, time.monotonic())

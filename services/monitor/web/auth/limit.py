@@ -12,6 +12,8 @@ MAX_OF_ADDRESS: Final = 30
 """Failures of all names from one address."""
 
 MAX_KEYS: Final = 10_000
+MAX_NAME: Final = 64
+"""Characters of a name that are remembered: it is anybody's."""
 
 
 class FailureLimit:
@@ -22,13 +24,12 @@ class FailureLimit:
 
     def wait_s(self, address: str, name: str, now_s: float) -> float:
         """Return how long it takes until the next try is allowed; 0 when it is."""
-        of = network_of(address)
-        return max(self._wait_s((of,), MAX_OF_ADDRESS, now_s), self._wait_s((of, name), MAX_OF_NAME, now_s))
+        every, own = _keys(address, name)
+        return max(self._wait_s(every, MAX_OF_ADDRESS, now_s), self._wait_s(own, MAX_OF_NAME, now_s))
 
     def failed(self, address: str, name: str, now_s: float) -> None:
         """Count a failure; to be called before the password is looked at, so that many at once count too."""
-        of = network_of(address)
-        for key, most in (((of,), MAX_OF_ADDRESS), ((of, name), MAX_OF_NAME)):
+        for key, most in zip(_keys(address, name), (MAX_OF_ADDRESS, MAX_OF_NAME), strict=True):
             self._failures.setdefault(key, deque(maxlen=most)).append(now_s)
             self._failures.move_to_end(key)
         while len(self._failures) > MAX_KEYS:
@@ -36,14 +37,23 @@ class FailureLimit:
 
     def succeeded(self, address: str, name: str) -> None:
         """Take back what was counted before a password that turned out right."""
-        of = network_of(address)
-        self._failures.pop((of, name), None)
-        if times := self._failures.get((of,)):
-            times.pop()
+        self.unknown(address, name)
+        self._failures.pop(_keys(address, name)[1], None)
+
+    def unknown(self, address: str, name: str) -> None:
+        """Take back one that was counted before a password that nobody had the time to look at."""
+        for key in _keys(address, name):
+            if times := self._failures.get(key):
+                times.pop()
 
     def _wait_s(self, key: tuple[str, ...], most: int, now_s: float) -> float:
         times = self._failures.get(key)
         return max(0.0, times[0] + WINDOW_S - now_s) if times and len(times) >= most else 0.0
+
+
+def _keys(address: str, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    of = network_of(address)
+    return (of,), (of, name[:MAX_NAME])
 
 
 def network_of(address: str) -> str:

@@ -71,6 +71,10 @@ def mistake_in(password: str) -> str:
     """Return what is wrong with a new password, or nothing."""
     if not MIN_LENGTH <= len(password) <= MAX_LENGTH:
         return f"a password has {MIN_LENGTH} to {MAX_LENGTH} characters"
+    try:
+        password.encode()
+    except UnicodeEncodeError:
+        return "a password is text in UTF-8"
     if len(set(password)) < MIN_LENGTH // 2:
         return f"a password has at least {MIN_LENGTH // 2} different characters"
     return ""

@@ -1,4 +1,12 @@
-from services.monitor.web.auth.limit import MAX_KEYS, MAX_OF_ADDRESS, MAX_OF_NAME, WINDOW_S, FailureLimit, network_of
+from services.monitor.web.auth.limit import (
+    MAX_KEYS,
+    MAX_NAME,
+    MAX_OF_ADDRESS,
+    MAX_OF_NAME,
+    WINDOW_S,
+    FailureLimit,
+    network_of,
+)
 
 
 def test_so_many_failures_of_a_name_from_an_address_and_then_a_wait() -> None:
@@ -24,6 +32,23 @@ def test_who_succeeds_is_not_held_back() -> None:
         limit.failed("a", "eve", 0)
         limit.succeeded("a", "eve")
     assert limit.wait_s("a", "eve", 0) == 0
+
+
+def test_a_try_that_nobody_looked_at_is_none() -> None:
+    limit = FailureLimit()
+    for _ in range(2 * MAX_OF_ADDRESS):
+        limit.failed("a", "eve", 0)
+        limit.unknown("a", "eve")
+    assert limit.wait_s("a", "eve", 0) == 0
+    for _ in range(MAX_OF_NAME):
+        limit.failed("a", "eve", 0)
+    assert limit.wait_s("a", "eve", 0) > 0
+
+
+def test_of_a_name_only_its_beginning_is_remembered() -> None:
+    limit = FailureLimit()
+    limit.failed("a", "e" * 60_000, 0)
+    assert max(len(part) for key in limit._failures for part in key) == MAX_NAME
 
 
 def test_it_remembers_so_much_and_no_more() -> None:

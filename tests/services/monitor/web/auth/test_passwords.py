@@ -3,6 +3,8 @@ from pathlib import Path
 
 import pytest
 
+from services.monitor.web.auth.access import AccessError
+from services.monitor.web.auth.limit import MAX_OF_NAME
 from services.monitor.web.auth.passwords import MAX_LENGTH, MAX_WAITING, MIN_LENGTH, BusyError, Passwords, mistake_in
 from tests.services.monitor.web.serving import PASSWORD, access_in
 
@@ -35,6 +37,19 @@ async def test_neither_passwords_nor_what_shows_that_one_is_logged_in_are_in_the
     assert session.encode() not in kept
 
 
+async def test_whoever_is_turned_away_because_many_log_in_may_try_again(tmp_path: Path) -> None:
+    access = await access_in(tmp_path)
+    many = [asyncio.create_task(access._passwords.check(None, "x")) for _ in range(MAX_WAITING)]
+    await asyncio.sleep(0)
+    for _ in range(MAX_OF_NAME + 1):
+        with pytest.raises(AccessError, match="too many people"):
+            await access.log_in("viewer", PASSWORD, "here")
+    for each in many:
+        each.cancel()
+    await asyncio.wait(many)
+    assert await access.log_in("viewer", PASSWORD, "here")
+
+
 async def test_too_many_at_once_are_refused() -> None:
     passwords = Passwords()
     many = [asyncio.create_task(passwords.check(None, "x")) for _ in range(MAX_WAITING)]
@@ -55,6 +70,7 @@ async def test_too_many_at_once_are_refused() -> None:
         ("abcde" * 60, f"{MIN_LENGTH} to {MAX_LENGTH} characters"),
         ("aabbccdddd", "5 different"),
         ("aabbccddee", ""),
+        ("a1b2c3d4e5\udcff", "UTF-8"),
     ],
 )
 def test_what_makes_a_password(password: str, mistake: str) -> None:
