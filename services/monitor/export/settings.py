@@ -1,6 +1,7 @@
 """Settings of the export."""
 
 from datetime import UTC, datetime, timedelta
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
@@ -68,6 +69,8 @@ class ExportSettings(BaseModel):
     def _is_of_a_kind(cls, to: Path) -> Path:
         if to.suffix not in (".csv", ".parquet"):
             raise ValueError("its name is to end in .csv or .parquet")
+        if to.suffix == ".parquet" and find_spec("polars") is None:
+            raise ValueError("Parquet takes polars, of fleetsight's extra [parquet], which is not installed")
         return to
 
     @field_validator("robot", "camera")

@@ -1,7 +1,9 @@
 import io
+import sys
 from pathlib import Path
 
 import polars as pl
+import pytest
 
 from services.monitor.history.store import Store
 from tests.services.monitor.history.test_store import interval
@@ -26,6 +28,14 @@ async def test_history_is_downloaded_as_parquet(tmp_path: Path) -> None:
     assert frame["name"].to_list() == ["box", "pallet"]
     assert frame["count"].to_list() == [2, 2]
     assert pl.read_parquet(io.BytesIO(boxes.content))["name"].to_list() == ["box"]
+
+
+async def test_parquet_without_its_extra_is_refused_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "polars", None)
+    async with web_in(tmp_path, history=f"sqlite:///{tmp_path / 'history.db'}") as web, await web.program() as program:
+        answer = await program.get("/api/v1/history/export?format=parquet")
+        assert (answer.status_code, "fleetsight's extra [parquet]" in answer.json()["error"]) == (422, True)
+        await web.monitor.history._end()
 
 
 async def test_what_no_export_can_be_of_is_refused(tmp_path: Path) -> None:
