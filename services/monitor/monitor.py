@@ -22,6 +22,7 @@ from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.inventory.inventory import Entry
 from services.monitor.mapping.floor_plan import FloorPlan
 from services.monitor.recent import Recent
+from services.monitor.rules.model import RuleBook
 from services.monitor.rules.remarks import remarks
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import Snapshot
@@ -32,12 +33,15 @@ log = logging.getLogger(__name__)
 MAX_AGE_S: Final = 0.5
 """How old a snapshot may be; so many people may look as want to."""
 
+REMARKS_AGE_S: Final = 10.0
+"""How old remarks about the rules in force may be: of patterns that fit nobody each takes a look at all robots."""
+
 MAX_READ_AGE_S: Final = 2.0
 """How old what another monitor wrote may be."""
 
 MAX_ALERTS: Final = 10_000
 MAX_REMARKS: Final = 20
-"""How many remarks about rules are made: each may take a look at all robots or cameras."""
+"""How many remarks about rules are made."""
 
 NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertState.RESOLVED)
 
@@ -68,6 +72,7 @@ class Monitor:
     floor_plan: FloorPlan | None = None
     started_ns: int = field(default_factory=time.time_ns)
     _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
+    _remarks: tuple[float, RuleBook, list[str]] | None = field(default=None, init=False, repr=False)
     _snapshot: Recent[Snapshot] = field(init=False, repr=False)
     _inventory: Recent[tuple[Entry, ...]] = field(init=False, repr=False)
     _others: Recent[Sequence[Alert]] = field(init=False, repr=False)
@@ -154,7 +159,13 @@ class Monitor:
         return [*(problem for problem in found if problem), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:
-        """Say which classes and robots the rules name that there are none of, as far as that is known."""
+        """Say which classes and robots the rules name that there are none of, or were none of lately."""
+        now_s, book = time.monotonic(), self.rules.book
+        if self._remarks is None or self._remarks[1] is not book or now_s - self._remarks[0] > REMARKS_AGE_S:
+            self._remarks = now_s, book, self._make_remarks(book)
+        return self._remarks[2]
+
+    def _make_remarks(self, book: RuleBook) -> list[str]:
         workers, inventory = self.workers(), self.fleet.inventory
         detectors = [each.classes for each in workers.of(DETECTOR)]
         opinions = [each.classes for each in workers.of(OPINION)]
@@ -163,7 +174,7 @@ class Monitor:
             return any(camera.speaker is not None and name in camera.speaker.classes for camera in inventory.cameras())
 
         robots = set(self.glance().robots)
-        return list(islice(remarks(self.rules.book, detectors, opinions, seen, robots), MAX_REMARKS))
+        return list(islice(remarks(book, detectors, opinions, seen, robots), MAX_REMARKS))
 
     def _noted(self, alert: Alert, by: str) -> Alert:
         self.history.act(Act(alert.id, AlertState(alert.state), by, time.time_ns()))
