@@ -56,6 +56,11 @@ class News:
     cameras: set[CameraKey] = field(default_factory=set)
     robots: set[str] = field(default_factory=set)
 
+    def tell(self, robot: str) -> None:
+        """Tell of a robot; of no more than MAX_MEMBERS until they are taken."""
+        if len(self.robots) < MAX_MEMBERS:
+            self.robots.add(robot)
+
 
 class Inventory:
     """What every camera of the fleet has in view. Times are nanoseconds since the epoch on this machine's clock.
@@ -112,7 +117,7 @@ class Inventory:
 
     def _tell(self, robot: str) -> None:
         for news in self._followers:
-            news.robots.add(robot)
+            news.tell(robot)
             news.cameras.update(self.in_order(robot))
 
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
@@ -188,7 +193,7 @@ class Inventory:
             if not camera and len(self._recalled) < MAX_MEMBERS:
                 self._recalled[robot] = until_ns
                 for news in self._followers if until_ns >= since_ns else ():
-                    news.robots.add(robot)
+                    news.tell(robot)
             elif camera and until_ns >= since_ns and len(self._cameras) < MAX_MEMBERS:
                 self._camera(CameraKey(robot, camera))
 
@@ -252,7 +257,7 @@ class Inventory:
                 insort(self._in_order, key)
             for news in self._followers:
                 news.cameras.add(key)
-                news.robots.add(key.robot)
+                news.tell(key.robot)
         return found
 
 

@@ -254,6 +254,18 @@ def test_whoever_follows_is_told_of_what_is_new_comes_or_goes() -> None:
     assert (REAR in news.cameras, news.robots) == (True, {"r1"})
 
 
+def test_who_follows_and_takes_no_news_is_told_of_no_more_robots_than_there_may_be(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "MAX_MEMBERS", 3)
+    inventory = quick()
+    news = inventory.follow()
+    for number in range(9):
+        for alive in (True, False):
+            inventory.robot_presence(f"r{number}", alive=alive)
+    assert len(news.robots) == 3
+
+
 def test_a_robot_that_is_forgotten_is_on_no_list_until_its_gateway_is_back() -> None:
     inventory = quick()
     for key in (FRONT, CameraKey("r0", "front"), CameraKey("r2", "front")):
