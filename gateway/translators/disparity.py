@@ -18,7 +18,10 @@ DEPTH: Final = "32FC1"
 
 
 def disparity(message: Message, header: Header) -> ImageFrame:
-    """Translate disparities in pixels to distances in metres, NaN where the disparity is not above 0."""
+    """Translate disparities in pixels to distances in metres, NaN where there is no valid disparity above 0.
+
+    Invalid is what lies below the message's `min_disparity`: stereo_image_proc marks pixels without a match so.
+    """
     found: Any = deserialise(TYPE_NAME, message.data)
     image, reach = found.image, found.f * found.T
     if image.encoding != DEPTH:
@@ -28,7 +31,7 @@ def disparity(message: Message, header: Header) -> ImageFrame:
     check_layout(image.height, image.width, image.encoding, image.step, image.data.nbytes)
     rows = image.data.reshape(image.height, image.step)[:, : image.width * 4]
     pixels = np.ascontiguousarray(rows).view(">f4" if image.is_bigendian else "<f4")
-    depth = _metres(pixels, reach)
+    depth = _metres(pixels, reach, found.min_disparity)
     return ImageFrame(
         header=stamped(header, stamp_of(found.header), found.header.frame_id),
         height=image.height,
@@ -39,8 +42,9 @@ def disparity(message: Message, header: Header) -> ImageFrame:
     )
 
 
-def _metres(disparity: NDArray[np.float32], reach: float) -> NDArray[np.float32]:
+def _metres(disparity: NDArray[np.float32], reach: float, least: float) -> NDArray[np.float32]:
+    """Return depth. least: the least valid disparity; NaN sets no limit."""
     with np.errstate(all="ignore"):
         depth = (np.float32(reach) / disparity).astype("<f4")
-        depth[~((disparity > 0) & (depth > 0) & np.isfinite(depth))] = np.nan
+        depth[~((disparity > 0) & (depth > 0) & np.isfinite(depth)) | (disparity < least)] = np.nan
     return depth

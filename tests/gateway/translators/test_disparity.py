@@ -30,6 +30,20 @@ def test_no_disparity_is_no_distance(bad: float) -> None:
     assert depth[1] == 1.0
 
 
+@pytest.mark.parametrize("is_bigendian", [False, True])
+def test_what_is_below_the_least_valid_disparity_is_no_distance(*, is_bigendian: bool) -> None:
+    sent = np.array([[15.0, 15.9375, 16.0, 50.0]], np.float32)
+    made = translated(ImageFrame, "front/depth", disparity(sent, min_disparity=16.0, is_bigendian=is_bigendian))
+    np.testing.assert_array_equal(np.frombuffer(made.data, "<f4"), [np.nan, np.nan, 3.125, 1.0])
+
+
+@pytest.mark.parametrize(("least", "depth"), [(-64.0, 1.0), (-np.inf, 1.0), (np.nan, 1.0), (np.inf, np.nan)])
+def test_whatever_the_least_valid_disparity_only_one_above_0_is_a_distance(least: float, depth: float) -> None:
+    sent = np.array([[-1.0, 0.0, 50.0]], np.float32)
+    made = translated(ImageFrame, "front/depth", disparity(sent, min_disparity=least))
+    np.testing.assert_array_equal(np.frombuffer(made.data, "<f4"), [np.nan, np.nan, depth])
+
+
 @pytest.mark.parametrize(
     "changes",
     [
