@@ -72,7 +72,9 @@ class StreamForward:
     def begin(self) -> None:
         """Start a subscription: what was kept of an earlier one's messages is forgotten."""
         self._gaps.begin()
-        self._translates = {message_type(name).topic_type: begin() for name, begin in self.kind.translators.items()}
+        translators = self.kind.translators
+        begun = {begin: begin() for begin in set(translators.values())}
+        self._translates = {message_type(name).topic_type: begun[begin] for name, begin in translators.items()}
 
     def take(self, message: Message, now_ns: int) -> codec.Message | None:
         """Return what a ROS message says, or None when it cannot be read or is one too many, which is counted.

@@ -142,7 +142,7 @@ class _Planning:
 
     def _take_transforms(self, topics: Iterable[Topic]) -> None:
         """Take `/tf` and `/tf_static`, or where there is none the one in the robot's own namespace."""
-        found = [topic.name for topic in topics if topic.type == transforms.TYPE_NAME]
+        found = [topic.name for topic in topics if topic.type in transforms.TYPE_NAMES]
         for stream in (TF, TF_STATIC):
             for name in (f"/{stream}", f"/{ros_chunk(self._wishes.robot)}/{stream}"):
                 if name in found:

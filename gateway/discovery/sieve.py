@@ -16,7 +16,7 @@ UNKNOWN_TYPE: Final = "of a type that the master does not know yet"
 TEXT: Final = "a text; --topics text/NAME=TOPIC takes it"
 NO_SENSOR: Final = "of no type that sensors have; --topics ros/NAME=TOPIC takes it as it is"
 
-TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, transforms.TYPE_NAME}
+TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, *transforms.TYPE_NAMES}
 
 
 def why_not(topic: Topic, wishes: Wishes, named: Collection[str]) -> str | None:

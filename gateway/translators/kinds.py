@@ -40,8 +40,10 @@ _KINDS: Final[dict[str, StreamKind]] = {
     Stream.INFO: _INFO,
     Stream.DEPTH_INFO: _INFO,
     Stream.POINTS: StreamKind(PointCloud, QoS.IMAGE, {ros_point_cloud.TYPE_NAME: each(point_cloud)}),
-    TF: StreamKind(Transforms, QoS.RESULT, {tf.TYPE_NAME: each(tf.transforms)}, max_bytes=4 * MIB),
-    TF_STATIC: StreamKind(Transforms, QoS.RESULT, {tf.TYPE_NAME: tf.StaticTransforms}, max_bytes=4 * MIB, merges=True),
+    TF: StreamKind(Transforms, QoS.RESULT, dict.fromkeys(tf.TYPE_NAMES, each(tf.transforms)), max_bytes=4 * MIB),
+    TF_STATIC: StreamKind(
+        Transforms, QoS.RESULT, dict.fromkeys(tf.TYPE_NAMES, tf.StaticTransforms), max_bytes=4 * MIB, merges=True
+    ),
     TEXT: StreamKind(Text, QoS.RESULT, {raw.STRING: each(raw.text)}, max_bytes=MIB),
     ROS: StreamKind(RawMessage, QoS.IMAGE, {ANY: each(raw.raw)}),  # they may be large: the newest wins
 }

@@ -26,6 +26,7 @@ Raises MessageError or SchemaError for bytes that are not such a message.
 class StreamKind:
     """One schema, and by ROS type (`*` for any) what begins translating a subscription's messages to it.
 
+    Types with the same beginning share one translation of a subscription's messages.
     max_bytes: a longer ROS message is not looked at. merges: each message holds what all publishers said before.
     """
 

@@ -12,6 +12,9 @@ from schemas.header import Header
 from schemas.transforms import MAX_TRANSFORMS, Transform, Transforms
 
 TYPE_NAME: Final = "tf2_msgs/TFMessage"
+TYPE_NAMES: Final = (TYPE_NAME, "tf/tfMessage")
+"""The second one is the same message, md5sum and all, as tf called it and rosserial still does."""
+
 _COUNT: Final = struct.Struct("<I")
 
 

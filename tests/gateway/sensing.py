@@ -78,9 +78,8 @@ def transform(child: str, *, parent: str = "base_link", x: float = 0.0) -> Any:
     )
 
 
-def tf(*transforms: Any, callerid: str = "/localiser") -> Message:
+def tf(*transforms: Any, callerid: str = "/localiser", name: str = "tf2_msgs/TFMessage") -> Message:
     """Return a message of transforms."""
-    name = "tf2_msgs/TFMessage"
     return received(name, serialise(name, new_message(name, transforms=list(transforms))), callerid)
 
 

@@ -167,12 +167,14 @@ async def frames_told(samples: Subscription) -> set[str]:
     return {found.child_frame_id for found in sent.transforms}
 
 
-async def test_static_transforms_of_two_latched_publishers_are_whole_for_whoever_comes_late(rig: Rig) -> None:
-    kind = "tf2_msgs/TFMessage"
+@pytest.mark.parametrize("other_kind", ["tf2_msgs/TFMessage", "tf/tfMessage"])
+async def test_static_transforms_of_two_latched_publishers_are_whole_for_whoever_comes_late(
+    rig: Rig, other_kind: str
+) -> None:
     async with (
         rig.bus.watch(STATIC.alive) as watch,
-        rig.camera.advertise("/tf_static", kind, latch=True) as lens,
-        rig.lidar.advertise("/tf_static", kind, latch=True) as beam,
+        rig.camera.advertise("/tf_static", "tf2_msgs/TFMessage", latch=True) as lens,
+        rig.lidar.advertise("/tf_static", other_kind, latch=True) as beam,
     ):
         assert (await anext(watch)).alive
         lens.publish(bytes(tf(transform("lens")).data))

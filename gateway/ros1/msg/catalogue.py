@@ -41,6 +41,9 @@ Transform transform
 MSG: tf2_msgs/TFMessage
 geometry_msgs/TransformStamped[] transforms
 
+MSG: tf/tfMessage
+geometry_msgs/TransformStamped[] transforms
+
 MSG: sensor_msgs/Image
 Header header
 uint32 height

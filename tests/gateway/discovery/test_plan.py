@@ -129,6 +129,13 @@ def test_a_topic_of_a_type_that_its_stream_cannot_carry_is_planned_anew() -> Non
     assert mapping(plan(changed, R1, first)) == {"front/color": "/front/image_raw"}
 
 
+def test_transforms_stay_when_the_master_gives_their_type_its_older_name() -> None:
+    first = plan(graph({TF: "/tf"}, ("/robot_state_publisher",)), R1)
+    second = plan(graph({"tf/tfMessage": "/tf"}, ("/robot_state_publisher", "/serial_node")), R1, first)
+    assert mapping(first) == mapping(second) == {"tf": "/tf"}
+    assert second.left_out == {}
+
+
 def test_the_first_camera_stays_the_first() -> None:
     first = plan(graph({IMAGE: "/rear/image_raw", POINTS: "/points"}), R1)
     second = plan(graph({IMAGE: "/front/image_raw /rear/image_raw"}), R1, first)

@@ -82,6 +82,14 @@ def test_a_raw_stream_carries_any_type_and_version(type_name: str) -> None:
     assert found(stream("ros/mine", "/mine", type_name, any_version)).severity is Severity.OK
 
 
+def test_transforms_by_their_older_name_are_carried() -> None:
+    old = "tf/tfMessage"
+    assert found(stream("tf", "/tf", old, publisher(TF, heard()))).severity is Severity.OK
+    assert found(stream("tf", "/tf", TF, publisher(old, heard()))).severity is Severity.OK
+    other = publisher(old, heard(), type=TopicType(old, "0" * 32))
+    assert "another version of tf/tfMessage" in found(stream("tf", "/tf", TF, other)).what
+
+
 def test_another_version_of_a_message() -> None:
     old = publisher(IMAGE, heard(), type=TopicType(IMAGE, "0" * 32))
     finding = found(stream("front/color", TOPIC, IMAGE, old))

@@ -16,6 +16,7 @@ from tests.gateway.ros1.goldens import IMAGE, PUBLISHER_HEADER
         ("sensor_msgs/CameraInfo", "c9a58c1b0b154e0e6da7578cb991d214"),
         ("sensor_msgs/PointCloud2", "1158d486dd51d683ce2f1be655c3c181"),
         ("tf2_msgs/TFMessage", "94810edda583a504dfda3829e70d7eec"),
+        ("tf/tfMessage", "94810edda583a504dfda3829e70d7eec"),
     ],
 )
 def test_md5sums_are_those_of_ros(name: str, md5sum: str) -> None:

@@ -17,8 +17,8 @@ KINDS: dict[str, tuple[type[Message], QoS, str]] = {
     "front/info": (CameraInfo, QoS.RESULT, "sensor_msgs/CameraInfo"),
     "front/depth_info": (CameraInfo, QoS.RESULT, "sensor_msgs/CameraInfo"),
     "front/points": (PointCloud, QoS.IMAGE, "sensor_msgs/PointCloud2"),
-    "tf": (Transforms, QoS.RESULT, "tf2_msgs/TFMessage"),
-    "tf_static": (Transforms, QoS.RESULT, "tf2_msgs/TFMessage"),
+    "tf": (Transforms, QoS.RESULT, "*"),
+    "tf_static": (Transforms, QoS.RESULT, "*"),
     "text/mode": (Text, QoS.RESULT, "std_msgs/String"),
     "ros/battery": (RawMessage, QoS.IMAGE, "*"),
 }

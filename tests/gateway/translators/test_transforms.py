@@ -47,6 +47,19 @@ def test_static_transforms_of_all_publishers_are_told_whole() -> None:
     assert children(stream, tf(transform("c"), callerid="/one")) == {"a": 5, "b": 0, "c": 0}
 
 
+@pytest.mark.parametrize("name", ["tf", "tf_static"])
+def test_the_type_goes_by_its_older_name_too(name: str) -> None:
+    made = translated(Transforms, name, tf(transform("lens", x=1.5), name="tf/tfMessage"))
+    assert [found.translation for found in made.transforms] == [(1.5, 2.0, 3.0)]
+
+
+def test_static_transforms_are_told_whole_whatever_their_type_is_called() -> None:
+    stream = forward("tf_static")
+    assert children(stream, tf(transform("a"), callerid="/one")) == {"a": 0}
+    assert children(stream, tf(transform("b"), callerid="/two", name="tf/tfMessage")) == {"a": 0, "b": 0}
+    assert children(stream, tf(transform("c"), callerid="/one")) == {"a": 0, "b": 0, "c": 0}
+
+
 def test_a_new_subscription_begins_with_nothing() -> None:
     stream = forward("tf_static")
     children(stream, tf(transform("gone")))
