@@ -3,7 +3,7 @@
 Judged by sizes, frames, calibrations and stamps, and by what the pixels show where that is clear.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from statistics import median
 from typing import Final
@@ -15,10 +15,9 @@ from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.doctor.frames import connected
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
-from schemas.keys import Stream, StreamKey
+from schemas.keys import TF, TF_STATIC, Stream, StreamKey
 from schemas.transforms import Transforms
 
-TF_STATIC: Final = "tf_static"
 SAME_K: Final = 1e-3
 """Focal lengths and centres, in pixels, that differ by less are equal."""
 SAME_INSTANT_NS: Final = 20_000_000
@@ -127,12 +126,20 @@ def _infos_differ(info: CameraInfo, depth_info: CameraInfo) -> str:
 def _unregistered(camera: str, what: str, frames: tuple[str, str], evidence: Evidence) -> Iterator[Finding]:
     """Depth has a view of its own: whoever measures with it has to turn it into colour's."""
     subject = f"{camera}/depth"
-    if frames[0] == frames[1] or connected(_static_links(evidence), *frames):
+    if frames[0] == frames[1] or connected(_links(evidence), *frames):
         yield note(
             Stage.CAMERAS,
             subject,
-            f"not registered to colour ({what}): whoever measures has to do it, by the calibrations and tf_static",
+            f"not registered to colour ({what}): whoever measures has to do it, by the calibrations and transforms",
             "registering in the driver (align_depth, depth_registration) is exact and costs the robot less",
+        )
+    elif (moving := evidence.named(TF)) and moving.publishers:  # of which only the first messages are known
+        yield note(
+            Stage.CAMERAS,
+            subject,
+            f"not registered to colour ({what}), and neither tf_static nor the first messages of tf connect "
+            f"{frames[0]!r} and {frames[1]!r}: unless later ones do, depth cannot be laid over colour",
+            f"if `rosrun tf tf_echo {frames[0]} {frames[1]}` finds no transform either, publish a static one",
         )
     else:
         yield problem(
@@ -144,10 +151,9 @@ def _unregistered(camera: str, what: str, frames: tuple[str, str], evidence: Evi
         )
 
 
-def _static_links(evidence: Evidence) -> Iterable[tuple[str, str]]:
-    look = evidence.named(TF_STATIC)
-    messages = [message for each in look.publishers for message in each.heard.messages] if look else []
-    for message in messages:
+def _links(evidence: Evidence) -> Iterator[tuple[str, str]]:
+    looks = [look for name in (TF, TF_STATIC) if (look := evidence.named(name))]
+    for message in (message for look in looks for each in look.publishers for message in each.heard.messages):
         if isinstance(message, Transforms):
             yield from ((each.frame_id, each.child_frame_id) for each in message.transforms)
 

@@ -6,13 +6,12 @@ from gateway.discovery import Plan, plan
 from gateway.discovery.plan import INFOS
 from gateway.discovery.sieve import OF_GATEWAYS, TYPES
 from gateway.discovery.topics import calibrations_of, topics_of
-from gateway.doctor.cameras import TF_STATIC
 from gateway.doctor.evidence import Graph
 from gateway.doctor.stamps import CLOCK
 from gateway.ros1.sim_clock import TOPIC as SIM_CLOCK
 from gateway.settings import GatewaySettings
 from gateway.translators.camera_info import TYPE_NAME as CAMERA_INFO
-from schemas.keys import SensorKey, StreamKey, owner_of, sensor_key
+from schemas.keys import TF, TF_STATIC, SensorKey, StreamKey, owner_of, sensor_key
 
 
 def planned(settings: GatewaySettings, graph: Graph) -> Plan:
@@ -28,11 +27,12 @@ def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:
 
 
 def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:
-    """Return further topics that tell about the streams: calibrations, static transforms, the simulation's clock."""
+    """Return further topics that tell about the streams: calibrations, transforms, the simulation's clock."""
     robot = next((owner_of(key)[0] for key in streams), "")
     found: dict[SensorKey, str] = dict(_calibrations(streams, graph))
-    if "/tf_static" in graph.publishers and robot:
-        found[sensor_key(robot, TF_STATIC)] = "/tf_static"
+    for name in (TF, TF_STATIC):
+        if f"/{name}" in graph.publishers and robot:
+            found[sensor_key(robot, name)] = f"/{name}"
     if sim_time and robot:
         found[sensor_key(robot, CLOCK)] = SIM_CLOCK
     return {key: topic for key, topic in found.items() if key not in streams}

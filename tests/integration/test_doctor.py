@@ -126,7 +126,7 @@ async def test_a_healthy_robot_whose_streams_somebody_wants(ros: RosEnvironment,
         await rig.stream_status("r1", "front", lambda status: status.forwarded > 0)
         report = await doctor(ros.master_uri, CAMERAS, rig.endpoint, *DEPTH)
     assert (report.code, report.problems) == (0, [])
-    assert "by the calibrations and tf_static" in report.said("front/depth", "note")
+    assert "by the calibrations and transforms" in report.said("front/depth", "note")
     assert "has the calibration but is no stream" in report.said("front/info", "note")
     assert report.said("front/color", "ok").endswith("messages/s")
     assert "nobody subscribes" in report.said("front/depth", "ok")

@@ -57,10 +57,11 @@ def info(width: int = 8, height: int = 4, f: float = 6.0, frame_id: str = "lens"
     return msgspec.structs.replace(made, **changes)
 
 
-def static(*links: tuple[str, str]) -> Transforms:
+def links(*pairs: tuple[str, str]) -> Transforms:
+    """Return transforms, each given by the frames of parent and child."""
     transforms = [
         Transform(frame_id=parent, child_frame_id=child, stamp_ns=0, translation=(0, 0, 0), rotation=(0, 0, 0, 1))
-        for parent, child in links
+        for parent, child in pairs
     ]
     return Transforms(header=header(), transforms=transforms)
 

@@ -5,7 +5,7 @@ import pytest
 
 from gateway.doctor.cameras import check_cameras
 from gateway.doctor.edges import placement
-from gateway.doctor.evidence import Failure, MasterLook, StreamLook, Trouble
+from gateway.doctor.evidence import Failure, Heard, MasterLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Severity, Stage
 from schemas.transforms import Transforms
 from services.simulator.world import Camera
@@ -22,15 +22,16 @@ from tests.gateway.doctor.seeing import (
     evidence,
     heard,
     image,
+    links,
     publisher,
     sends,
-    static,
     stream,
 )
 
 
-def said(*streams: StreamLook, tf_static: Transforms | None = None) -> list[Finding]:
-    beside = (sends("tf_static", "/tf_static", TF, tf_static),) if tf_static else ()
+def said(*streams: StreamLook, **transforms: Transforms | None) -> list[Finding]:
+    """Return what is said of depth; transforms: by stream, what is heard beside the cameras."""
+    beside = tuple(sends(name, f"/{name}", TF, message) for name, message in transforms.items() if message)
     found = [each for each in check_cameras(evidence(*streams, beside=beside)) if each.subject == "front/depth"]
     assert {each.stage for each in found} <= {Stage.CAMERAS}
     return found
@@ -80,22 +81,44 @@ def test_a_thousandth_of_a_pixel_makes_no_other_lens() -> None:
 OTHER = {"frame_id": "ir", "width": 4, "height": 2}
 
 
-def test_frames_that_static_transforms_connect() -> None:
-    links = static(("base", "lens"), ("base", "ir"))
-    finding = said(color(), depth(**OTHER), color_info(), depth_info(**OTHER), tf_static=links)[-1]
+@pytest.mark.parametrize(
+    "transforms",
+    [
+        {"tf_static": links(("base", "lens"), ("base", "ir"))},
+        {"tf": links(("base", "lens"), ("base", "ir"))},
+        {"tf": links(("base", "lens")), "tf_static": links(("base", "ir"))},
+    ],
+)
+def test_frames_that_transforms_connect(transforms: dict[str, Transforms]) -> None:
+    finding = said(color(), depth(**OTHER), color_info(), depth_info(**OTHER), **transforms)[-1]
     assert finding.severity is Severity.NOTE
-    assert "by the calibrations and tf_static" in finding.what
+    assert "by the calibrations and transforms" in finding.what
 
 
-@pytest.mark.parametrize("links", [None, static(("base", "lens"), ("map", "ir"))])
-def test_frames_that_nothing_connects(links: Transforms | None) -> None:
-    finding = said(color(), depth(**OTHER), color_info(), depth_info(**OTHER), tf_static=links)[-1]
+@pytest.mark.parametrize("tf_static", [None, links(("base", "lens"), ("map", "ir"))])
+def test_frames_that_nothing_connects(tf_static: Transforms | None) -> None:
+    finding = said(color(), depth(**OTHER), color_info(), depth_info(**OTHER), tf_static=tf_static)[-1]
     assert finding.severity is Severity.PROBLEM
     assert "tf_static does not connect 'lens' and 'ir'" in finding.what
 
 
+@pytest.mark.parametrize("said_first", [Heard(), heard(links(("odom", "base")))], ids=["nothing", "others"])
+def test_frames_that_transforms_may_connect_which_were_not_heard(said_first: Heard) -> None:
+    moving = stream("tf", "/tf", TF, publisher(TF, said_first))
+    found = check_cameras(evidence(color(), depth(**OTHER), color_info(), depth_info(**OTHER), beside=(moving,)))
+    (finding,) = (each for each in found if each.subject == "front/depth" and "connect" in each.what)
+    assert finding.severity is Severity.NOTE
+    assert "neither tf_static nor the first messages of tf connect 'lens' and 'ir'" in finding.what
+
+
+def test_transforms_that_nobody_publishes_connect_nothing() -> None:
+    unpublished = stream("tf", "/tf", "")
+    found = check_cameras(evidence(color(), depth(**OTHER), color_info(), depth_info(**OTHER), unpublished))
+    assert "tf_static does not connect 'lens' and 'ir'" in [each.what for each in found if each.advice][-1]
+
+
 def test_frames_that_several_publishers_of_static_transforms_connect() -> None:
-    publishers = [publisher(TF, heard(static(link))) for link in (("base", "lens"), ("base", "ir"))]
+    publishers = [publisher(TF, heard(links(link))) for link in (("base", "lens"), ("base", "ir"))]
     tf_static = stream("tf_static", "/tf_static", TF, *publishers)
     found = check_cameras(evidence(color(), depth(**OTHER), color_info(), depth_info(**OTHER), tf_static))
     assert Severity.PROBLEM not in {each.severity for each in found}

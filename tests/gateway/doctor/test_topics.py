@@ -68,6 +68,7 @@ def test_what_is_a_stream_already_or_of_another_type_is_left_alone() -> None:
     assert names(beside(streams(tf_static="/tf_static"), graph, sim_time=False)) == {}
 
 
-def test_static_transforms_and_the_simulated_clock() -> None:
-    graph = Graph(publishers={"/tf_static": ("/a",)})
-    assert names(beside(streams(), graph, sim_time=True)) == {"tf_static": "/tf_static", "ros/clock": "/clock"}
+def test_transforms_and_the_simulated_clock() -> None:
+    graph = Graph(publishers={"/tf_static": ("/a",), "/tf": ("/b",)})
+    found = beside(streams(), graph, sim_time=True)
+    assert names(found) == {"tf": "/tf", "tf_static": "/tf_static", "ros/clock": "/clock"}
