@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from typing import Any
 
 from gateway.ros1.errors import InvalidNameError
 
-_HOST = r"(?:[A-Za-z0-9](?:[A-Za-z0-9_.\-]{0,252})|\[?[0-9A-Fa-f:]{2,45}\]?)"
-_SERVICE = re.compile(rf"rosrpc://(?P<host>{_HOST}):(?P<port>\d{{1,5}})/?")
-_MASTER = re.compile(rf"http://{_HOST}:(?P<port>\d{{1,5}})/?")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,252}")
+_IPV6 = re.compile(r"[0-9A-Fa-f:.]+(?:%[A-Za-z0-9_.\-]{1,15})?")  # a zone is an interface's name or number
+_URI = re.compile(r"(?P<scheme>[a-z]+)://(?P<host>[^:]+|\[.+\]):(?P<port>[0-9]{1,5})/?")
 
 
 def validate_master_uri(text: str) -> str:
@@ -19,9 +20,9 @@ def validate_master_uri(text: str) -> str:
         InvalidNameError: it does not look like `http://robot:11311`.
 
     """
-    match = _MASTER.fullmatch(text)
-    if match is None or not 0 < int(match["port"]) < 65536:
-        raise InvalidNameError(f"{text!r} is no ROS master's address, which looks like http://robot:11311")
+    if _host_and_port("http", text) is None:
+        looks = "http://robot:11311 or http://[fd00::7]:11311"
+        raise InvalidNameError(f"{text!r} is no ROS master's address, which looks like {looks}")
     return text.rstrip("/")
 
 
@@ -32,10 +33,10 @@ def parse_rosrpc(uri: str) -> tuple[str, int]:
         InvalidNameError: it does not look like `rosrpc://robot:40001`.
 
     """
-    match = _SERVICE.fullmatch(uri)
-    if match is None or not 0 < int(match["port"]) < 65536:
+    found = _host_and_port("rosrpc", uri)
+    if found is None:
         raise InvalidNameError(f"{uri[:80]!r} is no service's address, which looks like rosrpc://robot:40001")
-    return match["host"].strip("[]"), int(match["port"])
+    return found
 
 
 def parse_offer(answer: Any) -> tuple[str, int]:
@@ -58,6 +59,30 @@ def validate_host(text: str) -> str:
         InvalidNameError: it is neither.
 
     """
-    if not re.fullmatch(_HOST, text):
+    host = _host(text)
+    if host is None:
         raise InvalidNameError(f"{text!r} is neither a host's name nor an address")
-    return text.strip("[]")
+    return host
+
+
+def _host_and_port(scheme: str, uri: str) -> tuple[str, int] | None:
+    match = _URI.fullmatch(uri)
+    if match is None or match["scheme"] != scheme or not 0 < int(match["port"]) < 65536:
+        return None
+    host = _host(match["host"])
+    return None if host is None else (host, int(match["port"]))
+
+
+def _host(text: str) -> str | None:
+    """Return a host without brackets, which are IPv6's alone; None when it is none."""
+    if _NAME.fullmatch(text):
+        return text
+    address = text[1:-1] if text[:1] + text[-1:] == "[]" else text
+    return address if _is_ipv6(address) else None
+
+
+def _is_ipv6(text: str) -> bool:
+    try:
+        return _IPV6.fullmatch(text) is not None and ipaddress.ip_address(text).version == 6
+    except ValueError:
+        return False

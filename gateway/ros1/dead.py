@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 async def unregister_dead(name: str, state: SystemState, *, client: XmlRpcClient, master_uri: str) -> bool:
     """Unregister a node's topics if its address refuses connections; return whether it does.
 
-    A node that keeps silent may be cut off and stays, and so does one whose port is another's by now, or whose address
-    is a loopback's that may be another machine's.
+    A node that keeps silent may be cut off and stays, and so does one whose port is another's by now, whose address is
+    a loopback's that may be another machine's, or who registered under none.
 
     Raises:
         CallError, XmlRpcError: the master does not answer as it should.
@@ -51,7 +51,10 @@ async def _refuses(uri: str, client: XmlRpcClient, *, caller_id: str) -> bool:
 
 
 def _is_loopback(uri: str) -> bool:
-    return is_loopback(urlsplit(uri).hostname or "")
+    try:
+        return is_loopback(urlsplit(uri).hostname or "")
+    except ValueError:  # what another node registers may be no address
+        return False
 
 
 def _topics(name: str, by_topic: Mapping[str, Collection[str]]) -> list[str]:

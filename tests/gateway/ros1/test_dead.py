@@ -78,6 +78,14 @@ async def test_whose_address_may_be_on_another_machine_stays(master: RosMaster, 
     assert await api.get_system_state() == state
 
 
+@pytest.mark.parametrize("uri", ["http://[::::]:4711/", "http://[abc:4711/", "http://robot:port/"])
+async def test_who_registered_under_no_address_stays(master: RosMaster, client: XmlRpcClient, uri: str) -> None:
+    api = await registered("/nowhere", uri, master, client)
+    state = await api.get_system_state()
+    assert not await unregister_dead("/nowhere", state, client=client, master_uri=master.uri)
+    assert await api.get_system_state() == state
+
+
 async def test_who_came_back_meanwhile_keeps_the_new_registrations(master: RosMaster, client: XmlRpcClient) -> None:
     api = await registered("/killed", refusing(), master, client)
     clearing = asyncio.create_task(
