@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from gateway.discovery.candidates import Candidate
+from gateway.discovery.candidates import Candidate, is_rectified_color
 from gateway.discovery.reading import Path
 from schemas.keys import Stream
 
@@ -26,6 +26,12 @@ def _joined(candidate: Candidate, whole: Iterable[Path], given: Mapping[Path, st
     if side not in SIDES or tuple(parent) not in whole or candidate.path in given:
         return candidate
     return replace(candidate, path=tuple(parent), rank=(1 + SIDES.index(side), *candidate.rank[1:]))
+
+
+def rectified_first(colors: Sequence[Candidate]) -> list[Candidate]:
+    """Return a camera's candidates for colour with the rectified ones of the preferred side first."""
+    side = colors[0].rank[0]
+    return sorted(colors, key=lambda each: not (each.rank[0] == side and is_rectified_color(each)))
 
 
 def best(candidates: Iterable[Candidate], names: Mapping[Path, str]) -> dict[tuple[str, Stream], list[Candidate]]:

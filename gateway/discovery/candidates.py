@@ -4,7 +4,19 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.discovery.reading import COLORS, DEPTHS, DISPARITIES, GREYS, IMAGES, INFRAREDS, POINTS, Path, Reading, read
+from gateway.discovery.reading import (
+    COLORS,
+    DEPTHS,
+    DISPARITIES,
+    GREYS,
+    IMAGES,
+    INFRAREDS,
+    POINTS,
+    Path,
+    Reading,
+    read,
+    says_rectified,
+)
 from gateway.discovery.topics import Topic, image_of
 from gateway.ros1 import image as ros_image
 from gateway.ros1 import point_cloud as ros_point_cloud
@@ -12,7 +24,9 @@ from gateway.translators import compressed_image, disparity
 from schemas.keys import Stream
 
 LEAVES: Final = ("image_raw", "points", "image_color", "image", "image_rect_color", "image_rect_raw", "image_rect")
-"""The names of pictures, the preferred one first: what the sensor measured, before what was made of it."""
+"""The names of pictures, the preferred one first where they show the same."""
+
+_GREY: Final = 2
 
 Rank = tuple[int, int, int, int, str]
 """Less is better."""
@@ -52,6 +66,11 @@ def shows_colors(points: str) -> bool:
     """Return whether the name of points says that they are a depth camera's with the colours of a picture."""
     found = read(points)
     return found is not None and (bool(found.said & COLORS) or found.said >= DEPTHS | {"registered"})
+
+
+def is_rectified_color(candidate: Candidate) -> bool:
+    """Return whether a candidate for colour is a rectified image in colour or grey, of no other sensor's view."""
+    return candidate.rank[1] <= _GREY and says_rectified(candidate.topic.name)
 
 
 def disparity_candidate(topic: Topic) -> Candidate | None:
@@ -116,5 +135,5 @@ def _modality(found: Reading) -> int:
     if found.said & INFRAREDS:
         return 3
     if found.said & GREYS or ("rect" in found.said and not found.said & COLORS):
-        return 2
+        return _GREY
     return 0 if found.said & COLORS else 1

@@ -1,11 +1,11 @@
 """The decision: which topic becomes which stream."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Final
 
-from gateway.discovery.cameras import best, with_sides_joined
+from gateway.discovery.cameras import best, rectified_first, with_sides_joined
 from gateway.discovery.candidates import READERS, Candidate, one_of_each_image, shows_colors
 from gateway.discovery.naming import name_cameras
 from gateway.discovery.reading import Path, read, says_rectified
@@ -111,10 +111,15 @@ class _Planning:
         looked_at = self._sieved()
         self._take_transforms(looked_at)
         candidates = self._named(self._candidates(looked_at))
-        for (camera, stream), choice in best(candidates, self._names).items():
-            self._choose(StreamKey(CameraKey(self._wishes.robot, camera), stream), choice)
+        infos = {topic.name for topic in looked_at if topic.type == camera_info.TYPE_NAME}
+        slots = best(candidates, self._names)
+        for (name, stream), choice in slots.items():
+            key = StreamKey(CameraKey(self._wishes.robot, name), stream)
+            depths = slots.get((name, Stream.DEPTH), [])
+            rectified = self._wants_rectified(key, choice[0].topic.name, depths, infos)
+            self._choose(key, rectified_first(choice) if rectified else choice)
         self._take_colors_of_points()
-        self._take_infos({topic.name for topic in looked_at if topic.type == camera_info.TYPE_NAME})
+        self._take_infos(infos)
         self._leave_rest(looked_at)
 
     def result(self) -> Plan:
@@ -181,6 +186,19 @@ class _Planning:
             found = read(image_of(topic))
             if isinstance(key, StreamKey) and found is not None:
                 yield found.path, key.camera.camera
+
+    def _wants_rectified(self, key: StreamKey, color: str, depths: Sequence[Candidate], infos: Collection[str]) -> bool:
+        """Whether a stream is colour beside rectified depth that has no calibration but colour's.
+
+        One calibration is both pictures' only if both are rectified.
+        """
+        depth_key = StreamKey(key.camera, Stream.DEPTH)
+        depth = self._wishes.named.get(depth_key) or next((each.topic.name for each in depths), None)
+        has_info = StreamKey(key.camera, Stream.DEPTH_INFO) in self._wishes.named
+        if key.stream is not Stream.COLOR or depth is None or has_info:
+            return False
+        own = set(calibrations_of(depth)).intersection(infos).difference(calibrations_of(color))
+        return not own and (depth_key in self._wishes.rectified or says_rectified(depth))
 
     def _choose(self, key: StreamKey, choice: Sequence[Candidate]) -> None:
         preferred = choice[0].topic

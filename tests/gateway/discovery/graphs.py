@@ -69,6 +69,16 @@ STEREO = {
     POINTS: "/stereo/points2",
     INFO: "/stereo/left/camera_info /stereo/right/camera_info",
 }
+STEREO_IN_COLOR = {
+    IMAGE: " ".join(
+        f"/stereo/{side}/{leaf}"
+        for side in ("left", "right")
+        for leaf in ("image_raw", "image_mono", "image_rect", "image_color", "image_rect_color")
+    ),
+    DISPARITY: "/stereo/disparity",
+    POINTS: "/stereo/points2",
+    INFO: "/stereo/left/camera_info /stereo/right/camera_info",
+}
 OUSTER = {
     POINTS: "/os_cloud_node/points",
     IMAGE: "/img_node/range_image /img_node/signal_image /img_node/nearir_image /img_node/reflec_image",
@@ -138,7 +148,16 @@ DRIVERS: dict[str, tuple[dict[str, str], dict[str, str]]] = {
     "stereo": (
         STEREO,
         {
-            "stereo/color": "/stereo/left/image_raw",
+            "stereo/color": "/stereo/left/image_rect",
+            "stereo/depth": "/stereo/disparity",
+            "stereo/points": "/stereo/points2",
+            "stereo/info": "/stereo/left/camera_info",
+        },
+    ),
+    "stereo in colour": (
+        STEREO_IN_COLOR,
+        {
+            "stereo/color": "/stereo/left/image_rect_color",
             "stereo/depth": "/stereo/disparity",
             "stereo/points": "/stereo/points2",
             "stereo/info": "/stereo/left/camera_info",

@@ -253,9 +253,53 @@ def test_the_settings_can_name_a_cloud_for_both() -> None:
     ],
 )
 def test_the_calibration_of_a_rectified_picture_is_another_one(color: str, depth: str, rectified: set[str]) -> None:
-    infos = {"front__info": "/front/camera_info", "front__depth_info": "/front/camera_info", "tf": "/tf"}
+    infos = {"front__info": "/front/camera_info", "front__depth_info": "/front/depth/camera_info", "tf": "/tf"}
     made = plan([], Wishes("r1", named(front__color=color, front__depth=depth, **infos), discover=False))
     assert {key.name for key in made.streams if made.kind_of(key) is not kind_of(key)} == rectified
+
+
+DISPARITY, OWN_INFO = "stereo_msgs/DisparityImage", "/front/depth/camera_info"
+COLORS = "/front/image_color /front/image_rect_color"
+INFO_OF_COLORS = {INFO: "/front/camera_info"}
+
+
+@pytest.mark.parametrize(
+    ("topics", "color"),
+    [
+        ({IMAGE: COLORS, DISPARITY: "/front/disparity", **INFO_OF_COLORS}, "/front/image_rect_color"),
+        ({IMAGE: COLORS, DISPARITY: "/front/disparity"}, "/front/image_rect_color"),
+        ({IMAGE: f"{COLORS} /front/depth/image_rect", **INFO_OF_COLORS}, "/front/image_rect_color"),
+        ({IMAGE: f"{COLORS} /front/depth/image_rect", INFO: OWN_INFO}, "/front/image_color"),
+        ({IMAGE: f"{COLORS} /front/depth/image_raw", **INFO_OF_COLORS}, "/front/image_color"),
+        ({IMAGE: COLORS, **INFO_OF_COLORS}, "/front/image_color"),
+        ({IMAGE: "/front/image_raw /front/image_rect", DISPARITY: "/front/disparity"}, "/front/image_rect"),
+        ({IMAGE: "/front/image_raw /front/infra1/image_rect_raw", DISPARITY: "/front/disparity"}, "/front/image_raw"),
+        ({IMAGE: "/s/left/image_raw /s/right/image_rect", DISPARITY: "/s/disparity"}, "/s/left/image_raw"),
+    ],
+)
+def test_beside_rectified_depth_without_a_calibration_of_its_own_colour_is_rectified_too(
+    topics: dict[str, str], color: str
+) -> None:
+    made = plan(graph(topics), R1)
+    (key,) = (key for key in made.streams if isinstance(key, StreamKey) and key.stream == "color")
+    assert made.streams[key].topic == color
+
+
+def test_depth_and_calibrations_that_the_settings_name_count_for_colour_that_is_found() -> None:
+    topics = graph({IMAGE: COLORS, **INFO_OF_COLORS})
+    depth, depth_info = named(front__depth="/front/depth/image_raw"), named(front__depth_info="/range_info")
+    rectified = frozenset(depth)
+    taken = [
+        mapping(plan(topics, Wishes("r1", wished, rectified=marked)))["front/color"]
+        for wished, marked in ((depth, frozenset()), (depth, rectified), ({**depth, **depth_info}, rectified))
+    ]
+    assert taken == ["/front/image_color", "/front/image_rect_color", "/front/image_color"]
+
+
+def test_a_stereo_cameras_calibration_is_that_of_its_rectified_pictures() -> None:
+    published, _ = DRIVERS["stereo in colour"]
+    made = plan(graph(published), R1)
+    assert [key.name for key in made.streams if made.kind_of(key) is not kind_of(key)] == ["stereo/info"]
 
 
 def test_wishes_say_that_a_picture_is_rectified_which_is_not_named_so() -> None:
