@@ -5,7 +5,7 @@ import time
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from bus import Bus, Publisher
@@ -33,6 +33,7 @@ class Forward:
     """A stream that is offered on the bus.
 
     subscription and latched: there while it is subscribed on ROS; what they counted is the stream's afterwards.
+    broken_before: what the subscription counted for others before it became the stream's too.
     """
 
     bus: Bus
@@ -44,6 +45,7 @@ class Forward:
     linger_s: float
     subscription: Subscription | None = None
     latched: Latched | None = None
+    broken_before: Counter[str] = field(default_factory=Counter)
 
     def status(self) -> StreamStatus:
         """Account for the stream's messages so far."""
@@ -63,6 +65,9 @@ class Forward:
         self.stream.retire(replaced=self.publisher.counts.dropped, broken_links={}, outlet=self.outlet.counts)
 
     def _broken(self) -> Counter[str]:
+        return self._failures() - self.broken_before
+
+    def _failures(self) -> Counter[str]:
         return Counter(self.subscription.counters.failures) if self.subscription else Counter()
 
     def _problems(self) -> list[str]:
@@ -88,6 +93,7 @@ class Forward:
                     on_gone=latched.forget,
                     on_unkept=latched.say_full,
                 ) as self.subscription:
+                    self.broken_before = self._failures()
                     await asyncio.Event().wait()
         finally:
             self._add_up()

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Return(Generic[R]):
-    """A stream that is offered on ROS while it runs. publications: by topic, once it runs."""
+    """A stream that is offered on ROS while it runs. publications: by topic, while it runs."""
 
     stream: StreamReturn[R]
     demand: SharedDemand = field(default_factory=SharedDemand)
@@ -32,8 +32,11 @@ class Return(Generic[R]):
         return self.stream.status(
             wanted=self.demand.wanted,
             subscribers=sum(publication.subscriber_count for publication in self.publications.values()),
-            slow=sum(publication.counters.replaced for publication in self.publications.values()),
+            slow=self._slow(),
         )
+
+    def _slow(self) -> int:
+        return sum(publication.counters.replaced for publication in self.publications.values())
 
     async def run(self, node: Node, bus: Bus) -> None:
         """Advertise on ROS and subscribe on the bus whenever ROS wants the stream, for ever. To be run once.
@@ -41,15 +44,19 @@ class Return(Generic[R]):
         Returns at once, and says so in the log, where the node cannot advertise: remapped, a camera that was found may
         have a topic that is in use.
         """
-        async with AsyncExitStack() as stack:
-            try:
-                for topic in self.stream.topics.values():
-                    self.publications[topic] = await stack.enter_async_context(self._advertise(node, topic))
-            except Ros1Error as error:
-                log.warning("%s is not returned: %s", self.stream.key, error)
-                return
-            self.demand.of("the gateway itself")(self.stream.translator.unasked)
-            await while_wanted(self.demand, lambda: self._subscribe(bus))
+        try:
+            async with AsyncExitStack() as stack:
+                try:
+                    for topic in self.stream.topics.values():
+                        self.publications[topic] = await stack.enter_async_context(self._advertise(node, topic))
+                except Ros1Error as error:
+                    log.warning("%s is not returned: %s", self.stream.key, error)
+                    return
+                self.demand.of("the gateway itself")(self.stream.translator.unasked)
+                await while_wanted(self.demand, lambda: self._subscribe(bus))
+        finally:
+            self.stream.retire(slow=self._slow())
+            self.publications.clear()
 
     def _advertise(self, node: Node, topic: str) -> AbstractAsyncContextManager[Publication]:
         translator = self.stream.translator

@@ -88,8 +88,15 @@ class StreamReturn(Generic[R]):
         self._dropped[UNHEARD] += 1
         self._log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
 
+    def retire(self, *, slow: int) -> None:
+        """Remember what has been counted (see `status`) by publications that end: the stream counts on."""
+        self._dropped[SLOW] += slow
+
     def status(self, *, wanted: bool, subscribers: int, slow: int) -> ReturnStatus:
-        """Account for every message; `slow` is how many were replaced while they waited for a ROS subscriber."""
+        """Account for every message.
+
+        slow: how many were replaced while they waited for a ROS subscriber; what was told to `retire` is added.
+        """
         return ReturnStatus(
             camera=owner_of(self.key)[1],
             stream=self.key.stream,

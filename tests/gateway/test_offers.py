@@ -210,6 +210,29 @@ async def test_points_and_the_picture_in_them_share_a_subscription(rig: Rig) -> 
         await until(lambda: rig.offers.streams()[0].broken_links, "points are no longer what colour may be of")
 
 
+async def test_links_that_broke_before_a_stream_shared_the_subscription_are_not_its_own(rig: Rig) -> None:
+    points, kind = StreamKey(FRONT, Stream.POINTS), "sensor_msgs/PointCloud2"
+
+    def color_and_points() -> list[int]:
+        return [sum(status.broken_links.values()) for status in rig.offers.streams()]
+
+    await rig.offer({points: TOPIC, COLOR: TOPIC})
+    async with rig.bus.subscribe(str(points), QUEUE(9)):
+        async with rig.camera.advertise(TOPIC, kind) as publication:
+            await until(lambda: publication.subscriber_count == 1, "it is subscribed")
+        await until(lambda: color_and_points()[1], "the link has broken")
+        await until(lambda: not rig.offers.streams()[1].problem, "the publisher is forgotten")
+        for _ in range(2):
+            async with rig.bus.subscribe(str(COLOR), QUEUE(9)):
+                await until(lambda: rig.offers.streams()[0].wanted, "colour is wanted")
+                await asyncio.sleep(0.05)
+        assert color_and_points()[0] == 0
+        async with rig.bus.subscribe(str(COLOR), QUEUE(9)), rig.camera.advertise(TOPIC, kind) as publication:
+            await until(lambda: rig.offers.streams()[0].publishers, "colour is connected")
+        await until(lambda: color_and_points()[0], "its link has broken")
+        assert color_and_points()[1] > color_and_points()[0]
+
+
 async def test_what_was_latched_before_is_kept_for_late_subscribers_of_the_other_stream_too(rig: Rig) -> None:
     points = StreamKey(FRONT, Stream.POINTS)
     await rig.offer({points: TOPIC, COLOR: TOPIC})

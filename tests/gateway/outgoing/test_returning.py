@@ -14,7 +14,7 @@ from bus import Bus, Publisher, QoS
 from bus.fake import FakeNetwork
 from gateway.outgoing.returned import actions_return, alerts_return, camera_returns
 from gateway.outgoing.returning import Return
-from gateway.outgoing.stream import DOUBLED, MALFORMED, REFUSED, UNHEARD, StreamReturn
+from gateway.outgoing.stream import DOUBLED, MALFORMED, REFUSED, SLOW, UNHEARD, StreamReturn
 from gateway.outgoing.texts import STRING
 from gateway.ros1 import image as ros_image
 from gateway.ros1.image import decode_image
@@ -163,6 +163,18 @@ async def test_a_frame_is_returned_once_even_to_one_who_comes_again(classes: Cla
         classes.publish(class_list(("pallet", 1), seq=8))
         await classes.rig.until_heard("['box']", "['pallet']")
     assert classes.returned.status().dropped == {DOUBLED: 1}
+
+
+async def test_what_slow_subscribers_missed_counts_on_when_the_camera_comes_back(rig: Rig) -> None:
+    stream = returned_of(Stream.CLASSES)
+    for total in (2, 4):
+        async with rig.returning(stream) as returned, rig.listening():
+            publication = returned.publications[TOPIC]
+            await until(lambda publication=publication: publication.subscriber_count, "it is subscribed")  # type: ignore[misc]
+            for _ in range(stream.translator.waiting + 2):
+                publication.publish(b"")
+            assert returned.status().dropped == {SLOW: total}
+        assert returned.status().dropped == {SLOW: total}
 
 
 async def test_malformed_results_are_counted_and_harm_nothing(

@@ -156,6 +156,13 @@ def test_an_action_that_nobody_heard_may_be_sent_again(caplog: pytest.LogCapture
     assert (status(stream).published, status(stream).dropped) == (1, {UNHEARD: 1})
 
 
+def test_what_was_replaced_for_slow_subscribers_is_counted_on() -> None:
+    stream = actions_return("r1", {}, IN_ROOT)
+    stream.retire(slow=2)
+    stream.retire(slow=0)
+    assert stream.status(wanted=False, subscribers=0, slow=3).dropped == {SLOW: 5}
+
+
 def test_a_status_names_as_many_topics_as_it_can_carry() -> None:
     stream = actions_return("r1", {f"a{n}": f"/planner/{n:0100}" for n in range(9)}, IN_ROOT)
     assert len(status(stream).topic) == 256
