@@ -2,12 +2,12 @@
 
 import asyncio
 import socket
-import threading
 from contextlib import closing, suppress
 from typing import Final
 
 from gateway.doctor.evidence import Failure, HostLook, Router, Trouble
 from gateway.ros1.hosts import uri_host
+from gateway.ros1.resolver import Resolver
 
 MAX_ADDRESSES: Final = 4
 _TCP: Final = ("tcp", "tls", "ws")
@@ -15,29 +15,10 @@ _TCP: Final = ("tcp", "tls", "ws")
 
 
 async def resolve(host: str, patience_s: float) -> list[str]:
-    """Return a host's addresses, or none when it has none or its name server keeps silent.
-
-    The system's resolver cannot be cancelled: it gets a thread of its own, which nothing waits for.
-    """
-    loop = asyncio.get_running_loop()
-    found: asyncio.Future[list[str]] = loop.create_future()
-
-    def settle(addresses: list[str]) -> None:
-        if not found.done():
-            found.set_result(addresses)
-
-    def look_up() -> None:
-        addresses: list[str] = []
-        with suppress(OSError, UnicodeError):
-            rows = socket.getaddrinfo(host.strip("[]"), None, type=socket.SOCK_STREAM)
-            addresses = list(dict.fromkeys(str(row[4][0]) for row in rows))
-        with suppress(RuntimeError):  # the loop is closed
-            loop.call_soon_threadsafe(settle, addresses)
-
-    threading.Thread(target=look_up, name=f"resolve {host}", daemon=True).start()
-    with suppress(TimeoutError):
+    """Return a host's addresses, or none when it has none or its name server keeps silent."""
+    with suppress(OSError, UnicodeError):
         async with asyncio.timeout(patience_s):
-            return (await found)[:MAX_ADDRESSES]
+            return (await Resolver().addresses(host.strip("[]")))[:MAX_ADDRESSES]
     return []
 
 

@@ -38,7 +38,7 @@ class Resolver:
 
         """
         failed: list[OSError] = []
-        addresses = await self._addresses(host)
+        addresses = await self.addresses(host)
         for address in addresses:
             deadline = asyncio.timeout(None if address is addresses[-1] else PATIENCE_S)
             try:
@@ -48,7 +48,13 @@ class Resolver:
                 failed.append(OSError(f"no answer from {address}") if deadline.expired() else error)
         raise next((each for each in failed if not isinstance(each, ConnectionRefusedError)), failed[0])
 
-    async def _addresses(self, host: str) -> list[str]:
+    async def addresses(self, host: str) -> list[str]:
+        """Return a host's addresses; an address is its own.
+
+        Raises:
+            OSError, UnicodeError: the host is not known.
+
+        """
         if _is_address(host):
             return [host]
         if host not in self._under_way:
