@@ -6,13 +6,13 @@ import struct
 from typing import NamedTuple
 
 from gateway.ros1.errors import MessageError
+from gateway.ros1.short_text import encode_text, read_text
 
 TYPE_NAME = "sensor_msgs/Image"
 _HEAD = struct.Struct("<IIII")
 _SIZE = struct.Struct("<II")
 _ROW = struct.Struct("<BI")
 _LENGTH = struct.Struct("<I")
-MAX_TEXT_BYTES = 1024
 
 
 class Image(NamedTuple):
@@ -45,10 +45,10 @@ def decode_image(message: bytes | bytearray | memoryview) -> Image:
     view = memoryview(message)
     try:
         seq, secs, nsecs, length = _HEAD.unpack_from(view)
-        frame_id, at = _text(view, _HEAD.size, length)
+        frame_id, at = read_text(TYPE_NAME, view, _HEAD.size, length)
         height, width = _SIZE.unpack_from(view, at)
         (length,) = _LENGTH.unpack_from(view, at + _SIZE.size)
-        encoding, at = _text(view, at + _SIZE.size + _LENGTH.size, length)
+        encoding, at = read_text(TYPE_NAME, view, at + _SIZE.size + _LENGTH.size, length)
         bigendian, step = _ROW.unpack_from(view, at)
         (length,) = _LENGTH.unpack_from(view, at + _ROW.size)
     except (struct.error, UnicodeDecodeError) as error:
@@ -59,13 +59,6 @@ def decode_image(message: bytes | bytearray | memoryview) -> Image:
     return Image(seq, secs, nsecs, frame_id, height, width, encoding, bool(bigendian), step, data)
 
 
-def _text(view: memoryview, at: int, length: int) -> tuple[str, int]:
-    end = at + length
-    if length > MAX_TEXT_BYTES or end > len(view):
-        raise MessageError(f"{TYPE_NAME} with a text of {length} bytes")
-    return str(view[at:end], "utf-8"), end
-
-
 def encode_image(image: Image) -> bytes:
     """Return the serialised message.
 
@@ -74,7 +67,7 @@ def encode_image(image: Image) -> bytes:
 
     """
     try:
-        frame_id, encoding = image.frame_id.encode(), image.encoding.encode()
+        frame_id, encoding = encode_text(TYPE_NAME, image.frame_id), encode_text(TYPE_NAME, image.encoding)
         parts = (
             _HEAD.pack(image.seq, image.stamp_s, image.stamp_ns, len(frame_id)),
             frame_id,
@@ -86,6 +79,4 @@ def encode_image(image: Image) -> bytes:
         )
     except (struct.error, UnicodeEncodeError) as error:
         raise MessageError(f"cannot serialise a {TYPE_NAME}: {error}") from error
-    if max(len(frame_id), len(encoding)) > MAX_TEXT_BYTES:
-        raise MessageError(f"{TYPE_NAME} with a text over {MAX_TEXT_BYTES} bytes")
     return b"".join((*parts, image.data))

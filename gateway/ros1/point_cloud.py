@@ -6,9 +6,9 @@ import struct
 from dataclasses import dataclass
 
 from gateway.ros1.errors import MessageError
+from gateway.ros1.short_text import encode_text, read_text
 
 TYPE_NAME = "sensor_msgs/PointCloud2"
-MAX_TEXT_BYTES = 1024
 MAX_FIELDS = 64
 _HEAD = struct.Struct("<IIII")
 _SIZE = struct.Struct("<III")
@@ -59,7 +59,7 @@ def decode_point_cloud(message: bytes | bytearray | memoryview) -> PointCloud:
 
 def _decode(view: memoryview) -> PointCloud:
     _, secs, nsecs, length = _HEAD.unpack_from(view)
-    frame_id, at = _text(view, _HEAD.size, length)
+    frame_id, at = read_text(TYPE_NAME, view, _HEAD.size, length)
     height, width, count = _SIZE.unpack_from(view, at)
     fields, at = _fields(view, at + _SIZE.size, count)
     bigendian, point_step, row_step, length = _LAYOUT.unpack_from(view, at)
@@ -80,7 +80,7 @@ def encode_point_cloud(cloud: PointCloud, *, seq: int) -> bytes:
 
     """
     try:
-        frame_id = _encoded_text(cloud.frame_id)
+        frame_id = encode_text(TYPE_NAME, cloud.frame_id)
         parts = (
             _HEAD.pack(seq, *divmod(cloud.stamp, 1_000_000_000), len(frame_id)),
             frame_id,
@@ -96,15 +96,8 @@ def encode_point_cloud(cloud: PointCloud, *, seq: int) -> bytes:
 
 
 def _encoded_field(field: PointField) -> bytes:
-    name = _encoded_text(field.name)
+    name = encode_text(TYPE_NAME, field.name)
     return _LENGTH.pack(len(name)) + name + _FIELD.pack(field.offset, field.datatype, field.count)
-
-
-def _encoded_text(text: str) -> bytes:
-    encoded = text.encode()
-    if len(encoded) > MAX_TEXT_BYTES:
-        raise MessageError(f"{TYPE_NAME} with a text of {len(encoded)} bytes")
-    return encoded
 
 
 def _fields(view: memoryview, at: int, count: int) -> tuple[tuple[PointField, ...], int]:
@@ -113,14 +106,7 @@ def _fields(view: memoryview, at: int, count: int) -> tuple[tuple[PointField, ..
     fields = []
     for _ in range(count):
         (length,) = _LENGTH.unpack_from(view, at)
-        name, at = _text(view, at + _LENGTH.size, length)
+        name, at = read_text(TYPE_NAME, view, at + _LENGTH.size, length)
         fields.append(PointField(name, *_FIELD.unpack_from(view, at)))
         at += _FIELD.size
     return tuple(fields), at
-
-
-def _text(view: memoryview, at: int, length: int) -> tuple[str, int]:
-    end = at + length
-    if length > MAX_TEXT_BYTES or end > len(view):
-        raise MessageError(f"{TYPE_NAME} with a text of {length} bytes")
-    return str(view[at:end], "utf-8"), end

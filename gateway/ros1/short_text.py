@@ -1,0 +1,35 @@
+"""The texts of messages that are read without a codec: names of frames, encodings and fields."""
+
+from __future__ import annotations
+
+from gateway.ros1.errors import MessageError
+
+MAX_TEXT_BYTES = 1024
+
+
+def read_text(type_name: str, view: memoryview, at: int, length: int) -> tuple[str, int]:
+    """Return a message's text of `length` bytes, and where it ends.
+
+    Raises:
+        MessageError: it is too long, or cut off.
+        UnicodeDecodeError: it is no text.
+
+    """
+    end = at + length
+    if length > MAX_TEXT_BYTES or end > len(view):
+        raise MessageError(f"{type_name} with a text of {length} bytes")
+    return str(view[at:end], "utf-8"), end
+
+
+def encode_text(type_name: str, text: str) -> bytes:
+    """Return the bytes of a message's text.
+
+    Raises:
+        MessageError: it is too long.
+        UnicodeEncodeError: it is no text.
+
+    """
+    encoded = text.encode()
+    if len(encoded) > MAX_TEXT_BYTES:
+        raise MessageError(f"{type_name} with a text of {len(encoded)} bytes")
+    return encoded
