@@ -7,6 +7,7 @@ from typing import Final
 from schemas.errors import SchemaError
 from schemas.jpeg_scans import FRAME_MARKERS, component_pixels, scanned_pixels
 
+RAW: Final = "raw"
 JPEG: Final = "jpeg"
 PNG: Final = "png"
 ZSTD: Final = "zstd"

@@ -4,7 +4,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from schemas.compression import MAX_DECODED_BYTES, ZSTD, check_zstd, picture_of
+from schemas.compression import MAX_DECODED_BYTES, RAW, ZSTD, check_zstd, picture_of
 from schemas.errors import SchemaError
 from schemas.header import Header
 
@@ -38,8 +38,6 @@ HELD_AS: Final = {
 
 MAX_SIDE: Final = 16_384
 MAX_STEP: Final = MAX_SIDE * 16
-
-RAW: Final = "raw"
 
 Side = Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE)]
 

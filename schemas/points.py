@@ -5,12 +5,11 @@ from typing import Annotated, Final
 
 import msgspec
 
-from schemas.compression import ZSTD, check_zstd
+from schemas.compression import RAW, ZSTD, check_zstd
 from schemas.errors import SchemaError
 from schemas.header import Header
 
 MAX_FIELDS: Final = 64
-RAW: Final = "raw"
 MAX_FIELD_NAME: Final = 64
 
 VALUE_BYTES: Final = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.shaping.pixels import pixels_of
-from schemas.image import DEPTH_ENCODINGS, RAW, ImageFrame
+from schemas.compression import RAW
+from schemas.image import DEPTH_ENCODINGS, ImageFrame
 
 Floats = NDArray[np.float32]
 

@@ -5,9 +5,9 @@ from typing import Final
 import simplejpeg
 
 from gateway.ros1.image import Image, encode_image
-from schemas.compression import JPEG
+from schemas.compression import JPEG, RAW
 from schemas.errors import SchemaError
-from schemas.image import RAW, ImageFrame
+from schemas.image import ImageFrame
 
 COLOR_SPACES: Final = {"rgb8": "RGB", "mono8": "GRAY"}
 """What a JPEG file's pixels are decoded to."""

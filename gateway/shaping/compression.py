@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from gateway.shaping.pixels import pixels_of
 from gateway.shaping.png import encode_png
-from schemas.compression import JPEG, PNG, ZSTD
-from schemas.image import BYTES_PER_PIXEL, RAW, ImageFrame
+from schemas.compression import JPEG, PNG, RAW, ZSTD
+from schemas.image import BYTES_PER_PIXEL, ImageFrame
 from schemas.points import PointCloud
 
 if sys.version_info >= (3, 14):

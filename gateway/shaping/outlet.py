@@ -16,8 +16,9 @@ from gateway.shaping.uplink import Moment
 from gateway.shaping.workshop import Job, Shaped, Workshop
 from schemas import codec
 from schemas.camera_info import CameraInfo
+from schemas.compression import RAW
 from schemas.header import Header
-from schemas.image import RAW, ImageFrame
+from schemas.image import ImageFrame
 from schemas.keys import SensorKey, Stream
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from gateway.shaping.pixels import pixels_of, with_pixels
 from schemas.camera_info import CameraInfo
-from schemas.image import DEPTH_ENCODINGS, RAW, ImageFrame
+from schemas.compression import RAW
+from schemas.image import DEPTH_ENCODINGS, ImageFrame
 
 MAX_FACTOR: Final = 16
 

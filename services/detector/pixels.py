@@ -10,8 +10,8 @@ import simplejpeg
 from numpy.typing import NDArray
 from PIL import Image
 
-from schemas.compression import JPEG, ZSTD
-from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
+from schemas.compression import JPEG, RAW, ZSTD
+from schemas.image import BAYER_PATTERNS, BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
 from services.geometry.decompression import decompressed
 from services.geometry.errors import PayloadError
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.compression import PNG, ZSTD
-from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, RAW, ImageFrame
+from schemas.compression import PNG, RAW, ZSTD
+from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
 from services.geometry.decompression import decompressed
 from services.geometry.errors import DepthError
 
