@@ -24,7 +24,6 @@ MAX_REASON_BYTES = 64 << 10
 class ServiceAccepted:
     """The service's header arrived and fits; it waits for the request."""
 
-    callerid: str
     type: TopicType
 
 
@@ -101,8 +100,7 @@ class ServiceConnection:
         return event
 
     def _accept(self, fields: Mapping[str, str]) -> ServiceAccepted:
-        found = checked_type(fields, "service", self._service, self._expected)
-        return ServiceAccepted(one_line(fields.get("callerid", "")), found)
+        return ServiceAccepted(checked_type(fields, "service", self._service, self._expected))
 
     def _answer(self) -> ServiceEvent | None:
         if not self._received:

@@ -67,7 +67,7 @@ def test_a_request_has_its_length_before_it() -> None:
     assert ServiceConnection.request(b"abc") == b"\3\0\0\0abc"
 
 
-ACCEPTED = ServiceAccepted("/golden_service", TRIGGER)
+ACCEPTED = ServiceAccepted(TRIGGER)
 
 
 @pytest.mark.parametrize("expected", [TRIGGER, ANY, TopicType("std_srvs/Trigger", "*"), TopicType("*", TRIGGER.md5sum)])
