@@ -2,7 +2,7 @@
 
 A session has 65,535 numbers. Zenoh (1.10) gives back none and then begins anew, whatever still has its number: messages
 come under the wrong keys from then on. So whatever is declared again has the number that it had, but for the caches of
-publishers: each takes another one, which a client's next session makes up for (see RENEWED_AFTER).
+publishers: each takes another one, which the next session makes up for (see RENEWED_AFTER in bus.session).
 """
 
 import logging

@@ -54,8 +54,13 @@ TELL_AFTER_S: Final = 3.0
 RENEWED_AFTER: Final = 10_000
 """Declarations after which another session follows a client's: each may take a number (see bus.known_keys)."""
 
+OTHERS_RENEWED_AFTER: Final = 50_000
+"""The same of a router or peer, with which all of its links end."""
+
 LOOK_S: Final = 0.1
 """How often it is looked meanwhile whether there is still anything to wait for."""
+
+NEVER: Final = 0
 
 _NOBODY: Final = "nobody"
 """A presence that is not there."""
@@ -80,9 +85,10 @@ class Declaration(Protocol):
 class SessionThread:
     """Opens a session, again and again if it is a client's and nobody answers; declares what is kept on it.
 
-    A client's session ends with its link, and another one follows. Zenoh's own (1.10) may go on with what a router has
-    not yet taken for lost, and then mixes up what keys the two speak of; it may give up for good on a link that is
-    closed as it comes up; and it declares everything at once. It still tries, once, until it is ended.
+    Another one follows that of a client whose link is lost, and any with very many declarations. Zenoh's own (1.10)
+    may go on with what a router has not yet taken for lost, and then mixes up what keys the two speak of; it may give
+    up for good on a link that is closed as it comes up; and it declares everything at once. It still tries, once, until
+    it is ended.
     """
 
     def __init__(self, settings: BusSettings) -> None:
@@ -91,7 +97,7 @@ class SessionThread:
         self._kept: dict[Declaration, None] = {}
         self._numbers = Numbers()
         self._session: zenoh.Session | None = None
-        self._turn = 0  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
+        self._turn = NEVER  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
         self._links = Links(settings)
         self._stopping = threading.Event()
         self._stopped = False
@@ -196,14 +202,16 @@ class SessionThread:
         try:
             session = self._opened()
         except zenoh.ZError as error:
-            if self._settings.mode != "client":
+            if self._settings.mode != "client" and self._turn == NEVER:
                 listen = self._settings.listen
                 named = [endpoint for endpoint in listen if endpoint.partition("/")[2] in str(error)]
                 raise BusError(
                     f"cannot open the bus as a {self._settings.mode} (listen {', '.join(named or listen)}): "
                     f"{_reason(error)}"
                 ) from error
-            if first:
+            if self._settings.mode != "client":
+                _log.warning("cannot open the bus again: %s", _reason(error))
+            elif first:
                 self._warn_of(self._settings.connect)
             self._retry_after(RETRY_S)
             return
@@ -269,7 +277,7 @@ class SessionThread:
                 pass
 
     def _end(self, session: zenoh.Session) -> None:
-        """End a client's session that lost its link, and have another one opened."""
+        """End a session, and have another one opened."""
         self._session, self._ended = None, session
         self._turn += 1
         self._links.clear()
@@ -317,7 +325,8 @@ class SessionThread:
             self._undeclare(declaration)
             raise BusError(f"cannot declare: {_reason(error)}") from error
         self._declared += 1
-        if self._settings.mode == "client" and self._declared >= RENEWED_AFTER:
+        most = RENEWED_AFTER if self._settings.mode == "client" else OTHERS_RENEWED_AFTER
+        if self._declared >= most:
             _log.info("another session, after %d declarations on this one", self._declared)
             self._end(self._session)
 

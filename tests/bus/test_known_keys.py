@@ -5,6 +5,7 @@ from contextlib import AsyncExitStack
 from typing import Any, Final
 
 import pytest
+import zenoh
 
 from bus import LATEST, QUEUE, Bus, QoS, open_bus
 from bus import session as session_module
@@ -64,6 +65,31 @@ async def test_another_session_follows_that_of_a_client_with_many_declarations(
         await until(lambda: session_of(bus) not in (None, first))
         publisher.put(b"still there")
         assert (await next_of(heard)).payload == b"still there"
+
+
+async def test_another_session_follows_that_of_a_router_too_as_soon_as_it_can_listen(
+    buses: tuple[Bus, Bus], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    central, bus = buses
+    monkeypatch.setattr(session_module, "OTHERS_RENEWED_AFTER", 5)
+    opened, refusals = zenoh.open, iter([True])
+
+    def refuse_once(config: zenoh.Config) -> zenoh.Session:
+        if next(refusals, False):
+            raise zenoh.ZError("the address is in use")
+        return opened(config)
+
+    first = session_of(central)
+    async with bus.subscribe("key", QUEUE(9)) as heard, central.publisher("key", QoS.RESULT) as publisher:
+        monkeypatch.setattr(zenoh, "open", refuse_once)
+        for number in range(5):
+            async with central.subscribe(f"other/{number}", LATEST):
+                pass
+        await until(lambda: session_of(central) not in (None, first))
+        await until(lambda: publisher.wanted and not bus.link_problem)
+        publisher.put(b"still there")
+        assert (await next_of(heard)).payload == b"still there"
+    assert next(refusals, None) is None
 
 
 async def test_a_client_is_told_the_keys_of_those_who_publish_what_it_subscribes_to(buses: tuple[Bus, Bus]) -> None:
