@@ -37,10 +37,17 @@ MAX_FRAMES_LOST: Final = 1_000
 
 OURS: Final[dict[Kind, dict[str, Any]]] = {
     "bytetrack": {"fuse_score": False},
-    "botsort": {"fuse_score": False, "match_thresh": 0.9, "gmc_method": "none"},
+    "botsort": {
+        "fuse_score": False,
+        "match_thresh": 0.9,
+        "track_high_thresh": 0.0,
+        "new_track_thresh": 0.0,
+        "gmc_method": "none",
+    },
 }
 """Settings other than Ultralytics'. Fused with scores, the overlap of what a model is not sure of is never enough to be
-followed; a place that is moved with its own part of the image may be believed at less overlap."""
+followed; a place that is moved with its own part of the image may be believed at less overlap. What low scores are
+matched with apart from others, as ByteTrack does, is not `get_dists`, and may be of another class."""
 
 
 class LastSeen(KalmanFilterXYWH):

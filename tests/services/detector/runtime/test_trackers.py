@@ -102,6 +102,18 @@ def test_a_detection_goes_on_with_a_track_of_its_class_alone(model_folder: Path)
     assert [seen(step, 10 + 6 * label, 0.9, label) for step, label in enumerate(labels)] == [1, 1, 2, 2, 1]
 
 
+@pytest.mark.parametrize("score", [0.2, 0.05])
+def test_one_of_a_low_score_goes_on_with_a_track_of_its_class_alone_too(score: float, model_folder: Path) -> None:
+    seen = follower(model_folder)
+    sightings = [(0.9, 0), (score, 1), (score, 0), (0.9, 0)]
+    assert [seen(step, 10, each, label) for step, (each, label) in enumerate(sightings)] == [1, None, 1, 1]
+
+
+def test_what_had_low_scores_before_has_them_counted_against_it(model_folder: Path) -> None:
+    seen = follower(model_folder)
+    assert [seen(step, 10, score) for step, score in enumerate((0.2, 0.2, 0.2, 0.6))] == [None] * 4
+
+
 @pytest.mark.parametrize(("hz", "frames", "number"), [(5, 10, 1), (5, 12, 2), (20, 40, 1), (20, 42, 2)])
 def test_what_is_lost_is_looked_for_for_so_long_at_whatever_rate(
     hz: int, frames: int, number: int | None, model_folder: Path
