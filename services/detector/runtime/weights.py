@@ -88,7 +88,15 @@ def device_of(name: str | None) -> torch.device:
         ModelError: it is not there.
     """
     try:
-        found: torch.device = select_device(name or ("" if torch.cuda.is_available() else "cpu"), verbose=False)
+        found = select_device(name or ("" if torch.cuda.is_available() else "cpu"), verbose=False)
     except Exception as error:
         raise ModelError(f"--device {name}: {first_line(error)}") from error
+    if not isinstance(found, torch.device) or (name and found.type != _kind_of(name)):  # the processor instead, untold
+        raise ModelError(f"--device {name}: torch has no such device here")
     return found
+
+
+def _kind_of(name: str) -> str:
+    """Return the type of the device that is asked for; numbers alone are those of GPUs."""
+    kind = name.strip().partition(":")[0].lower()
+    return kind if kind.isalpha() else "cuda"

@@ -96,6 +96,11 @@ def test_unknown_classes_and_devices(model_folder: Path) -> None:
     assert refusal(model_folder, device="cuda:77").startswith("--device cuda:77: ")
 
 
+@pytest.mark.parametrize("device", ["intel:gpu", "mps", "tpu", "vulkan:0"])
+def test_a_device_that_ultralytics_knows_and_torch_has_not_is_refused(device: str, model_folder: Path) -> None:
+    assert refusal(model_folder, device=device) == f"--device {device}: torch has no such device here"
+
+
 def test_classes_that_the_model_for_boxes_does_not_know_are_refused_before_anything_is_exported(
     tmp_path: Path, model_folder: Path
 ) -> None:
