@@ -21,8 +21,11 @@ SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
 
 
 def default_cache() -> Path:
-    """Return the user's folder for what can be made again."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fleetsight"
+    """Return the user's folder for what can be made again; who has no home has one that keeps nothing."""
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fleetsight"
+    except RuntimeError:  # no folder that others may write: what is kept is run
+        return Path(os.devnull) / "fleetsight"
 
 
 class DetectorSettings(SharingSettings, BusSettings):

@@ -58,7 +58,7 @@ def exported(
     Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
 
     kind: of FILES. device: to export on. gpu: what kind of GPU that is. spare: where it goes if the cache cannot be
-    written. damaged: a file that is of no use, wherever it is.
+    written, or read. damaged: a file that is of no use, wherever it is.
 
     Raises:
         ModelError: the export failed.
@@ -66,7 +66,7 @@ def exported(
     name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu)
     for place in (cache, spare):
         file = place / name / FILES[kind]
-        if file != damaged and file.is_file():
+        if file != damaged and os.access(file, os.R_OK):  # unlike Path's questions, answers where nobody may look
             return file
     log.info("exporting %s for %s, once", weights.path.name, kind)
     export = partial(_export, weights, kind, device=device, longest=longest)
@@ -89,7 +89,7 @@ def installed(packages: Iterable[str]) -> list[str]:
 
 
 def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
-    """Export to a folder in the cache, or with a warning to `spare` if that cannot be written, be it full."""
+    """Export to a folder in the cache, or with a warning to `spare` if that cannot be written, or read."""
     try:
         export(folder)
     except OSError as error:
@@ -112,6 +112,8 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
         if made != making / FILES[kind]:
             raise RuntimeError(f"it is not where it should be: {made}")
         put_in_place(making, folder)
+        with (folder / FILES[kind]).open("rb"):
+            pass  # another user may have been quicker, and keep it to themselves
     finally:
         shutil.rmtree(own, ignore_errors=True)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from services.detector.settings import SHIPPED_MODEL, DetectorSettings
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings, default_cache
 
 
 def test_the_shipped_model_is_there() -> None:
@@ -25,6 +25,23 @@ def test_a_folder_is_no_model(tmp_path: Path) -> None:
 def test_an_absent_file_whose_name_is_no_text_is_named() -> None:
     with pytest.raises(ValidationError, match=r"--model \\udcff\.pt: no such file"):
         DetectorSettings(model=os.fsdecode(b"\xff.pt"))
+
+
+def test_what_is_made_of_weights_is_below_a_users_cache_and_without_a_home_nowhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert default_cache() == tmp_path / "fleetsight"
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert default_cache() == tmp_path / ".cache" / "fleetsight"
+
+    def unknown() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", unknown)
+    with pytest.raises(NotADirectoryError):
+        default_cache().mkdir(parents=True, exist_ok=True)
 
 
 def test_no_detector_is_called_as_gateways_know_a_second_opinion() -> None:

@@ -103,8 +103,8 @@ class Exporter:
 
 
 @pytest.fixture
-def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Exporter], Path]:
-    """Return what exports the shipped model as a kind, by an exporter; see `exported`."""
+def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
+    """Return what exports the shipped model as a kind, by an exporter, into a cache; see `exported`."""
     keep_offline(tmp_path / "ultralytics", download=False)
     from ultralytics import models  # noqa: PLC0415
 
@@ -112,20 +112,20 @@ def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Ex
 
     weights = Weights(SHIPPED_MODEL, "d" * 64, None, {}, segments=True, longest=640, stride=32, refiner=None)
 
-    def export(kind: str, exporter: Exporter) -> Path:
+    def export(kind: str, exporter: Exporter, cache: Path = tmp_path / "cache") -> Path:
         monkeypatch.setattr(models, "YOLO", exporter)
-        return exported(weights, kind, tmp_path / "cache", "cuda:0", 640, gpu="NVIDIA L4", spare=tmp_path / "spare")
+        return exported(weights, kind, cache, "cuda:0", 640, gpu="NVIDIA L4", spare=tmp_path / "spare")
 
     return export
 
 
-def test_an_engine_is_made_for_as_many_images_at_once_as_it_gets(export: Callable[[str, Exporter], Path]) -> None:
+def test_an_engine_is_made_for_as_many_images_at_once_as_it_gets(export: Callable[..., Path]) -> None:
     exporter = Exporter()
     assert [export(kind, exporter).name for kind in FILES] == list(FILES.values())
     assert exporter.batches == {"onnx": 1, "engine": BATCH_ON_GPU}
 
 
-def test_an_export_leaves_torch_its_threads(export: Callable[[str, Exporter], Path]) -> None:
+def test_an_export_leaves_torch_its_threads(export: Callable[..., Path]) -> None:
     import torch  # noqa: PLC0415 - it is heavy
 
     before = torch.get_num_threads()
@@ -139,15 +139,36 @@ def test_an_export_leaves_torch_its_threads(export: Callable[[str, Exporter], Pa
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES])
 def test_what_cannot_be_written_into_the_cache_goes_elsewhere(
-    export: Callable[[str, Exporter], Path], number: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    export: Callable[..., Path], number: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     made = export("onnx", Exporter(OSError(number, os.strerror(number))))
     assert made.is_relative_to(tmp_path / "spare")
     assert f"--cache {tmp_path / 'cache'}: {os.strerror(number)}: what is exported is not kept" in caplog.text
 
 
+def test_a_cache_that_cannot_be_looked_into_only_costs_the_keeping(
+    export: Callable[..., Path], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache = tmp_path / ("x" * 300)
+    made = export("onnx", Exporter(), cache)
+    assert made.is_relative_to(tmp_path / "spare")
+    assert caplog.messages == [f"--cache {cache}: File name too long: what is exported is not kept"]
+
+
+def test_what_cannot_be_read_in_the_cache_is_made_elsewhere(
+    export: Callable[..., Path], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    theirs = export("onnx", Exporter())
+    theirs.unlink()
+    theirs.symlink_to(theirs)
+    made = export("onnx", Exporter())
+    assert made.is_relative_to(tmp_path / "spare")
+    assert made.is_file()
+    assert "Too many levels of symbolic links: what is exported is not kept" in caplog.text
+
+
 def test_an_exporter_that_fails_for_another_reason_is_not_the_caches_fault(
-    export: Callable[[str, Exporter], Path], caplog: pytest.LogCaptureFixture
+    export: Callable[..., Path], caplog: pytest.LogCaptureFixture
 ) -> None:
     missing = FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), "libnvinfer.so")
     with pytest.raises(ModelError, match=r"cannot be exported for engine: .* No such file or directory: 'libnvinfer"):
