@@ -61,7 +61,7 @@ def exported(
     written, or read. damaged: a file that is of no use, wherever it is.
 
     Raises:
-        ModelError: the export failed.
+        ModelError: the export failed, or the weights are no longer those that were loaded.
     """
     name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu)
     for place in (cache, spare):
@@ -72,6 +72,8 @@ def exported(
     export = partial(_export, weights, kind, device=device, longest=longest)
     try:
         return _kept(export, cache / name, spare / name) / FILES[kind]
+    except ModelError:
+        raise
     except Exception as error:
         raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
 
@@ -107,6 +109,8 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
     try:
         making.mkdir()  # unlike `own`, which only we can enter, as open as the cache's other files
         copy = Path(shutil.copy(weights.path, making / "model.pt"))
+        if hashlib.sha256(copy.read_bytes()).hexdigest() != weights.digest:  # it would be kept as what it is not
+            raise ModelError(f"{weights.path.name} has been replaced since it was loaded: start again")
         made = _made(copy, kind, device, longest)
         copy.unlink()
         if made != making / FILES[kind]:

@@ -1,4 +1,5 @@
 import errno
+import hashlib
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +21,6 @@ from services.detector.runtime.exporting import (
     remove_abandoned,
 )
 from services.detector.runtime.offline import keep_offline
-from services.detector.settings import SHIPPED_MODEL
 
 
 def made(folder: Path, content: str) -> Path:
@@ -104,13 +104,16 @@ class Exporter:
 
 @pytest.fixture
 def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
-    """Return what exports the shipped model as a kind, by an exporter, into a cache; see `exported`."""
+    """Return what exports `model.pt` as a kind, by an exporter, into a cache; see `exported`."""
     keep_offline(tmp_path / "ultralytics", download=False)
     from ultralytics import models  # noqa: PLC0415
 
     from services.detector.runtime.weights import Weights  # noqa: PLC0415
 
-    weights = Weights(SHIPPED_MODEL, "d" * 64, None, {}, segments=True, longest=640, stride=32, refiner=None)
+    path = tmp_path / "model.pt"
+    path.write_bytes(b"weights")
+    digest = hashlib.sha256(b"weights").hexdigest()
+    weights = Weights(path, digest, None, {}, segments=True, longest=640, stride=32, refiner=None)
 
     def export(kind: str, exporter: Exporter, cache: Path = tmp_path / "cache") -> Path:
         monkeypatch.setattr(models, "YOLO", exporter)
@@ -174,6 +177,16 @@ def test_an_exporter_that_fails_for_another_reason_is_not_the_caches_fault(
     with pytest.raises(ModelError, match=r"cannot be exported for engine: .* No such file or directory: 'libnvinfer"):
         export("engine", Exporter(missing))
     assert "--cache" not in caplog.text
+
+
+def test_weights_that_were_replaced_since_they_were_loaded_are_not_exported_as_what_they_were(
+    export: Callable[..., Path], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "model.pt").write_bytes(b"other weights")
+    with pytest.raises(ModelError, match=r"^model\.pt has been replaced since it was loaded: start again$"):
+        export("onnx", Exporter())
+    assert not list((tmp_path / "cache").iterdir())
+    assert not caplog.messages
 
 
 EXPORTERS = ("tensorrt 10.3.0", "torch 2.9.0", "ultralytics 8.3.9")
