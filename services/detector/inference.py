@@ -5,7 +5,7 @@ Lists of classes are published as soon as the model has answered; objects are fo
 
 import logging
 import time
-from asyncio import Event, Queue, Semaphore, Task, TaskGroup, sleep
+from asyncio import Event, Queue, Semaphore, Task, TaskGroup
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,7 +18,8 @@ from schemas.status import UNWANTED
 from services.detector.account import LATE, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
-from services.detector.model import Found, Model, ModelError, Outcome, Request
+from services.detector.hanging import watch
+from services.detector.model import Found, Model, Outcome, Request
 from services.detector.tracking import Tracking
 
 PATIENCE_S: Final = 0.005
@@ -32,10 +33,6 @@ LEAST_AGE_S: Final = 0.08
 
 EXCUSED_S: Final = 2.0
 """How late a frame may come while the model keeps up: on a poor link none comes sooner for leaving out what is late."""
-
-WATCH_S: Final = 1.0
-HUNG: Final = 60
-"""A model that has not answered when it was looked at so often never will; calls of new shapes may take seconds."""
 
 WEIGHT_OF_NEWEST: Final = 0.1
 
@@ -103,7 +100,7 @@ class Inference:
             async with TaskGroup() as group:
                 group.create_task(self._publish_classes())
                 group.create_task(self._publish_objects())
-                group.create_task(self._watch())
+                group.create_task(watch(self._model.name, lambda: self._done if self._calls else None))
                 await self._take(group)
         finally:
             for settled in self._last.values():  # nothing more comes of what is under way
@@ -178,16 +175,6 @@ class Inference:
             self._at_work -= 1
             if not self._at_work:
                 self._busy_s += time.monotonic() - self._busy_since_s
-
-    async def _watch(self) -> None:
-        """Raise ModelError once the model does not answer; a process that is stopped for a while is no such model."""
-        silent, done = 0, self._done
-        while True:
-            await sleep(WATCH_S)
-            silent = silent + 1 if self._calls and done == self._done else 0
-            done = self._done
-            if silent >= HUNG:
-                raise ModelError(f"{self._model.name} has not answered for {HUNG * WATCH_S:g} s")
 
     async def _publish_classes(self) -> None:
         while True:

@@ -15,8 +15,9 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
+from services.detector.hanging import watch
 from services.detector.leaving import Leaving
-from services.detector.model import Failed, Model, ModelError, Request, TuningError
+from services.detector.model import Failed, Model, ModelError, Outcome, Request, TuningError
 from services.detector.role import DETECTOR, Role
 from services.detector.stills import ROBOT, StillError, frame_of
 from services.worker_thread import worker_thread
@@ -36,11 +37,17 @@ async def answering(
     """Answer requests for as long as the context lasts. role: says whether images are answered, too.
 
     leaving: once the worker leaves, no image is taken in, and the end waits for one that was, as long as it may.
+
+    Raises:
+        ModelError: an image has shown that the model is of no more use, or it does not answer any more. In a group.
     """
-    async with AsyncExitStack() as stack:
-        stills = Stills(model, worker, stack.enter_context(worker_thread("stills")), leaving or Leaving())
+    async with asyncio.TaskGroup() as group, AsyncExitStack() as stack:
+        thread = stack.enter_context(worker_thread("stills"))
+        stills = Stills(model, worker, thread, leaving or Leaving(), group)
         stack.callback(stills.close)
         if not role.lists_only:
+            watching = group.create_task(watch(model.name, lambda: stills.asking))
+            stack.callback(watching.cancel)
             await stack.enter_async_context(bus.serve(worker_keys.infer(worker), stills.answer, waiting=WAITING))
             stack.push_async_callback(stills.finish)
 
@@ -52,13 +59,19 @@ async def answering(
 
 
 class Stills:
-    """Answers what is in image files, which are decoded one at a time; see `answering`."""
+    """Answers what is in image files, which are decoded one at a time; see `answering`.
 
-    def __init__(self, model: Model, worker: str, thread: Executor, leaving: Leaving) -> None:
+    group: what the model does for it, which ends the group where the model is of no more use. asking: the call that it
+    has not answered yet.
+    """
+
+    def __init__(self, model: Model, worker: str, thread: Executor, leaving: Leaving, group: asyncio.TaskGroup) -> None:
         self._model = model
         self._worker = worker
         self._thread = thread
         self._leaving = leaving
+        self._group = group
+        self.asking: asyncio.Task[Outcome] | None = None
         self._decoding: asyncio.Future[ImageFrame] | None = None
         self._idle = asyncio.Event()
         self._idle.set()
@@ -71,9 +84,12 @@ class Stills:
         """
         if self._leaving.until_s is not None:
             raise RefusedError("busy: this worker leaves")
+        if self.asking is not None:
+            raise RefusedError("busy: an image is still being looked at whose caller waits no longer")
         self._idle.clear()
         try:
-            found = await detect(self._model, self._worker, await self._decoded(asked.payload))
+            frame = await self._decoded(asked.payload)
+            found = _told(await self._looked_at(frame), frame, self._model, self._worker)
         finally:
             self._idle.set()
         return Reply(codec.encode(found), codec.encoding(Detections))
@@ -89,6 +105,8 @@ class Stills:
         """Wait for nothing more."""
         if self._decoding is not None:
             self._decoding.cancel()
+        if self.asking is not None:
+            self.asking.cancel()
 
     async def _decoded(self, image: bytes) -> ImageFrame:
         """Decode in the thread, which goes on when the caller waits no longer."""
@@ -104,17 +122,36 @@ class Stills:
     def _forget(self, _: "asyncio.Future[ImageFrame]") -> None:
         self._decoding = None
 
+    async def _looked_at(self, frame: ImageFrame) -> Outcome:
+        """Ask the model, which goes on when the caller waits no longer."""
+        self.asking = self._group.create_task(_look(self._model, frame))
+        self.asking.add_done_callback(self._answered)
+        try:
+            return await asyncio.shield(self.asking)
+        except ModelError as error:
+            self._leaving.begin()  # so that the end waits until its caller was told
+            raise RefusedError(f"busy: this worker ends: {error}") from error
+
+    def _answered(self, _: "asyncio.Task[Outcome]") -> None:
+        self.asking = None
+
 
 async def detect(model: Model, worker: str, frame: ImageFrame) -> Detections:
     """Return what is in a still image, masks and all.
 
     Raises:
         RefusedError: it failed in the model.
+        ModelError: the model is of no more use.
     """
-    try:
-        (outcome,) = await model.infer([Request(STILL, frame, masks=True)])
-    except ModelError as error:  # the next frame of a camera ends the worker
-        raise RefusedError(str(error)) from error
+    return _told(await _look(model, frame), frame, model, worker)
+
+
+async def _look(model: Model, frame: ImageFrame) -> Outcome:
+    (outcome,) = await model.infer([Request(STILL, frame, masks=True)])
+    return outcome
+
+
+def _told(outcome: Outcome, frame: ImageFrame, model: Model, worker: str) -> Detections:
     if isinstance(outcome, Failed):
         raise RefusedError(f"{outcome.reason}: {outcome.error}")
     return outcome.detections(frame, model=model.name, worker=worker)

@@ -17,6 +17,7 @@ from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
 from schemas.printing import printable
+from services.detector.model import ModelError
 from services.detector.overlay import drawings, jpeg_of
 from services.detector.pixels import to_bgr
 from services.detector.requests import detect
@@ -71,6 +72,8 @@ async def _locally(settings: DetectSettings, image: bytes) -> Detections:
         model = await asyncio.to_thread(load, model_settings, Path(folder))
         try:
             return await detect(model, ANSWERED_BY, frame)
+        except ModelError as error:  # unlike one that cannot be loaded, no wrong setting
+            raise RefusedError(str(error)) from error
         finally:
             model.close()
 

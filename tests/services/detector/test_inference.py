@@ -15,7 +15,7 @@ from schemas import codec, keys
 from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector import inference
+from services.detector import hanging
 from services.detector.account import FAILED, LATE, MALFORMED, STALE, Account
 from services.detector.board import Board, Waiting
 from services.detector.camera import Camera, serving
@@ -284,7 +284,7 @@ async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
 
 
 async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inference, "WATCH_S", 0.005)
+    monkeypatch.setattr(hanging, "WATCH_S", 0.005)
     rig = Rig(ToldModel())
 
     async def wait_for_it() -> None:

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from bus import QUEUE, Bus, BusSettings, QoS, open_bus
-from schemas import codec
+from bus import QUEUE, Bus, BusSettings, QoS, RefusedError, open_bus
+from schemas import codec, worker_keys
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 from services.detector.model import ModelError
 from services.detector.process import FAILED, run, work
 from services.detector.settings import DetectorSettings
 from services.toolbox.demo.ports import free_ports
-from tests.contract.waiting import until
+from tests.contract.waiting import PATIENCE_S, until
 from tests.services.detector.fakes import FakeModel
+from tests.services.detector.test_requests import png
 from tests.services.detector.test_worker import FRONT, frame
 
 
@@ -56,4 +57,17 @@ async def test_a_model_that_works_no_longer_is_a_failure_with_one_line_and_no_wr
         await until(lambda: camera.wanted)
         camera.put(codec.encode(frame(0)))
         assert await working == FAILED
+    assert [each.getMessage() for each in caplog.records if each.levelno >= logging.ERROR] == ["no memory"]
+
+
+async def test_a_model_that_works_no_longer_ends_a_worker_without_cameras_too(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with fleet() as (bus, endpoint), bus.watch(worker_keys.every_worker_alive("detector")) as watch:
+        working = asyncio.create_task(work(settings(endpoint, worker="w1"), FakeModel(broken=True)))
+        assert (await anext(watch)).alive
+        with pytest.raises(RefusedError, match="busy: this worker ends: no memory"):
+            await bus.request(worker_keys.infer("w1"), png(), timeout_s=PATIENCE_S)
+        assert await working == FAILED
+        assert not (await anext(watch)).alive
     assert [each.getMessage() for each in caplog.records if each.levelno >= logging.ERROR] == ["no memory"]

@@ -2,6 +2,7 @@ import asyncio
 import io
 import threading
 from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import msgspec
 import numpy as np
@@ -14,9 +15,11 @@ from schemas import codec, worker_keys
 from schemas.detections import Detections
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
-from services.detector import requests
+from services.detector import hanging, requests
+from services.detector.model import ModelError
 from services.detector.requests import answering
 from services.detector.stills import frame_of
+from tests.contract.waiting import PATIENCE_S
 from tests.services.detector.fakes import FakeModel
 
 
@@ -58,10 +61,35 @@ async def test_what_cannot_be_looked_at_is_refused(bus: Bus, image: bytes, reaso
         await bus.request(worker_keys.infer("w1"), image, timeout_s=60)
 
 
-async def test_whoever_asks_a_model_that_works_no_longer_hears_why(bus: Bus, model: FakeModel) -> None:
-    model.broken = True
-    with pytest.raises(RefusedError, match="no memory"):
-        await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
+@asynccontextmanager
+async def ended_by(model: FakeModel, reason: str) -> AsyncIterator[Bus]:
+    """Answer until the model is of no more use, for that reason."""
+    network = FakeNetwork()
+    with pytest.raises(ExceptionGroup) as caught:  # noqa: PT012 - what ends it is what is done with the bus
+        async with network.open_bus() as theirs, network.open_bus() as ours, answering(ours, model, "w1"):
+            yield theirs
+            await asyncio.sleep(PATIENCE_S)
+    assert caught.group_contains(ModelError, match=reason)
+
+
+async def test_whoever_asks_a_model_that_works_no_longer_hears_why_and_the_worker_ends() -> None:
+    async with ended_by(FakeModel(broken=True), r"^no memory$") as bus:
+        with pytest.raises(RefusedError, match=r"^busy: this worker ends: no memory$"):
+            await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
+
+
+async def test_a_model_that_never_answers_ends_the_worker_also_when_nobody_waits_any_longer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(hanging, "WATCH_S", 0.02)
+    model = FakeModel()
+    model.may_answer.clear()
+    async with ended_by(model, r"^fake has not answered for 1\.2 s$") as bus:
+        with pytest.raises(RequestTimeoutError):
+            await bus.request(worker_keys.infer("w1"), png(), timeout_s=0.1)
+        with pytest.raises(RefusedError, match="busy: an image is still being looked at"):
+            await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
+    model.may_answer.set()
 
 
 async def test_a_worker_that_has_enough_to_do_says_so_at_once(bus: Bus, model: FakeModel) -> None:

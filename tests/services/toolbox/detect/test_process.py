@@ -17,7 +17,7 @@ import simplejpeg
 from bus import MAX_REQUEST_BYTES, BusSettings, open_bus
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
-from services.detector.model import Found, ModelError, Outcome, Request
+from services.detector.model import Failed, Found, Outcome, Request
 from services.detector.requests import answering
 from services.toolbox.demo.ports import free_ports
 from services.toolbox.detect import process
@@ -186,7 +186,7 @@ class BusyModel(FakeModel):
         """See `Model.infer`."""
         self.asked += 1
         if self.asked <= self.refusals:
-            raise ModelError("busy: 3 requests are under way already")
+            return [Failed("busy", RuntimeError("3 requests are under way already"))]
         return await super().infer(batch)
 
 

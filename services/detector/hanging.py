@@ -1,0 +1,30 @@
+"""Whether a model still answers."""
+
+from asyncio import sleep
+from collections.abc import Callable
+from typing import Final, NoReturn
+
+from services.detector.model import ModelError
+
+WATCH_S: Final = 1.0
+HUNG: Final = 60
+"""A model that has not answered when it was looked at so often never will; calls of new shapes may take seconds."""
+
+
+async def watch(name: str, pending: Callable[[], object]) -> NoReturn:
+    """Look at a model for ever; time in which the process is stopped does not count.
+
+    name: the model's. pending: returns what its next answer is known by, something else after each; None while it is
+    asked nothing.
+
+    Raises:
+        ModelError: it does not answer any more.
+    """
+    silent, before = 0, None
+    while True:
+        await sleep(WATCH_S)
+        now = pending()
+        silent = silent + 1 if now is not None and now == before else 0
+        before = now
+        if silent >= HUNG:
+            raise ModelError(f"{name} has not answered for {HUNG * WATCH_S:g} s")
