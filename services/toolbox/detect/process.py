@@ -11,7 +11,7 @@ from typing import Final
 
 import msgspec
 
-from bus import MAX_REQUEST_BYTES, Bus, NotServedError, RefusedError, RequestError, open_bus
+from bus import MAX_REQUEST_BYTES, Bus, NotServedError, RefusedError, RequestError, RequestTimeoutError, open_bus
 from gateway.ros1.tasks import to_the_end
 from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
@@ -37,6 +37,9 @@ BUSY: Final = "busy:"
 
 AGAIN_S: Final = (0.2, 0.8)
 """How long workers that are all busy are left alone before they are asked again, by lot."""
+
+LITTLE_S: Final = 1.0
+"""Where no answer came in less than this, that says nothing of who was asked."""
 
 
 async def run(settings: DetectSettings) -> int:
@@ -95,9 +98,8 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
     loop = asyncio.get_running_loop()
     until_s = loop.time() + settings.timeout_s
     async with open_bus(settings) as bus:
-        workers = await _workers(bus, settings.timeout_s)
-        seen = f"no detector worker was seen within {settings.timeout_s:g} s"
-        reason: RequestError = NotServedError(f"{seen}: {bus.link_problem}" if bus.link_problem else seen)
+        workers = await _workers(bus, until_s)
+        reason = _unanswered(bus, settings, seen=bool(workers))
         while workers:
             for worker in random.sample(workers, len(workers)):
                 left_s = until_s - loop.time()
@@ -105,12 +107,11 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
                     raise reason
                 try:
                     reply = await bus.request(worker_keys.infer(worker), image, timeout_s=left_s)
-                except NotServedError as error:
-                    reason = NotServedError(f"worker {worker}: {error}")
-                    workers.remove(worker)
                 except RequestError as error:
-                    reason = type(error)(f"worker {worker}: {error}")
-                    if BUSY not in str(error):
+                    reason = _telling(reason, error, worker, left_s)
+                    if isinstance(error, NotServedError):
+                        workers.remove(worker)
+                    elif BUSY not in str(error):
                         raise reason from error
                 else:
                     return codec.decode(Detections, reply.payload, reply.encoding)
@@ -118,14 +119,33 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
         raise reason
 
 
-async def _workers(bus: Bus, patience_s: float) -> list[str]:
+def _unanswered(bus: Bus, settings: DetectSettings, *, seen: bool) -> RequestError:
+    """Return why there is no answer before anybody was asked. seen: whether there is a worker to ask."""
+    within = f"within {settings.timeout_s:g} s"
+    if seen:
+        return RequestTimeoutError(f"a detector worker was seen, but none answered {within}")
+    nobody = f"no detector worker was seen {within}"
+    return NotServedError(f"{nobody}: {bus.link_problem}" if bus.link_problem else nobody)
+
+
+def _telling(before: RequestError, error: RequestError, worker: str, left_s: float) -> RequestError:
+    """Return the reason that says more. error: what came of asking a worker while `left_s` were left.
+
+    That who was busy is gone, or is silent for the little time that is left, says less than what it said before.
+    """
+    gone = isinstance(error, NotServedError) and isinstance(before, RefusedError)
+    hurried = isinstance(error, RequestTimeoutError) and left_s < LITTLE_S
+    return before if gone or hurried else type(error)(f"worker {worker}: {error}")
+
+
+async def _workers(bus: Bus, until_s: float) -> list[str]:
     """Return who is there: wait for the first one, and a moment for others."""
     seen: set[str] = set()
     try:
-        async with asyncio.timeout(patience_s) as limit:
+        async with asyncio.timeout_at(until_s) as limit:
             async for worker in _appearing(bus):
                 if not seen:
-                    limit.reschedule(asyncio.get_running_loop().time() + GATHER_S)
+                    limit.reschedule(min(until_s, asyncio.get_running_loop().time() + GATHER_S))
                 seen.add(worker)
     except TimeoutError:
         pass

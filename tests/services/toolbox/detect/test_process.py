@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 import simplejpeg
 
-from bus import MAX_REQUEST_BYTES, BusSettings, open_bus
+from bus import MAX_REQUEST_BYTES, BusSettings, RefusedError, Reply, open_bus
+from schemas import worker_keys
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
 from services.detector.model import Failed, Found, Outcome, Request
@@ -204,6 +205,52 @@ async def test_workers_that_are_busy_are_asked_again_until_the_time_is_up(
     assert never.asked > 1
     (why,) = capsys.readouterr().err.splitlines()
     assert "worker w0: " in why
+
+
+async def test_a_worker_that_was_busy_is_no_slow_one_for_the_little_time_that_was_left(
+    image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "AGAIN_S", (0.01, 0.02))
+    model = BusyModel(1)
+    model.may_answer.clear()
+    async with workers([model]) as endpoint:
+        assert await run(settings(image, endpoint, timeout_s=1)) == 1
+        model.may_answer.set()
+    assert model.asked == 2
+    said = f"fleetsight detect: {image}: worker w0: busy: 3 requests are under way already\n"
+    assert capsys.readouterr().err == said
+
+
+async def test_a_worker_that_is_seen_when_the_time_is_up_was_seen(
+    image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "GATHER_S", 60)
+    async with workers([FakeModel()]) as endpoint:
+        assert await run(settings(image, endpoint, timeout_s=1)) == 1
+    said = "fleetsight detect: a detector worker was seen, but none answered within 1 s\n"
+    assert capsys.readouterr().err == said
+
+
+async def test_why_a_worker_ends_is_said_when_there_is_no_other(
+    image: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    endpoint, asked = f"tcp/127.0.0.1:{free_ports(1)}", asyncio.Event()
+
+    async def refuse(_: object) -> Reply:
+        asked.set()
+        raise RefusedError("busy: this worker ends: no memory")
+
+    async with (
+        open_bus(BusSettings(mode="router", listen=[endpoint])) as bus,
+        bus.announce(str(WorkerAlive("detector", "w0"))),
+        asyncio.TaskGroup() as group,
+    ):
+        async with bus.serve(worker_keys.infer("w0"), refuse):
+            running = group.create_task(run(settings(image, endpoint)))
+            await asked.wait()
+        assert await running == 1
+    said = f"fleetsight detect: {image}: worker w0: busy: this worker ends: no memory\n"
+    assert capsys.readouterr().err == said
 
 
 async def test_a_file_that_is_no_image_is_named_before_a_model_is_loaded(
