@@ -19,8 +19,8 @@ from services.detector.runtime.refinement.torch_refiner import network_in
 SEGMENT: Final = "segment"
 TASKS: Final = (SEGMENT, "detect")
 SUFFIX: Final = ".pt"
-SAFE: Final = "torch 2.6 and Ultralytics 8.4.68"
-"""The first that read weights as data alone."""
+NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
+"""What the extra [detector] asks for; Ultralytics before 8.4.68 does not read weights as data alone."""
 NO_PICKLE: Final = "damaged, or not written by torch"
 """What it means where all that an error says is a number out of the file."""
 SHOUTED: Final = "ERROR \u274c\ufe0f "
@@ -53,7 +53,7 @@ def load_weights(model: str, option: str = "--model", *, refine: bool = True) ->
         ModelError: the file is no checkpoint, or of a task that finds no objects, or would be executed.
     """
     if not getattr(getattr(tasks, "_SafeLoad", None), "SUPPORTED", False):
-        raise ModelError(f"{option} {model}: what is in it would be executed: {SAFE} or later are needed")
+        raise ModelError(f"{option} {model}: what is in it would be executed: {NEEDED} or later are needed")
     if not model.endswith(SUFFIX):
         raise ModelError(f"{option} {model}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
     try:

@@ -79,7 +79,7 @@ def test_nothing_is_read_where_it_would_be_executed(
     evil.write_bytes(pickle.dumps(Malicious(trace)))
     monkeypatch.setattr("ultralytics.nn.tasks._SafeLoad", safe)
     assert refusal(model_folder, model=str(evil)) == (
-        f"--model {evil}: what is in it would be executed: torch 2.6 and Ultralytics 8.4.68 or later are needed"
+        f"--model {evil}: what is in it would be executed: torch 2.6 and Ultralytics 8.4.175 or later are needed"
     )
     assert not trace.exists()
 

@@ -138,6 +138,13 @@ def test_who_comes_into_view_over_several_frames_keeps_its_number(model_folder: 
     assert {seen(step, left) for step, left in enumerate((30, 90, 150, 210))} == {1}
 
 
+def test_another_cameras_tracker_takes_no_numbers_away(model_folder: Path) -> None:
+    seen = follower(model_folder)
+    assert seen(0, 10, 0.9) == 1
+    follower(model_folder)
+    assert seen(1, 200, 0.9) == 2
+
+
 def test_an_image_of_a_few_pixels_is_no_hindrance(model_folder: Path) -> None:
     tracker = tracker_in(model_folder)
     box = Detection(name="box", score=0.9, box=Box(0, 0, 2, 2))
