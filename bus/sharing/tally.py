@@ -1,7 +1,7 @@
 """What became of one camera's work at a worker, and of all of them. Pure."""
 
 from collections import Counter
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Generic, TypeVar
 
@@ -36,48 +36,44 @@ class Tally:
         )
 
 
-K = TypeVar("K")
 T = TypeVar("T", bound=Tally)
-
-
-def opened(
-    kept: dict[CameraKey, K], camera: CameraKey, in_use: Container[CameraKey], most: int, new: Callable[[CameraKey], K]
-) -> K:
-    """Return what is kept of a camera, a new one if nothing is, from now on the last of all.
-
-    The first that are not in use make room for it where there would be more than `most`.
-    """
-    one = kept.pop(camera) if camera in kept else new(camera)
-    kept[camera] = one
-    unused = [each for each in kept if each not in in_use and each != camera]
-    for each in unused[: max(0, len(kept) - most)]:
-        del kept[each]
-    return one
 
 
 class Tallies(Generic[T]):
     """Tallies of the cameras that a worker serves, and of those it served last.
 
-    new: makes one. most: how many there are; only cameras that are being served may be more.
+    new: makes one. most: how many there are; only cameras that are being served may be more. kept: they, those that
+    began to be served last at the end.
     """
 
     def __init__(self, new: Callable[[CameraKey], T], most: int = MAX_STREAMS) -> None:
         self._new = new
         self._most = most
-        self._tallies: dict[CameraKey, T] = {}
+        self.kept: dict[CameraKey, T] = {}
         self._served: set[CameraKey] = set()
 
     @contextmanager
     def serving(self, camera: CameraKey) -> Iterator[T]:
         """Serve a camera; its tally goes on from where it was, unless too many others were served since."""
-        tally = opened(self._tallies, camera, self._served, self._most, self._new)
+        tally = self.kept.pop(camera) if camera in self.kept else self._new(camera)
+        self.kept[camera] = tally
         self._served.add(camera)
+        unserved = [each for each in self.kept if each not in self._served]
+        for each in unserved[: max(0, len(self.kept) - self._most)]:
+            del self.kept[each]
         try:
             yield tally
         finally:
             self._served.discard(camera)
 
-    def loads(self) -> list[CameraLoad]:
-        """Return each camera's counts as a message; of more than a status holds, of those served now or last."""
-        by_use = sorted(self._tallies.items(), key=lambda each: each[0] in self._served)
-        return [tally.load(serving=camera in self._served) for camera, tally in by_use[-MAX_STREAMS:]]
+    def loads(self, budgets_hz: Mapping[CameraKey, float | None] | None = None) -> list[CameraLoad]:
+        """Return each camera's counts as a message; of more than a status holds, of those served now or last.
+
+        budgets_hz: how often at most a worker asked for each camera's frames, where it did.
+        """
+        by_use = sorted(self.kept.items(), key=lambda each: each[0] in self._served)
+        budgets_hz = budgets_hz or {}
+        return [
+            tally.load(serving=camera in self._served, budget_hz=budgets_hz.get(camera))
+            for camera, tally in by_use[-MAX_STREAMS:]
+        ]

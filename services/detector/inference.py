@@ -6,7 +6,7 @@ Lists of classes are published as soon as the model has answered; objects are fo
 import logging
 import time
 from asyncio import Event, Queue, Semaphore, Task, TaskGroup
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Final
@@ -65,7 +65,7 @@ class Inference:
         *,
         tracking: Tracking | None,
         cameras: dict[CameraKey, Camera],
-        accounts: dict[CameraKey, Account],
+        accounts: Mapping[CameraKey, Account],
         max_age_s: float | None,
         keeps_up: Callable[[], bool],
         on_result: Callable[[CameraKey], None],

@@ -13,11 +13,11 @@ from bus.reporting import report
 from bus.sharing import Pace, Sharing
 from bus.sharing.asking import Asked
 from bus.sharing.sharing import JOIN_S, say_unwanted
-from bus.sharing.tally import opened
+from bus.sharing.tally import Tallies
 from bus.version import VERSION
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
-from schemas.status import MAX_CLASSES, MAX_STREAMS, WorkerStatus
+from schemas.status import MAX_CLASSES, WorkerStatus
 from schemas.worker_keys import WorkerAlive, worker_status
 from services.detector.account import REPLACED, SPARED, Account
 from services.detector.board import Board
@@ -60,7 +60,8 @@ class Worker:
         self._name = tokens[0].worker
         self._board = Board()
         self._cameras: dict[CameraKey, Camera] = {}
-        self._accounts: dict[CameraKey, Account] = {}
+        unread = REPLACED if role.most_hz is None else SPARED  # a newer one is as good for an opinion
+        self._accounts = Tallies(partial(Account, unread=unread))
         self._asked: dict[CameraKey, Asked] = {}
         self._took_over: dict[CameraKey, Callable[[], None]] = {}
         self._leaving = leaving or Leaving()
@@ -72,7 +73,7 @@ class Worker:
             self._board,
             tracking=tracking,
             cameras=self._cameras,
-            accounts=self._accounts,
+            accounts=self._accounts.kept,
             max_age_s=max_age_s,
             keeps_up=lambda: self._pace.limit_hz is None,
             on_result=self._has_result,
@@ -96,23 +97,22 @@ class Worker:
             self._painters.shutdown(wait=False, cancel_futures=True)
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        unread = REPLACED if self._role.most_hz is None else SPARED  # a newer one is as good for an opinion
-        account = opened(self._accounts, key, self._asked, MAX_STREAMS, partial(Account, unread=unread))
         asked = self._asked[key] = Asked()
         asked.ask(self._role.most_hz)
         self._took_over[key] = took_over
         segments, painters = self._model.segments, self._painters
         try:
-            async with (
-                serving(self._bus, key, account, role=self._role, segments=segments, painters=painters) as camera,
-                asyncio.TaskGroup() as group,
-            ):
-                self._cameras[key] = camera
-                group.create_task(say_unwanted(camera.demand, took_over))
-                try:
-                    await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
-                finally:
-                    await self._finish(camera)
+            with self._accounts.serving(key) as account:
+                async with (
+                    serving(self._bus, key, account, role=self._role, segments=segments, painters=painters) as camera,
+                    asyncio.TaskGroup() as group,
+                ):
+                    self._cameras[key] = camera
+                    group.create_task(say_unwanted(camera.demand, took_over))
+                    try:
+                        await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
+                    finally:
+                        await self._finish(camera)
         finally:
             del self._asked[key], self._took_over[key]
             self._cameras.pop(key, None)
@@ -151,7 +151,6 @@ class Worker:
                 self._asked[key].ask(most)
 
     def _status(self) -> WorkerStatus:
-        accounts = list(self._accounts.items())[-MAX_STREAMS:]
         return WorkerStatus(
             service=self._role.service,
             worker=self._name,
@@ -159,11 +158,6 @@ class Worker:
             sent_ns=time.time_ns(),
             remarks=[remark[:MAX_LABEL] for remark in self._model.remarks],
             classes=list(self._model.classes[:MAX_CLASSES]),
-            cameras=[
-                account.load(
-                    serving=key in self._cameras, budget_hz=self._asked[key].hz if key in self._asked else None
-                )
-                for key, account in accounts
-            ],
+            cameras=self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
             version=VERSION,
         )

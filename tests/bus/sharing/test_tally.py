@@ -74,5 +74,13 @@ def test_cameras_that_are_served_are_said_before_those_that_were() -> None:
     assert said["c0"] == (0, True)
 
 
+def test_what_was_asked_of_a_camera_is_said_with_its_counts() -> None:
+    tallies = Tallies(Tally)
+    first, second = (CameraKey("r1", f"c{number}") for number in range(2))
+    with tallies.serving(first), tallies.serving(second):
+        budgets = {load.camera: load.budget_hz for load in tallies.loads({first: 2.5})}
+    assert budgets == {"c0": 2.5, "c1": None}
+
+
 def loads(tallies: Tallies[Tally]) -> dict[str, tuple[int, bool]]:
     return {load.camera: (load.inferred, load.serving) for load in tallies.loads()}

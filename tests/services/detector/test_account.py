@@ -1,6 +1,5 @@
 import msgspec
 
-from bus.sharing.tally import opened
 from schemas.header import LONGEST_GAP, Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
@@ -90,15 +89,3 @@ def test_too_many_are_those_that_were_replaced_or_too_old() -> None:
 def test_the_account_says_whether_the_camera_is_served_and_what_was_asked_for() -> None:
     load = account().load(serving=True, budget_hz=2.5)
     assert (load.serving, load.budget_hz) == (True, 2.5)
-
-
-def test_the_accounts_of_cameras_that_left_longest_ago_make_room() -> None:
-    accounts: dict[CameraKey, Account] = {}
-    first, second, third, fourth = (CameraKey("r1", f"c{number}") for number in range(4))
-    kept = opened(accounts, first, [], 2, Account)
-    opened(accounts, second, [first], 2, Account)
-    assert opened(accounts, first, [], 2, Account) is kept
-    opened(accounts, third, [first], 2, Account)
-    assert list(accounts) == [first, third]
-    opened(accounts, fourth, [first, third], 2, Account)
-    assert list(accounts) == [first, third, fourth]
