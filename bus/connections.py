@@ -19,15 +19,15 @@ _FILES: Final = Path("/proc/self/fd")
 _LINGER: Final = struct.pack("ii", 1, LINGER_S)
 
 
-def tune(locator: str) -> int:
+def tune(locator: str) -> None:
     """Bound how long this process's connections whose own end is at a locator linger, and what they hold unsent.
-
-    Returns how many there are.
 
     A locator is like tcp/127.0.0.1:7447 or tcp/[::1]:7447?rel=0.
     """
     address = locator.partition("/")[2].partition("?")[0].partition("#")[0]
-    return sum(_tune(int(entry.name), address) for entry in _FILES.iterdir() if _is_socket(entry))
+    for entry in _FILES.iterdir():
+        if _is_socket(entry):
+            _tune(int(entry.name), address)
 
 
 def _is_socket(entry: Path) -> bool:
@@ -37,22 +37,20 @@ def _is_socket(entry: Path) -> bool:
         return False
 
 
-def _tune(descriptor: int, address: str) -> bool:
+def _tune(descriptor: int, address: str) -> None:
     try:
         duplicate = os.dup(descriptor)
     except OSError:  # closed meanwhile
-        return False
+        return
     try:
         connection = socket.socket(fileno=duplicate)
     except OSError:  # closed meanwhile, and opened again as something else
         os.close(duplicate)
-        return False
+        return
     with connection:
-        if connection.type != socket.SOCK_STREAM or _text(connection.getsockname()) != address:
-            return False
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
-        return True
+        if connection.type == socket.SOCK_STREAM and _text(connection.getsockname()) == address:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
 
 
 def _text(socket_address: object) -> str:

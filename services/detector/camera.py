@@ -1,6 +1,5 @@
 """One camera at a worker: its publishers, and its frames on their way to the model while somebody wants results."""
 
-import logging
 from collections.abc import AsyncIterator
 from concurrent.futures import Executor
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
@@ -15,8 +14,6 @@ from schemas.keys import CameraKey, Stream
 from services.detector.account import Account
 from services.detector.drawing import MASKS, Overlays, drawing
 from services.detector.role import DETECTOR, Role
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)

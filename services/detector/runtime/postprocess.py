@@ -74,12 +74,10 @@ def objects(
     Raises:
         OutputError: the output is not that of a model with these classes, or not a number.
     """
-    found = _candidates(output, len(names), criteria)
+    dense = _is_dense(output, len(names))
+    found = _candidates(output, len(names), criteria, dense=dense)
     most = criteria.max_detections
-    if _is_dense(output, len(names)):
-        kept = found[suppressed(found.corners, found.labels, criteria.iou, most)]
-    else:
-        kept = found[:most]
+    kept = found[suppressed(found.corners, found.labels, criteria.iou, most)] if dense else found[:most]
     if output.prototypes is not None:
         kept = kept[_apart(kept, output.prototypes, letterbox)]
     boxes = _in_image(kept.corners, letterbox)
@@ -108,6 +106,7 @@ def _judged(mask: Mask, quality: float) -> Mask:
 
 
 def _is_dense(output: Output, classes: int) -> bool:
+    """Return whether doubles are still in an output."""
     extra = 0 if output.prototypes is None else len(output.prototypes)
     match output.predictions.shape:
         case (numbers, _) if numbers == PLACES + classes + extra:
@@ -117,9 +116,9 @@ def _is_dense(output: Output, classes: int) -> bool:
     raise OutputError(f"an output of {output.predictions.shape} from a model of {classes} classes")
 
 
-def _candidates(output: Output, classes: int, criteria: Criteria) -> Candidates:
+def _candidates(output: Output, classes: int, criteria: Criteria, *, dense: bool) -> Candidates:
     """Return what is sure enough and of a class that is reported, best first."""
-    found = _dense(output, classes, criteria) if _is_dense(output, classes) else _ended(output, classes, criteria)
+    found = _dense(output, classes, criteria) if dense else _ended(output, classes, criteria)
     if not (np.isfinite(found.corners).all() and np.isfinite(found.coefficients).all()):
         raise OutputError("a box or a mask that is not a number")
     if criteria.labels is not None:
