@@ -263,6 +263,14 @@ async def test_a_file_that_is_no_image_is_named_before_a_model_is_loaded(
     assert capsys.readouterr().err.startswith(f"fleetsight detect: {file}: not an image")
 
 
+async def test_a_model_that_works_no_longer_is_a_failure_and_no_wrong_setting(
+    image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "load", lambda *_: FakeModel(broken=True))
+    assert await run(settings(image, "tcp/127.0.0.1:1", local=True)) == 1
+    assert capsys.readouterr().err == f"fleetsight detect: {image}: no memory\n"
+
+
 async def test_an_image_that_is_too_large_to_be_sent_is_one_line(
     image: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
