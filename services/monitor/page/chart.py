@@ -81,6 +81,7 @@ class Charts:
             whole = len(found) < MAX_INTERVALS
             if not whole:
                 since_ns = max(since_ns, found[-1].since_ns)
+                found = [each for each in found if each.since_ns >= since_ns]
                 before = await self._archive.in_view_at(asked, since_ns, MAX_INTERVALS)
             if len(before) == MAX_INTERVALS:
                 since_ns = before[-1].until_ns

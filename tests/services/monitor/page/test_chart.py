@@ -73,8 +73,22 @@ async def test_a_chart_of_more_than_it_reads_has_what_was_in_view_before(tmp_pat
     assert (drawn.whole, drawn.since_ns) == (False, (now_s - MAX_INTERVALS // len(cameras)) * S)
     assert drawn.lines.keys() == {"pallet", "person"}
     assert [count for _, count in drawn.lines["pallet"]] == [0, 12, 10, 10]
+    minute = await charts.of(Subject(seconds=60))
+    assert max(count for _, count in minute.lines["pallet"]) == 10
     pallets = await charts.of(Subject(name="pallet"))
     assert (pallets.whole, [count for _, count in pallets.lines["pallet"]]) == (True, [0, 12, 10, 10])
+
+
+async def test_nothing_is_counted_twice_where_more_is_in_view_than_is_read(tmp_path: Path) -> None:
+    url, now_s = f"sqlite:///{tmp_path / 'history.db'}", int(time.time())
+    many = [
+        interval(now_s - 7_200, now_s, key=CameraKey(f"r{number}", "front"), name="pallet", is_open=True)
+        for number in range(MAX_INTERVALS + 1_000)
+    ]
+    async with opened(url) as store:
+        await store.write(many, [], now_s * S)
+    drawn = await Charts(Archive(url)).of(Subject())
+    assert max(count for _, count in drawn.lines["pallet"]) == 2 * len(many)
 
 
 def test_a_subject_is_said_in_words() -> None:
