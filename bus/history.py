@@ -24,7 +24,7 @@ NONE: Final = -1
 """Less than any number."""
 
 FIRST: Final = 1
-"""A publisher's first number; Zenoh's own begin with 0."""
+"""The first number of a publisher of ours; Zenoh's own begin with 0."""
 
 WRAPPED: Final = 1 << 31
 """A number so much smaller than the last is a newer one: Zenoh's own have 32 bits."""
@@ -71,8 +71,8 @@ class _Publisher:
     def is_behind_hole(self, number: int) -> bool:
         return self.last != NONE and number > self.last + 1
 
-    def is_next(self, number: int) -> bool:
-        return number <= FIRST if self.last == NONE else number == self.last + 1
+    def is_next(self, number: int, first: int) -> bool:
+        return number <= first if self.last == NONE else number == self.last + 1
 
 
 @dataclass(slots=True)
@@ -199,13 +199,14 @@ class History(Generic[M]):
         way to it.
         """
         known = self._known(fetch.key)
-        if empty and fetch.cache in known.asked and fetch.cache in known.caches - known.doubted:
-            known.doubted.add(fetch.cache)
+        cache = fetch.cache
+        if empty and cache in known.asked and cache in known.caches and cache not in known.doubted:
+            known.doubted.add(cache)
             self.later(fetch)
             return
-        again = known.asked.pop(fetch.cache, None)
+        again = known.asked.pop(cache, None)
         if again:
-            self._ask(known, fetch.cache)
+            self._ask(known, cache)
         elif again is not None and not known.asked:
             ready: list[M] = []
             self._release(known, ready)
@@ -256,7 +257,8 @@ class History(Generic[M]):
 
     def _take_live(self, known: _Key[M], by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
         """Take what came live, or hold it while there may be older ones to come."""
-        if known.held is not None and not known.held and by.is_next(each.number) and not each.newness:
+        first = FIRST if isinstance(each.publisher, int) else 0
+        if known.held is not None and not known.held and by.is_next(each.number, first) and not each.newness:
             self._take(by, each, ready)
         elif known.held is not None:
             known.held.append(each)

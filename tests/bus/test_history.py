@@ -112,6 +112,17 @@ def test_what_is_live_waits_meanwhile_where_something_is_missing_before_it() -> 
     assert got.outcome == ([1, 2, 3, 4, 5, 6], 0)
 
 
+def test_zenohs_own_numbers_begin_with_0() -> None:
+    got = Received()
+    got.appear(kept=None)
+    got.history.live([message(1)._replace(publisher="session/1")])
+    assert got.messages == []
+    for number in (0, 1):
+        got.history.kept(got.fetches[-1], message(number)._replace(publisher="session/1"))
+    got.history.fetched(got.fetches[-1])
+    assert got.outcome == ([0, 1], 0)
+
+
 def test_what_is_live_waits_no_longer_than_until_there_is_really_nothing() -> None:
     got = Received()
     got.appear(kept=None)
