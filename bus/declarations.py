@@ -89,6 +89,11 @@ class ZenohPublisher(MessageWriter):
         return self._key
 
     @property
+    def takes_another(self) -> bool:
+        """See `Declaration`; caches do."""
+        return self._qos is not QoS.IMAGE
+
+    @property
     def kept(self) -> int:
         """How many messages are there for those who come late or were cut off."""
         return self._kept.maxlen or 0
@@ -176,6 +181,7 @@ class ZenohWatch(PresenceReader):
     """A watch: all of a large fleet come at once, so they are fetched in batches."""
 
     number_of = ""
+    takes_another = False
 
     def __init__(self, key_expr: str, loop: AbstractEventLoop, *, few: bool) -> None:
         super().__init__(loop)
@@ -209,6 +215,7 @@ class ZenohToken:
     """A presence."""
 
     number_of = ""
+    takes_another = False
 
     def __init__(self, key: str) -> None:
         self._key = key
@@ -232,6 +239,8 @@ class ZenohServer(Server):
 
     submit: has something done on the session's thread.
     """
+
+    takes_another = False
 
     def __init__(
         self,

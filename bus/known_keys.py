@@ -58,6 +58,7 @@ class KnownKeys:
     """
 
     number_of = ""
+    takes_another = False
 
     def __init__(self, submit: Callable[[Callable[[], None]], object]) -> None:
         self._submit = submit

@@ -55,7 +55,7 @@ RENEWED_AFTER: Final = 10_000
 """Declarations after which another session follows a client's: each may take a number (see bus.known_keys)."""
 
 OTHERS_RENEWED_AFTER: Final = 50_000
-"""The same of a router or peer, with which all of its links end."""
+"""Of a router or peer, with which all links end, as many that took another number."""
 
 LOOK_S: Final = 0.1
 """How often it is looked meanwhile whether there is still anything to wait for."""
@@ -74,6 +74,10 @@ class Declaration(Protocol):
     @property
     def number_of(self) -> str:
         """The key whose number it takes (see bus.known_keys), or empty."""
+
+    @property
+    def takes_another(self) -> bool:
+        """Whether it takes another number whenever it is declared."""
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare; may raise zenoh.ZError, and is then undeclared."""
@@ -102,10 +106,11 @@ class SessionThread:
         self._stopping = threading.Event()
         self._stopped = False
         self._retry_at: float | None = None
+        self._refused = False
         self._tell_at: float | None = None
         self._opened_at = 0.0
         self._unsettled = 0
-        self._declared = 0  # of what was declared since the session is open
+        self._declared = 0  # since the session is open; a client's are all counted: keys may be new ones, too
         self._cut = threading.Event()
         self._ended: zenoh.Session | None = None  # see REST_S
         self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
@@ -121,6 +126,8 @@ class SessionThread:
         """Why nobody can be heard, in words, or empty."""
         if self._session is not None and (self._links or not self._settings.connect):
             return ""
+        if self._session is None and self._turn != NEVER and self._settings.mode != "client":
+            return "the bus is being opened again"
         return f"there is no link to {self._where}"
 
     def open(self) -> Future[None]:
@@ -209,10 +216,11 @@ class SessionThread:
                     f"cannot open the bus as a {self._settings.mode} (listen {', '.join(named or listen)}): "
                     f"{_reason(error)}"
                 ) from error
-            if self._settings.mode != "client":
-                _log.warning("cannot open the bus again: %s", _reason(error))
-            elif first:
+            if self._settings.mode == "client" and first:
                 self._warn_of(self._settings.connect)
+            elif self._settings.mode != "client" and not self._refused:
+                self._refused = True
+                _log.warning("cannot open the bus again yet: %s", _reason(error))
             self._retry_after(RETRY_S)
             return
         if self._settings.mode != "client" and self._settings.connect:
@@ -232,7 +240,7 @@ class SessionThread:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
 
     def _use(self, session: zenoh.Session) -> None:
-        self._retry_at = None
+        self._retry_at, self._refused = None, False
         self._session, self._opened_at = session, time.monotonic()
         self._turn += 1
         self._links.clear()
@@ -324,9 +332,9 @@ class SessionThread:
         except zenoh.ZError as error:
             self._undeclare(declaration)
             raise BusError(f"cannot declare: {_reason(error)}") from error
-        self._declared += 1
-        most = RENEWED_AFTER if self._settings.mode == "client" else OTHERS_RENEWED_AFTER
-        if self._declared >= most:
+        is_client = self._settings.mode == "client"
+        self._declared += is_client or declaration.takes_another
+        if self._declared >= (RENEWED_AFTER if is_client else OTHERS_RENEWED_AFTER):
             _log.info("another session, after %d declarations on this one", self._declared)
             self._end(self._session)
 

@@ -29,6 +29,8 @@ _PUT: Final = zenoh.SampleKind.PUT
 class ZenohSubscription(SampleReader):
     """A subscription to what is published from now on. What many publish and nobody may miss is taken in in batches."""
 
+    takes_another = False
+
     def __init__(self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, few: bool) -> None:
         super().__init__(keep, loop)
         self._key_expr = key_expr
