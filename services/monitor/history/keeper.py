@@ -142,7 +142,8 @@ class HistoryKeeper:
     def forget(self, robot: str) -> None:
         """Take that a robot was forgotten."""
         if self._settings.history != NONE:
-            self._forgotten[robot] = self._heeded_ns = max(self._heeded_ns, time.time_ns())
+            self._forgotten[robot] = self._heeded_ns = max(self._heeded_ns + 1, time.time_ns())
+            self._attendance.note_gone(robot, self._heeded_ns)
 
     async def restore(self) -> None:
         """Give the inventory back what the database kept of it; before anything is taken.
@@ -168,7 +169,7 @@ class HistoryKeeper:
             return
         self._inventory.restore(interval.sighting() for interval in kept.intervals)
         self._inventory.recall(there, min(since_ns, heartbeat_ns))
-        self._heed({robot: at_ns for robot, at_ns in forgotten.items() if at_ns >= there.get((robot, ""), 0)})
+        self._heed({of: at_ns for of, at_ns in forgotten.items() if at_ns >= there.get((of, ""), 0)})
         self._poses.restore(poses)
         self._ledger.adopt(kept.intervals)
 
@@ -200,6 +201,7 @@ class HistoryKeeper:
                 self._store = await Store.open(self._settings.history)
                 if self._follows and self._problem:
                     self._may_lead_s = time.monotonic() + FIRST_GO_S
+            self._heed(await self._store.forgotten(self._heeded_ns))
             if not self._writes:
                 await self._take_the_lead(self._store)
             await self._flush(self._store)
@@ -222,13 +224,17 @@ class HistoryKeeper:
             self._attendance.follow()
             self._ledger.forget_pending(time.time_ns() - FOLLOWED_NS)
             await self._hand_over(store)
-            self._heed(await store.forgotten(self._heeded_ns))
 
     async def _hand_over(self, store: Store) -> None:
         """Write what people did while this monitor alone thought that it led, and that the alerts are over it raised.
 
         Whoever leads raises what still holds, and knows nothing of these. What became of theirs is theirs to say.
         """
+        for robot in self._forgotten:  # with a time that is news to others
+            if self._inventory.is_forgotten(robot):
+                self.forget(robot)
+        await store.forget(self._forgotten)
+        self._forgotten.clear()
         if not (self._alerts or self._new_acts):
             return
         theirs = await store.known_alerts(self._alerts)

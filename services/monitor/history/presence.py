@@ -83,6 +83,10 @@ class Attendance:
             self._note((key.robot, key.camera), now_ns, there=speaks, heard_ns=camera.last_ns)
             yield
 
+    def note_gone(self, robot: str, now_ns: int) -> None:
+        """Enter that a robot is gone, though it was not looked at since."""
+        self._note((robot, ""), now_ns, there=False)
+
     def _note(self, place: Place, now_ns: int, *, there: bool, heard_ns: int | None = None) -> None:
         was_there = self._ledger.opened(Presence, place) is not None
         if there and not was_there:

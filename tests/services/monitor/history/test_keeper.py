@@ -132,9 +132,9 @@ async def test_a_robot_that_was_forgotten_stays_so_over_a_restart_until_it_is_ba
         await noted(monitor)
         for robot in ("r1", "r2"):
             monitor.inventory.robot_presence(robot, alive=False)
-        await noted(monitor)
-        monitor.inventory.forget("r1")
+        monitor.inventory.forget("r1")  # before it is even noted that it went
         monitor.history.forget("r1")
+        await noted(monitor)
         await until(monitor.written)
     async with monitoring(url) as monitor:
         assert (set(monitor.inventory.recalled()), monitor.inventory.in_order()) == ({"marker", "r2"}, ())
@@ -269,8 +269,13 @@ async def test_what_people_did_while_another_monitor_had_taken_the_lead_is_kept(
         monitor.history.alert(replace(alert(id_="of both"), state=AlertState.ACKNOWLEDGED))
         monitor.history.act(Act("of both", AlertState.ACKNOWLEDGED, "bob", 5))
         monitor.history.alert(alert(id_="its own"))
+        monitor.inventory.forget("r1")
+        monitor.history.forget("r1")
+        heeded_ns = monitor.history._heeded_ns
         await until(lambda: not monitor.history.status.leads)
         await until(lambda: not monitor.history._alerts)
+        ((robot, at_ns),) = (await leader.forgotten()).items()
+        assert (robot, at_ns > heeded_ns) == ("r1", True)
         found = await Archive(url).alerts(Asked(), 9)
         assert {each.id: each.state for each in found} == {"of both": "raised", "its own": "resolved"}
         assert [act.who for act in await Archive(url).acts(["of both"])] == ["bob"]
