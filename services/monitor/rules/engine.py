@@ -13,7 +13,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.sighting import Change
 from services.monitor.rules.conditions import Finding, Look, findings, found_in
-from services.monitor.rules.model import AnyRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
+from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
 from services.monitor.rules.waiting import Place, Waiting
 
 MAX_SUBJECTS: Final = 100_000
@@ -111,9 +111,10 @@ class RuleEngine:
             place = (alert.robot, alert.camera, alert.name)
             if alert.id in self._alerts:
                 continue
-            self._inherited.setdefault((alert.robot, alert.camera), set()).add(alert.name)
             self._alerts[alert.id] = (alert, place)
             rule = rules.get(alert.rule)
+            if isinstance(rule, DisagreeRule) and not rule.of:
+                self._inherited.setdefault((alert.robot, alert.camera), set()).add(alert.name)
             if alert.id in escalated or _had_escalated(alert, rule):
                 self._escalated.add(alert.id)
             subject = self._subject(alert.rule, place) if rule is not None and is_about(rule, *place) else None
@@ -274,7 +275,11 @@ class RuleEngine:
         if found.holds is None:
             return
         if found.holds and not subject.holds:
-            subject.holds, subject.since_ns = True, now_ns if found.since_ns is None else found.since_ns
+            since_ns = now_ns if found.since_ns is None else found.since_ns
+            subject.holds, subject.since_ns = (
+                True,
+                min(since_ns, self._now_ns or since_ns),
+            )  # the clock may have been set back
             self._waiting.add(rule.name, place, self._due_ns(rule, subject))
         elif not found.holds and subject.holds:
             subject.holds = False

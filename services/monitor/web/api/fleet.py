@@ -99,7 +99,7 @@ def _account_routes(monitor: Monitor) -> APIRouter:
     async def gateways(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
         """What each robot's gateway says of itself: every stream, its rates and drops."""
         glance, fleet = monitor.glance(), monitor.fleet
-        known = [each for each in ([robot] if robot else glance.robots) if each in fleet.gateways]
+        known = [each for each in glance.robots if robot in ("", each) and each in fleet.gateways]
         names, mark = page_of(known, _name_place, limit, after, 1)
 
         def answer(name: str) -> GatewayAnswer:

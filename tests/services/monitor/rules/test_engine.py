@@ -333,6 +333,14 @@ def test_nothing_waits_longer_because_the_clock_is_set_back() -> None:
     assert ruling.due(56) == ["2 raised"]
 
 
+def test_who_is_missed_since_a_time_that_is_still_to_come_is_missed_from_now_on() -> None:
+    ruling = Ruling({"when": "silent", "for_s": 10})
+    assert ruling.due(100) == []
+    ruling.engine.robot("r1", alive=False, now_ns=3_700 * S)
+    assert ruling.due(109) == []
+    assert ruling.due(110) == ["1 raised"]
+
+
 def test_a_disagreement_of_before_about_a_class_that_nobody_remembers_is_over_once_the_models_agree() -> None:
     ruling = Ruling({"name": "new model", "when": "disagree"})
     ruling.engine.restore([msgspec.structs.replace(alert(), rule="new model", name="forklift")], S)

@@ -33,6 +33,8 @@ async def test_the_fleet_as_it_is(web: Web) -> None:
 
 async def test_a_robot_that_is_gone_is_forgotten_by_an_operator_and_its_alerts_are_resolved(web: Web) -> None:
     fill(web.monitor.fleet)
+    gateway = msgspec.structs.replace(web.monitor.fleet.gateways["r1"], robot="r2")
+    web.monitor.fleet.gateway_status(gateway, gateway.sent_ns)
     about = msgspec.structs.replace(alert(), robot="r2")
     raise_alert(web.monitor, about, alert("a2"))
     async with await web.browser(Role.VIEWER) as viewer:
@@ -41,6 +43,9 @@ async def test_a_robot_that_is_gone_is_forgotten_by_an_operator_and_its_alerts_a
         assert (await browser.post("/api/v1/robots/r2/forget")).status_code == 204
         assert [each["name"] for each in (await browser.get("/api/v1/robots")).json()["items"]] == ["r1"]
         assert [each["robot"] for each in (await browser.get("/api/v1/cameras")).json()["items"]] == ["r1"]
+        for path in ("robots", "cameras?robot=r2", "gateways?robot=r2", "inventory?robot=r2"):
+            items = (await browser.get(f"/api/v1/{path}")).json()["items"]
+            assert "r2" not in [each.get("robot", each.get("name")) for each in items], path
         assert [each["id"] for each in (await browser.get("/api/v1/alerts")).json()["items"]] == ["a2"]
         assert [act.who for act in web.monitor.acts_of(about.id)] == ["operator"]
         for robot, status, error in (
