@@ -1,3 +1,7 @@
+from collections.abc import Callable
+
+import pytest
+
 from services.monitor.web.auth.limit import (
     MAX_KEYS,
     MAX_NAME,
@@ -26,19 +30,12 @@ def test_so_many_of_an_address_whatever_the_names() -> None:
     assert limit.wait_s("a", "new", 1) == WINDOW_S - 1
 
 
-def test_who_succeeds_is_not_held_back() -> None:
+@pytest.mark.parametrize("outcome", [FailureLimit.succeeded, FailureLimit.unknown])
+def test_who_succeeds_or_was_not_looked_at_is_not_held_back(outcome: Callable[[FailureLimit, str, str], None]) -> None:
     limit = FailureLimit()
     for _ in range(2 * MAX_OF_ADDRESS):
         limit.failed("a", "eve", 0)
-        limit.succeeded("a", "eve")
-    assert limit.wait_s("a", "eve", 0) == 0
-
-
-def test_a_try_that_nobody_looked_at_is_none() -> None:
-    limit = FailureLimit()
-    for _ in range(2 * MAX_OF_ADDRESS):
-        limit.failed("a", "eve", 0)
-        limit.unknown("a", "eve")
+        outcome(limit, "a", "eve")
     assert limit.wait_s("a", "eve", 0) == 0
     for _ in range(MAX_OF_NAME):
         limit.failed("a", "eve", 0)
