@@ -5,6 +5,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from itertools import chain
 from typing import Final
@@ -230,18 +231,15 @@ class HistoryKeeper:
 
         Whoever leads raises what still holds, and knows nothing of these. What became of theirs is theirs to say.
         """
-        for robot in self._forgotten:  # with a time that is news to others
-            if self._inventory.is_forgotten(robot):
-                self.forget(robot)
-        await store.forget(self._forgotten)
-        self._forgotten.clear()
-        if not (self._alerts or self._new_acts):
-            return
-        theirs = await store.known_alerts(self._alerts)
-        ours = [over(alert) for name, alert in self._alerts.items() if name not in theirs]
-        await store.write([], ours, None, self._new_acts)
-        self._alerts.clear()
-        self._new_acts.clear()
+        forgotten, self._forgotten = self._forgotten, {}
+        for robot in filter(self._inventory.is_forgotten, forgotten):
+            self.forget(robot)  # with a time that is news to others
+        await self._write_forgotten(store)
+        changed, acts = dict(self._alerts), set(self._new_acts)
+        if changed or acts:
+            theirs = await store.known_alerts(changed)
+            await store.write([], [over(alert) for name, alert in changed.items() if name not in theirs], None, acts)
+            self._written([], changed, acts)
 
     def _heed(self, forgotten: Mapping[str, int]) -> None:
         """Forget the robots that were forgotten at another monitor, or at this one before."""
@@ -280,11 +278,8 @@ class HistoryKeeper:
             self._ledger.written(some)
         some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), set(self._new_acts)
         await store.write(some, changed.values(), now_ns, acts)
-        self._written(some, changed)
-        self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
-        if forgotten := dict(self._forgotten):
-            await store.forget(forgotten)
-            self._forgotten = dict(self._forgotten.items() - forgotten.items())
+        self._written(some, changed, acts)
+        await self._write_forgotten(store)
         before_ns = now_ns - round(self._settings.history_days * DAY_NS)
         if time.monotonic() >= self._due_s and await store.prune(before_ns):
             self._due_s = time.monotonic() + PRUNE_S
@@ -299,11 +294,17 @@ class HistoryKeeper:
             await store.write_poses(batch)
             self._poses.written(batch)
 
-    def _written(self, some: Iterable[Lasting], changed: dict[str, Alert]) -> None:
+    async def _write_forgotten(self, store: Store) -> None:
+        if forgotten := dict(self._forgotten):
+            await store.forget(forgotten)
+            self._forgotten = dict(self._forgotten.items() - forgotten.items())
+
+    def _written(self, some: Iterable[Lasting], changed: dict[str, Alert], acts: AbstractSet[Act]) -> None:
         self._ledger.written(some)
         for name, alert in changed.items():
             if self._alerts.get(name) is alert:
                 del self._alerts[name]
+        self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
 
     def _speaks(self, camera: CameraView, now_ns: int) -> bool:
         return camera.last_ns >= now_ns - self._inventory.limits.stale_ns
