@@ -8,82 +8,24 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from msgspec.structs import replace
 
-from schemas.alerts import Alert, AlertState
+from schemas.alerts import AlertState
 from services.monitor.history import keeper as module
-from services.monitor.history.acts import Act
-from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
-from services.monitor.history.intervals import Interval, interval_of
-from services.monitor.history.keeper import HistoryKeeper
-from services.monitor.history.leader import own_name
-from services.monitor.history.presence import MONITOR, Place, Presence
+from services.monitor.history.presence import MONITOR
 from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.history.store import Store
-from services.monitor.inventory.debouncing import Debounce
-from services.monitor.inventory.inventory import Inventory, Limits
 from services.monitor.inventory.sighting import ChangeKind
 from services.monitor.mapping.last_poses import LOST_NS, LastPoses
-from services.monitor.mapping.places import FORGET_NS, Places
+from services.monitor.mapping.places import FORGET_NS
 from services.monitor.mapping.pose import Pose
 from tests.contract.waiting import until
 from tests.schemas.results import alert
+from tests.services.monitor.history.monitoring import Monitor, attended, kept, monitoring, noted
 from tests.services.monitor.history.postgresql import PostgreSQL
-from tests.services.monitor.history.test_store import every, opened
+from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
-
-LIMITS = Limits(Debounce(1, 0, 1, 0))
-
-
-class Monitor:
-    """An inventory and its history."""
-
-    def __init__(self, url: str) -> None:
-        self.led: list[list[Alert]] = []
-        self.inventory = Inventory(LIMITS)
-        self.places = Places()
-        settings = HistorySettings(history=url)
-        self.history = HistoryKeeper(settings, self.inventory, lambda of, _acts: self.led.append(list(of)), self.places)
-
-    def see(self, seq: int, at_ns: int | None = None, /, **counts: int) -> None:
-        changes = self.inventory.see(seen(seq, counts), at_ns or time.time_ns())
-        assert changes is not None
-        self.history.take(changes)
-
-    def written(self) -> bool:
-        status = self.history.status
-        return not status.problem and status.pending == 0
-
-
-@asynccontextmanager
-async def monitoring(url: str) -> AsyncIterator[Monitor]:
-    monitor = Monitor(url)
-    await monitor.history.restore()
-    running = asyncio.create_task(monitor.history.run())
-    try:
-        yield monitor
-    finally:
-        running.cancel()
-        await asyncio.wait([running])
-
-
-async def kept(url: str) -> list[Interval]:
-    async with opened(url) as store:
-        return await every(store)
-
-
-async def attended(url: str, place: Place) -> list[Presence]:
-    """Return when somebody was there."""
-    async with opened(url) as store:
-        return [each for each in await store.select(Presence) if each.place == place]
-
-
-async def noted(monitor: Monitor) -> None:
-    """Wait until what happened before is noted."""
-    monitor.inventory.robot_presence("marker", alive=not monitor.inventory.is_alive("marker"))
-    await until(lambda: "marker" not in monitor.history._attendance._news.robots)
 
 
 async def test_what_is_in_view_goes_on_over_a_restart(url: str) -> None:
@@ -149,39 +91,6 @@ async def test_a_robot_that_was_forgotten_stays_so_over_a_restart_until_it_is_ba
     assert [each.name for each in await kept(url)] == ["box"], "its history stays"
 
 
-async def test_a_robot_is_forgotten_at_all_monitors_of_a_database_where_it_is_gone(url: str) -> None:
-    async with monitoring(url) as one:
-        await until(lambda: one.history.status.leads)
-        async with monitoring(url) as other:
-            for robot in ("r1", "r2"):
-                other.inventory.robot_presence(robot, alive=robot == "r2")
-            for robot in ("r1", "r2"):
-                one.history.forget(robot)
-            await until(lambda: other.inventory.is_forgotten("r1"))
-            assert not other.inventory.is_forgotten("r2")
-            other.inventory.robot_presence("r1", alive=True)
-            other.inventory.robot_presence("r1", alive=False)
-            one.history.forget("r3")
-            await until(lambda: other.inventory.is_forgotten("r3"))
-            assert not other.inventory.is_forgotten("r1"), "it was back since"
-
-
-async def test_a_robot_that_is_back_is_not_forgotten_once_more_when_another_monitor_leads(url: str) -> None:
-    async with monitoring(url) as monitor, opened(url) as leader:
-        await until(lambda: monitor.history.status.leads)
-        monitor.inventory.forget("r1")
-        monitor.history.forget("r1")
-        await until(lambda: not monitor.history._forgotten)
-        for alive in (True, False):
-            monitor.inventory.robot_presence("r1", alive=alive)
-        await monitor.history._fail(HistoryError("gone"))
-        assert await leader.lead()
-        await until(lambda: not monitor.history.status.leads)
-        await leader.forget({"r2": time.time_ns()})
-        await until(lambda: monitor.inventory.is_forgotten("r2"))
-        assert not monitor.inventory.is_forgotten("r1")
-
-
 async def test_where_robots_were_is_known_after_a_restart(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     now_ns = time.time_ns()
     old, here, there = (
@@ -235,117 +144,6 @@ async def test_a_silent_cameras_sightings_end_when_they_were_seen_last_and_go_on
                 (box,) = await kept(url)
         assert box.since_ns == then_ns
         assert box.until_ns > then_ns + 9 * S
-
-
-async def test_of_two_monitors_one_writes_until_it_goes(url: str) -> None:
-    async with monitoring(url) as second:
-        async with monitoring(url) as first:
-            await until(lambda: first.history.status.leads or second.history.status.leads)
-            leader, other = (first, second) if first.history.status.leads else (second, first)
-            assert leader.led == [[]]
-            for monitor in (leader, other):
-                monitor.see(1, box=1)
-            leader.history.alert(alert())
-            other.history.alert(alert(id_="of the other"))
-            await until(lambda: leader.written() and other.written())
-            assert not other.history.status.leads
-        await until(lambda: second.history.status.leads)
-        await until(second.written)
-        assert len(await kept(url)) == 1
-        runs = await attended(url, MONITOR)
-        if second is other:
-            assert [each.id for each in second.led[-1]] == [alert().id]
-            assert [each.open for each in runs] == [False, True]
-        else:
-            assert [each.open for each in runs] == [True]
-
-
-async def test_what_people_did_while_another_monitor_had_taken_the_lead_is_kept(url: str) -> None:
-    async with monitoring(url) as monitor, opened(url) as leader:
-        monitor.history.alert(alert(id_="of both"))
-        await until(monitor.written)
-        await monitor.history._fail(HistoryError("gone"))
-        assert await leader.lead()
-        monitor.history.alert(replace(alert(id_="of both"), state=AlertState.ACKNOWLEDGED))
-        monitor.history.act(Act("of both", AlertState.ACKNOWLEDGED, "bob", 5))
-        monitor.history.alert(alert(id_="its own"))
-        monitor.inventory.forget("r1")
-        monitor.history.forget("r1")
-        heeded_ns = monitor.history._heeded_ns
-        await until(lambda: not monitor.history.status.leads)
-        await until(lambda: not monitor.history._alerts)
-        ((robot, at_ns),) = (await leader.forgotten()).items()
-        assert (robot, at_ns > heeded_ns) == ("r1", True)
-        found = await Archive(url).alerts(Asked(), 9)
-        assert {each.id: each.state for each in found} == {"of both": "raised", "its own": "resolved"}
-        assert [act.who for act in await Archive(url).acts(["of both"])] == ["bob"]
-
-
-async def test_whoever_led_until_the_database_was_gone_leads_when_it_is_back(url: str) -> None:
-    async def refuse(*_: Any, **__: Any) -> None:
-        raise HistoryError("gone")
-
-    async with monitoring(url) as one:
-        await until(lambda: one.history.status.leads)
-        async with monitoring(url) as other:
-            await until(lambda: bool(other.history.status.leader))
-            for _ in range(3):
-                with pytest.MonkeyPatch.context() as patch:
-                    patch.setattr(Store, "write", refuse)
-                    patch.setattr(Store, "lead", refuse)
-                    await until(lambda: one.history.status.problem == other.history.status.problem == "gone")
-                await until(lambda: not (one.history.status.problem or other.history.status.problem))
-                assert (one.history.status.leads, other.history.status.leads) == (True, False)
-        await until(one.written)
-
-
-async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url: str) -> None:
-    async with opened(url) as leader:
-        assert await leader.lead()
-        async with monitoring(url) as other:
-            await until(lambda: other.history._follows)
-            assert other.history.status.leader == own_name()
-            now_ns = time.time_ns()
-            other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
-            seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
-            await leader.write(seen_by_leader, [], now_ns - S)
-            other.see(2, box=1, tree=2)
-            await leader.close()
-            await until(lambda: other.history.status.leads and other.written())
-            assert other.history.status.leader == ""
-    found = {(each.name, each.count): each for each in await kept(url)}
-    assert len(await kept(url)) == 4
-    since_ns = seen_by_leader[0].since_ns
-    assert {each.since_ns for of, each in found.items() if of != ("tree", 2)} == {since_ns}
-    assert {of for of, each in found.items() if each.open} == {("box", 1), ("tree", 2)}
-
-
-async def test_what_came_and_went_while_whoever_led_was_gone_without_a_word_is_kept(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked = 0
-
-    async def lead(store: Store) -> bool:
-        nonlocal asked
-        asked += 1
-        return await really_lead(store)
-
-    async with opened(url) as leader:
-        assert await leader.lead()
-        await leader.write([], [], time.time_ns() - S)
-        really_lead = Store.lead
-        monkeypatch.setattr(Store, "lead", lead)
-        async with monitoring(url) as other:
-            await until(lambda: asked > 0)
-            other.see(1, box=1)
-            other.see(2)
-            before = asked
-            await until(lambda: asked > before + 1)
-            assert other.history.status.pending == 0, "as far as anybody knows"
-            await leader.close()
-            await until(lambda: other.history.status.leads and other.written())
-    (box,) = await kept(url)
-    assert (box.name, box.open) == ("box", False)
 
 
 async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(postgresql: PostgreSQL) -> None:
