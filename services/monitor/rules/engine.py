@@ -276,10 +276,8 @@ class RuleEngine:
             return
         if found.holds and not subject.holds:
             since_ns = now_ns if found.since_ns is None else found.since_ns
-            subject.holds, subject.since_ns = (
-                True,
-                min(since_ns, self._now_ns or since_ns),
-            )  # the clock may have been set back
+            subject.holds = True
+            subject.since_ns = min(since_ns, self._now_ns or since_ns)  # the clock may have been set back
             self._waiting.add(rule.name, place, self._due_ns(rule, subject))
         elif not found.holds and subject.holds:
             subject.holds = False
