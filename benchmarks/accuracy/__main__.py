@@ -15,12 +15,12 @@ that has nothing else to do, and lose much on one that has.
                                and none without an object that is visible on more than 0.05 % of it
     wrong_pictures             in how many pictures each class was missed, and in how many it was invented
     by_confidence              the same at other confidences
-    idf1, idp, idr             how well objects keep their identities on drives through further held-out scenes, five
-                               frames a second at a metre a second, as a detector at its default settings follows them:
-                               F1, precision and recall of the best assignment of tracks to the true objects of a drive.
-                               A track lies on an object with an IoU of boxes of at least 0.5, as MOTChallenge has it;
-                               the objects asked for and ignore regions are those of mask_map50; what has no track yet
-                               is not followed
+    idf1, idp, idr             how well objects keep their identities on the simulator's drives through further held-out
+                               scenes, as it publishes them, five frames a second at a metre a second, and as a detector
+                               at its default settings follows them: F1, precision and recall of the best assignment of
+                               tracks to the true objects of a drive. A track lies on an object with an IoU of boxes of
+                               at least 0.5, as MOTChallenge has it; the objects asked for and ignore regions are those
+                               of mask_map50; what has no track yet is not followed
     id_switches                how often an object's track is another one than its last
     following                  what limits them, in objects times frames
     ..._masks                  the same five by the IoU of masks, at least 0.5, as MOTS has it

@@ -1,4 +1,4 @@
-"""Drives through held-out scenes, as a robot's camera sees them, and which object is where in each frame."""
+"""Drives through held-out scenes, as simulated robots publish them, and which object is where in each frame."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -7,16 +7,20 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
-import numpy as np
 
 from schemas.detections import Mask
+from services.simulator import film, shutter
+from services.simulator.film import Film, Part
+from services.simulator.fleet import equipment
+from services.simulator.settings import SimulatorSettings
+from services.simulator.store import Store
 from services.simulator.training.dataset import holdout_seed
 from services.simulator.training.evaluation.keeping import kept
 from services.simulator.training.evaluation.precision import MIN_AREA
 from services.simulator.training.evaluation.scenes import Picture, generator_digest, png_of
 from services.simulator.training.evaluation.truths import MIN_VISIBILITY, mask_of
 from services.simulator.training.progress import Progress
-from services.simulator.world import Camera, Drive, SeenObject, Sensor, expose, generate, render, truth_of
+from services.simulator.world import Drive, SeenObject, generate, render, truth_of
 
 FIRST: Final = 200_000
 """The number, among a run's held-out scenes, of the first that is driven through here alone."""
@@ -57,21 +61,23 @@ def held_out_drives(
     folder: Path, seeds: Sequence[int], frames: int, workers: int, report: Progress
 ) -> Iterator[HeldOutDrive]:
     """Yield the first `frames` of the drive through each scene, rendered once; see `kept`."""
-    digest = hashlib.sha256(generator_digest().encode() + Path(__file__).read_bytes()).hexdigest()
+    sources = (Path(str(path)).read_bytes() for path in (__file__, film.__file__, shutter.__file__))
+    digest = hashlib.sha256(generator_digest().encode() + b"".join(sources)).hexdigest()
     draw = partial(drawn, count=frames)
     return kept(folder / f"drives-{digest[:12]}-{frames}", seeds, draw, HeldOutDrive, workers=workers, report=report)
 
 
 def drawn(seed: int, count: int) -> HeldOutDrive:
-    """Render a drive through the scene of `seed` with one camera, whose faults are drawn at random."""
-    scene, camera, rng = generate(seed), Camera(), np.random.default_rng([seed, 5])
-    drive, sensor = Drive.plan(scene), Sensor.draw(rng)
+    """Film a drive through the scene of `seed` with a simulated robot's colour camera."""
+    scene, sensors = generate(seed), equipment(SimulatorSettings(ros_master=None))
+    drive = Drive.plan(scene)
+    instants = max(1, round(drive.length / METRES_PER_SECOND * HZ))
+    filmed = Film(seed, sensors, instants, HZ, Store(limit=0))
     frames = []
     for number in range(count):
-        pose = drive.pose(number * METRES_PER_SECOND / HZ / drive.length)
-        rendering = render(scene, pose, camera)
-        image = expose(rendering.color, sensor, rng)
-        seen = [_seen(each) for each in truth_of(scene, rendering, pose, camera)]
+        image = filmed.measure(number, [Part.COLOR])[Part.COLOR]
+        pose = drive.pose(filmed.fraction(number))
+        seen = [_seen(each) for each in truth_of(scene, render(scene, pose, sensors.color), pose, sensors.color)]
         frames.append(DriveFrame(png=png_of(image), seen=seen))
     return HeldOutDrive(seed=seed, frames=frames)
 
