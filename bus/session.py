@@ -310,9 +310,12 @@ class SessionThread:
         self.do(partial(self._link_up if up else self._link_down, turn, event.link.src, event.link.dst))
 
     def _link_up(self, turn: int, own: str, other: str) -> None:
-        tune(own)
         if turn == self._turn and self._links.add(own, other):
             _log.info("connected to %s", other)
+        try:
+            tune(own)
+        except OSError as error:  # the system tells nobody what is connected: links do without
+            _log.debug("the link to %s is not tuned: %s", other, error)
 
     def _link_down(self, turn: int, own: str, other: str) -> None:
         is_client = self._settings.mode == "client"

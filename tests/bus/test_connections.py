@@ -4,7 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from bus import connections, open_bus
 from bus.connections import LINGER_S, UNSENT_BYTES, tune
+from tests.bus.sessions import client, router
+from tests.contract.conftest import free_endpoint
+from tests.contract.waiting import until
 
 
 def linger(connection: socket.socket) -> tuple[int, int]:
@@ -55,3 +59,13 @@ def test_no_file_is_left_open() -> None:
         assert open_files() == before
         assert file.readable()
         assert linger(unconnected) == (0, 0)
+
+
+async def test_a_link_counts_where_the_system_does_not_tell_what_is_connected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "_FILES", Path("/proc/self/no such folder"))
+    endpoint = free_endpoint()
+    async with (
+        open_bus(router(endpoint)),
+        open_bus(client(endpoint)) as robot,
+    ):
+        await until(lambda: robot.link_problem == "")
