@@ -105,7 +105,10 @@ def test_a_retired_writer_is_not_written_to(lane: Lane) -> None:
 
 
 def test_a_lane_that_nobody_used_has_no_thread() -> None:
-    Lane("unused", depth=1).stop(0)
+    before = threading.enumerate()
+    lane = Lane("unused", depth=1)
+    assert threading.enumerate() == before
+    lane.stop(0)
 
 
 def offer_until(lane: Lane, writer: Recorder, thread: str) -> None:
