@@ -5,6 +5,7 @@ from typing import Final
 
 from benchmarks.space.messages import cloud_of, depth_of, detections_of, header, info_of, transforms_of
 from benchmarks.space.views import DEPTH_CAMERA, SpaceView
+from bus.sharing.tally import Tally
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detection, Detections
 from schemas.distances import ObjectDistance
@@ -13,7 +14,6 @@ from schemas.keys import CameraKey
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
-from services.cloud.account import Account
 from services.cloud.cutting import Job, cut
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Waiting
@@ -55,7 +55,7 @@ class CloudPath:
     """One camera at a cloud worker, with its default settings."""
 
     def __init__(self, info: CameraInfo, transforms: Transforms) -> None:
-        self._waiting = Waiting(Account(CameraKey("r1", "camera")), target=TARGET)
+        self._waiting = Waiting(Tally(CameraKey("r1", "camera")), target=TARGET)
         self._waiting.info = info
         self._waiting.transforms(transforms, static=True)
 

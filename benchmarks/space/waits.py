@@ -16,8 +16,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from benchmarks.space.messages import STAMP_NS, cloud_of, detections_of, header, transforms_of
+from bus.sharing.tally import Tally
 from schemas.keys import CameraKey
-from services.cloud.account import Account
 from services.cloud.waiting import Waiting
 from services.simulator.placement import BASE, COLOR_OPTICAL, LIDAR, ODOM
 from services.simulator.world import Camera
@@ -59,7 +59,7 @@ def _run(odometry_hz: int, detected_s: float, rng: np.random.Generator) -> list[
     streams = [_arrivals(POINTS, TURNS_HZ, ARRIVED_S, rng), _arrivals(PICTURE, PICTURES_HZ, detected_s, rng)]
     if odometry_hz:
         streams.append(_arrivals(ODOM, odometry_hz, ARRIVED_S, rng))
-    waiting = Waiting(Account(CameraKey("r1", "camera")), target=BASE)
+    waiting = Waiting(Tally(CameraKey("r1", "camera")), target=BASE)
     waiting.transforms(transforms_of([(BASE, COLOR_OPTICAL, HERE), (BASE, LIDAR, HERE)]), static=True)
     waited = []
     for now_s, what, stamp_s in merge(*streams):

@@ -13,6 +13,7 @@ import msgspec
 
 from bus import LATEST, QUEUE, Bus, Sample, Subscription
 from bus.clock import clock_id
+from bus.sharing.tally import Tally
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.codec import Message
@@ -23,7 +24,9 @@ from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.status import UNWANTED
 from schemas.transforms import Transforms
-from services.cloud.account import (
+from services.cloud.cutting import Job, cut, nothing
+from services.cloud.measuring import Limits
+from services.cloud.reasons import (
     FAILED,
     MALFORMED,
     MALFORMED_INFO,
@@ -34,10 +37,7 @@ from services.cloud.account import (
     TOO_MANY_TRANSFORMS,
     UNJOINED,
     UNPLACED,
-    Account,
 )
-from services.cloud.cutting import Job, cut, nothing
-from services.cloud.measuring import Limits
 from services.cloud.waiting import Matched, Waiting
 from services.geometry.memory_budget import MemoryBudget
 
@@ -67,7 +67,7 @@ class Camera:
         self,
         bus: Bus,
         key: CameraKey,
-        account: Account,
+        account: Tally,
         *,
         worker: str,
         executor: Executor,

@@ -4,12 +4,13 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Final
 
+from bus.sharing.tally import Tally
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
 from schemas.header import Header, is_newer
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
-from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
+from services.cloud.reasons import DOUBLE, REPLACED, UNSTAMPED
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.joining import Joiner, NoPartner, Partner
 from services.geometry.memory_budget import MemoryBudget
@@ -43,7 +44,7 @@ class Waiting:
     """
 
     def __init__(
-        self, account: Account, *, target: str, tolerance_ns: int | None = None, budget: MemoryBudget | None = None
+        self, account: Tally, *, target: str, tolerance_ns: int | None = None, budget: MemoryBudget | None = None
     ) -> None:
         self._account = account
         self._target = target

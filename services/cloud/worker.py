@@ -14,7 +14,7 @@ from bus.reporting import report
 from bus.shared_demand import SharedDemand, while_wanted
 from bus.sharing import Sharing
 from bus.sharing.sharing import JOIN_S, say_unwanted
-from bus.sharing.tally import Tallies
+from bus.sharing.tally import Tallies, Tally
 from bus.version import VERSION
 from schemas import codec, keys
 from schemas.errors import SchemaError
@@ -22,7 +22,6 @@ from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.status import WorkerStatus
 from schemas.worker_keys import worker_status
-from services.cloud.account import Account
 from services.cloud.camera import Camera
 from services.cloud.sensors import Sensors
 from services.cloud.settings import CloudSettings
@@ -45,7 +44,7 @@ class Worker:
         self._sensors = Sensors(settings.points)
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._budget = MemoryBudget(settings.memory_mib * MIB)
-        self._accounts = Tallies(Account)
+        self._accounts = Tallies(Tally)
         tokens = settings.tokens(SERVICE)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
@@ -87,7 +86,7 @@ class Worker:
                 camera = self._camera(key, account)
                 await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
 
-    def _camera(self, key: CameraKey, account: Account) -> Camera:
+    def _camera(self, key: CameraKey, account: Tally) -> Camera:
         return Camera(
             self._bus,
             key,

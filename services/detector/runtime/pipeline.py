@@ -165,7 +165,7 @@ class Pipeline:
             log.warning("no memory for %d images at once; from now on at most %d", len(images), self.max_batch)
             middle = len(images) // 2
             return [*self._computed(images[:middle]), *self._computed(images[middle:])]
-        except Exception as error:  # noqa: BLE001 - see above
+        except Exception as error:  # noqa: BLE001 - it fails alone, as above
             if len(images) == 1:
                 self._prove()
                 return [(images[0], error, 0)]
@@ -222,7 +222,7 @@ class Pipeline:
         except OutputError as error:
             self._prove()
             return Failed(FAILED, error)
-        except Exception as error:  # noqa: BLE001 - see above
+        except Exception as error:  # noqa: BLE001 - it fails alone, as above
             return Failed(FAILED, error)
         after_ns = time.perf_counter_ns() - began_ns
         return Found(found, {"prepare": prepared.took_ns, "model": model_ns, "postprocess": after_ns})

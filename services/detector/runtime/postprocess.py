@@ -181,7 +181,7 @@ def _windows(coefficients: Floats, boxes: Floats, prototypes: Floats, letterbox:
     for weights, (left, top, right, bottom) in zip(coefficients, np.ceil(boxes).astype(int).tolist(), strict=True):
         high, down = rows.cut(top, bottom)
         wide, across = columns.cut(left, right)
-        small = np.einsum("c,chw->hw", weights, prototypes[:, high, wide])  # see above
+        small = np.einsum("c,chw->hw", weights, prototypes[:, high, wide])  # no BLAS, so no threads
         logits = across.apply(down.apply(small).T)
         yield Window(top, left, (logits > 0).T)
 

@@ -18,6 +18,16 @@ def test_what_is_added_is_named_and_forgotten_where_it_was_counted() -> None:
     )
 
 
+def test_what_never_happened_is_not_listed() -> None:
+    tally = Tally(CameraKey("r1", "front"))
+    tally.done = 3
+    tally.dropped["late"] += 2
+    tally.dropped["double"] += 0
+    assert tally.load(serving=True) == CameraLoad(
+        robot="r1", camera="front", inferred=3, dropped={"late": 2}, serving=True
+    )
+
+
 def test_no_count_is_higher_than_a_message_can_hold() -> None:
     tally = Tally(CameraKey("r1", "front"))
     tally.done = 2**63

@@ -14,7 +14,7 @@ from schemas.detections import Detections
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
-from services.cloud.account import MALFORMED_POINTS
+from services.cloud.reasons import MALFORMED_POINTS
 from services.cloud.settings import CloudSettings
 from services.cloud.worker import Worker
 from services.geometry.joining import FLUSHED

@@ -9,13 +9,14 @@ import pytest
 
 from bus import Publisher as BusPublisher
 from bus.fake import FakeNetwork
+from bus.sharing.tally import Tally
 from schemas import codec
 from schemas.keys import Stream
 from schemas.objects import ObjectClouds
 from schemas.status import UNWANTED
-from services.cloud.account import FAILED, TOO_MANY_POINTS, Account
 from services.cloud.camera import POINTS_WAITING, Camera
 from services.cloud.measuring import Limits
+from services.cloud.reasons import FAILED, TOO_MANY_POINTS
 from services.geometry.memory_budget import MemoryBudget
 from tests.gateway.ros1.waiting import until
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered
@@ -35,16 +36,14 @@ class Publisher:
         self.taken.append(clouds)
 
 
-def answered(account: Account, count: int) -> bool:
+def answered(account: Tally, count: int) -> bool:
     return account.done + account.dropped[FAILED] == count
 
 
 @asynccontextmanager
-async def at_work(
-    publisher: Publisher, executor: Executor
-) -> AsyncIterator[tuple[dict[Stream, BusPublisher], Account]]:
+async def at_work(publisher: Publisher, executor: Executor) -> AsyncIterator[tuple[dict[Stream, BusPublisher], Tally]]:
     """Yield what sends a camera's points and detections while its objects are cut out, and its account."""
-    network, account = FakeNetwork(), Account(FRONT)
+    network, account = FakeNetwork(), Tally(FRONT)
     async with AsyncExitStack() as stack:
         theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
         front = await Rig(theirs, stack).camera(FRONT, Stream.POINTS, Stream.DETECTIONS)
@@ -66,7 +65,7 @@ async def at_work(
             working.cancel()
 
 
-async def answers(publisher: Publisher, executor: Executor, frames: int) -> Account:
+async def answers(publisher: Publisher, executor: Executor, frames: int) -> Tally:
     """Return the account of a camera whose objects are cut out that often."""
     async with at_work(publisher, executor) as (front, account):
         for seq in range(1, frames + 1):
@@ -130,7 +129,7 @@ class Stuck(Executor):
 
 
 @asynccontextmanager
-async def stuck_at_the_first() -> AsyncIterator[tuple[dict[Stream, BusPublisher], Account]]:
+async def stuck_at_the_first() -> AsyncIterator[tuple[dict[Stream, BusPublisher], Tally]]:
     """See `at_work`; the first detections, number 1, are being worked out and will be for ever."""
     executor = Stuck()
     async with at_work(Publisher(), executor) as (front, account):

@@ -2,10 +2,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from bus.sharing.tally import Tally
 from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.objects import ObjectClouds
-from services.cloud.account import Account
 from services.cloud.cutting import Job, apart, cut, nothing
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Waiting
@@ -16,7 +16,7 @@ BOXES = (Cuboid((4.0, 0.6), (0.6, 0.9, 0.7)),)
 
 
 def waiting() -> Waiting:
-    return Waiting(Account(CameraKey("r1", "front")), target="base_link")
+    return Waiting(Tally(CameraKey("r1", "front")), target="base_link")
 
 
 def test_objects_are_cut_out_with_what_is_known_of_their_instant() -> None:

@@ -1,12 +1,13 @@
 import msgspec
 import pytest
 
+from bus.sharing.tally import Tally
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.points import PointCloud
 from schemas.transforms import Transform, Transforms
-from services.cloud.account import DOUBLE, REPLACED, UNSTAMPED, Account
+from services.cloud.reasons import DOUBLE, REPLACED, UNSTAMPED
 from services.cloud.waiting import MAX_WAITING, NO_STAMP, PATIENCE_S, Waiting
 from services.geometry.errors import TooOldError
 from services.geometry.joining import DOUBLE as DOUBLE_STAMP
@@ -22,7 +23,7 @@ class Rig:
     """A robot whose points come ten times a second."""
 
     def __init__(self, target: str = "") -> None:
-        self.account = Account(CameraKey("r1", "front"))
+        self.account = Tally(CameraKey("r1", "front"))
         self.waiting = Waiting(self.account, target=target)
 
     def found(self, seq: int, at_ms: int, now_s: float = 0.0) -> None:

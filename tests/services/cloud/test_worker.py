@@ -23,7 +23,7 @@ from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.status import CameraLoad, WorkerStatus
 from schemas.transforms import Transform, Transforms
-from services.cloud.account import MALFORMED, MALFORMED_POINTS, UNJOINED, UNPLACED
+from services.cloud.reasons import MALFORMED, MALFORMED_POINTS, UNJOINED, UNPLACED
 from services.cloud.settings import CloudSettings
 from services.cloud.worker import SERVICE, Worker
 from tests.contract.waiting import receive, until

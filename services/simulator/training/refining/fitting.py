@@ -65,7 +65,7 @@ def rate(step: int, steps: int) -> float:
 
 
 def _keep(state: dict[str, Any], checkpoint: Path) -> None:
-    import torch  # noqa: PLC0415 - see above
+    import torch  # noqa: PLC0415 - only the training needs it
 
     content = io.BytesIO()
     torch.save(state, content)
@@ -78,7 +78,7 @@ def kept_state(checkpoint: Path) -> dict[str, Any] | None:
     Raises:
         TrainingError: it is something else.
     """
-    import torch  # noqa: PLC0415 - see above
+    import torch  # noqa: PLC0415 - only the training needs it
 
     if not checkpoint.exists():
         return None

@@ -83,8 +83,8 @@ def _gradients(network: "nn.Module") -> "list[Tensor]":
 
 def _loss(network: "nn.Module", batch: Records, device: "torch.device") -> "Tensor":
     """Return what the masks of objects lack, by cross entropy and Dice loss, and what the qualities of all do."""
-    import torch  # noqa: PLC0415 - see above
-    from torch.nn.functional import binary_cross_entropy_with_logits  # noqa: PLC0415 - see above
+    import torch  # noqa: PLC0415 - only the training needs it
+    from torch.nn.functional import binary_cross_entropy_with_logits  # noqa: PLC0415 - only the training needs it
 
     def given(name: str) -> "Tensor":
         return torch.from_numpy(batch[name].copy()).to(device)

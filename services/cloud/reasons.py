@@ -1,8 +1,6 @@
-"""What became of one camera's detections and points. Pure."""
+"""Why one camera's detections or points were of no use. Pure."""
 
 from typing import Final
-
-from bus.sharing.tally import Tally
 
 REPLACED: Final = "replaced by newer detections"
 DOUBLE: Final = "the same detections again, or older ones"
@@ -16,7 +14,3 @@ UNSTAMPED: Final = "points without a stamp"
 UNJOINED: Final = "no points of the same instant"
 UNPLACED: Final = "points that cannot be brought to the picture"
 FAILED: Final = "failed"
-
-
-class Account(Tally):
-    """Counts every message of detections once: measured, or dropped for a reason; and what else was of no use."""
