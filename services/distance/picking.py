@@ -38,6 +38,11 @@ _EVEN: Final = {count: np.arange(count, dtype=np.float64) for count in (SAMPLE, 
 _APART: Final = {count: np.random.default_rng(0).random(count) for count in (SAMPLE, AROUND)}
 """Where in each of so many equal parts of a range: at their beginnings, all could fall on one column of a mask."""
 
+_GOLDEN: Final = (1 + 5**0.5) / 2
+_ACROSS: Final = (np.arange(SAMPLE) - (SAMPLE - 1) / 2) * _GOLDEN % 1
+"""Where across a line of a mask each reading is: in the middle on average, and any few that follow on each other lie
+evenly apart (Weyl, 1916)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
@@ -86,20 +91,24 @@ def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
 class _Marked:
     """Pixels of n windows, one window after another, REACH pixels apart so that none is near another one's.
 
-    starts: (n + 1,) where windows begin. at: which pixels are marked. bounds: (n + 1,) whose these are. read: of every
-    pixel, whether it is marked and has a reading.
+    starts: (n + 1,) where windows begin. at: which pixels are marked. bounds: (n + 1,) whose these are. ends: how many
+    there are up to the end of each line of each window. read: of every pixel, whether it is marked and has a reading.
     """
 
     starts: Indices
     at: Indices
     bounds: Indices
+    ends: Indices
     read: Bools
 
     @classmethod
     def of(cls, windows: Sequence[Window], starts: Indices, there: Bools) -> "_Marked":
         pixels = np.concatenate([part for window in windows for part in (window.pixels.reshape(-1), _BETWEEN)])
         at = pixels.nonzero()[0]
-        return cls(starts, at, np.searchsorted(at, starts), pixels & there)
+        shapes = [window.pixels.shape for window in windows]
+        lines = [start + width * np.arange(1, high + 1) for (high, width), start in zip(shapes, starts, strict=False)]
+        ends = np.searchsorted(at, np.concatenate(lines))
+        return cls(starts, at, np.searchsorted(at, starts), ends, pixels & there)
 
     @property
     def areas(self) -> Indices:
@@ -116,7 +125,7 @@ class _Marked:
 
         Readings are lost at edges and in shadows: without those beside them what is there would not count.
         """
-        wanted = self.at.take(_spread(self.bounds[rows], self.areas[rows], SAMPLE))
+        wanted = self.at.take(self._scattered(rows))
         near = self.read.take(wanted)
         lost = np.nonzero(~near)
         beside = wanted[lost][:, np.newaxis] + _BESIDE
@@ -131,6 +140,18 @@ class _Marked:
             begins[row], counts[row] = len(found), len(every)
             found = np.concatenate([found, every])
         return np.asarray(found.take(_spread(begins, counts, SAMPLE)))
+
+    def _scattered(self, rows: Indices) -> Indices:
+        """Return the numbers of SAMPLE marked pixels of each of these windows, down it and across as even as can be.
+
+        An equal part of a wide mask is longer than a line: within it, any place across would be as good as another.
+        """
+        counts = self.areas[rows][:, np.newaxis]
+        numbers = self.bounds[rows][:, np.newaxis] + ((_EVEN[SAMPLE] + 0.5) * (counts / SAMPLE)).astype(np.intp)
+        lines = np.searchsorted(self.ends, numbers, side="right")
+        wide = np.diff(self.ends, prepend=0).take(lines)
+        across = self.ends.take(lines) - wide + (_ACROSS * wide).astype(np.intp)
+        return np.where(counts > SAMPLE, across, numbers)
 
 
 def _cores(windows: Sequence[Window], starts: Indices, there: Bools, criteria: Criteria) -> Iterator[Window]:

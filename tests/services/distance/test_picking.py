@@ -84,6 +84,16 @@ def test_readings_are_from_all_over_a_mask_whatever_its_shape(height: int) -> No
     assert rows.min() <= 10 + height / 64 <= height - height / 64 <= rows.max()
 
 
+@pytest.mark.parametrize("height", [30, 300, 301, 302, 417, 600])
+def test_the_middle_of_the_readings_is_that_of_the_mask_whatever_its_height(height: int) -> None:
+    mask = np.zeros((height + 20, 920), np.bool_)
+    mask[10:-10, 10:-10] = True
+    found = pick([decode(coco_mask(mask), margin=RING)], Depth(np.ones(mask.shape, np.float32)), Criteria())
+    rows, columns = np.divmod(found.at[0], 920)
+    assert rows.mean() == pytest.approx((height + 19) / 2, abs=0.5)
+    assert columns.mean() == pytest.approx(459.5, abs=0.5)
+
+
 def test_where_no_object_has_enough_there_is_nothing() -> None:
     found = picked(np.full((HEIGHT, WIDTH), np.nan, np.float32))
     assert found.counts.tolist() == [0, 0, 0]
