@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -21,6 +22,7 @@ from services.toolbox.streams import PrintError
 OURS = ("bus", "gateway", "schemas", "services")
 HELP_OPTIONS = ("-h", "--help", "help")
 PROG = "fleetsight"
+WIDTH = 100
 
 
 def main(argv: Sequence[str]) -> int:
@@ -57,7 +59,7 @@ def overview() -> str:
     lines[-1:] = [
         "(FLEETSIGHT_ROBOT for --robot) and from the YAML or TOML file that --config names.",
         "",
-        EXIT_CODES,
+        *textwrap.wrap(EXIT_CODES, WIDTH),
         "",
     ]
     return "\n".join(lines)
@@ -116,7 +118,7 @@ def _run(command: Command, settings: BaseModel) -> int:
     """
     main_function = command.load_run()
     try:
-        return process.run(partial(main_function, settings))
+        return process.run(partial(main_function, settings), finite=command.finite)
     except Exception as error:
         if isinstance(error, command.load_refusals()):
             raise UsageError(" ".join(str(error).split())) from error

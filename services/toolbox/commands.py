@@ -20,7 +20,8 @@ class Command:
     run: a coroutine function that takes the settings. refusals: the errors it raises for settings that turn out to be
     wrong once used. extra: what must be installed beyond the base. positional: settings that the first arguments are
     for where they are no options. arguments: a function that turns arguments of other kinds into options. log_level:
-    least severe events written unless told otherwise. examples: whole command lines, for the help.
+    least severe events written unless told otherwise. finite: it has an end of its own, instead of running until it is
+    told to stop. examples: whole command lines, for the help.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Command:
     positional: tuple[str, ...] = ()
     arguments: str | None = None
     log_level: LogLevel = "info"
+    finite: bool = False
     examples: tuple[str, ...] = ()
 
     def load_settings(self) -> type[BaseModel]:
@@ -82,6 +84,7 @@ COMMANDS: Final = (
         "gateway.doctor.settings:DoctorSettings",
         "gateway.doctor.process:run",
         arguments="gateway.arguments:options_of",
+        finite=True,
         examples=(
             "fleetsight doctor --robot r1 --connect tcp/central:7447",
             "fleetsight doctor --config /etc/fleetsight/gateway.yaml --json",
@@ -125,6 +128,7 @@ COMMANDS: Final = (
         extra="viewer",
         positional=("do", "robot", "camera"),
         log_level="error",
+        finite=True,
         examples=(
             "fleetsight clouds view r1 front",
             "fleetsight clouds save r1 front --folder clouds --count 5",
@@ -139,6 +143,7 @@ COMMANDS: Final = (
         extra="detector",
         positional=("image",),
         log_level="error",
+        finite=True,
         examples=(
             "fleetsight detect photo.jpg --connect tcp/central:7447",
             "fleetsight detect photo.jpg --local --model my-seg.pt --json",
@@ -172,6 +177,7 @@ COMMANDS: Final = (
         extra="monitor",
         positional=("task", "name"),
         log_level="error",
+        finite=True,
         examples=(
             "fleetsight users add bob --role viewer",
             "fleetsight users reset bob --role operator",
@@ -188,6 +194,7 @@ COMMANDS: Final = (
         refusals=("services.monitor.history.errors:HistoryError",),
         extra="monitor",
         positional=("task",),
+        finite=True,
         examples=(
             "fleetsight history export --to seen.csv --since 2026-11-20T06:00 --robot r1",
             "fleetsight history export --to alerts.parquet --what alerts",
@@ -201,6 +208,7 @@ COMMANDS: Final = (
         refusals=("services.monitor.history.errors:HistoryError", "services.monitor.rules.loading:RuleFileError"),
         extra="monitor",
         positional=("task", "file"),
+        finite=True,
         examples=("fleetsight rules test rules.yaml --since 2026-11-20T06:00",),
     ),
     Command(
@@ -210,6 +218,7 @@ COMMANDS: Final = (
         "services.toolbox.call.process:run",
         positional=("robot", "service"),
         log_level="error",
+        finite=True,
         examples=(
             "fleetsight call r1 /reset --connect tcp/central:7447",
             "fleetsight call r1 /lights --data true",
@@ -235,6 +244,7 @@ COMMANDS: Final = (
         "services.toolbox.train.process:run",
         refusals=("services.simulator.training.errors:TrainingError",),
         extra="train",
+        finite=True,
         examples=(
             "fleetsight train --output my.pt",
             "fleetsight train --images 200 --holdout 20 --polish-epochs 0 --refiner-images 200 --output quick.pt",

@@ -13,7 +13,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 INDENT: Final = 26
-EXIT_CODES: Final = "Exit code: 0 when it is done or was told to stop, 1 when it failed, 2 when it was called wrongly."
+EXIT_CODES: Final = (
+    "Exit code: 0 when it is done, or runs until it is told to stop and was; 1 when it failed, 2 when it was called"
+    " wrongly, 128 and the signal's number when it was interrupted before it was done."
+)
 PLACEHOLDERS: Final = {str: "TEXT", int: "N", float: "NUMBER", Path: "FILE"}
 
 

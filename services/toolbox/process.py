@@ -21,10 +21,16 @@ ECHO_S: Final = 0.1
 """A signal that comes so soon after the first is the same one: `timeout` sends each to its child, and to its group."""
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+INTERRUPTED: Final = 128
+"""What shells add to the number of a signal that ended a program."""
 
 
-def run(main: Callable[[], Awaitable[int | None]]) -> int:
-    """Run `main` until it returns or a signal cancels it; return its exit code, 0 when a signal ended it in order.
+def run(main: Callable[[], Awaitable[int | None]], *, finite: bool = False) -> int:
+    """Run `main` until it returns or a signal cancels it; return its exit code.
+
+    finite: it has an end of its own; a signal that ends it before makes the code INTERRUPTED and the signal's number.
+    What runs until it is told to stop has then ended as it should, with 0. A terminal that is closed tells it to stop,
+    unless that is ignored (nohup).
 
     A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Once a
     signal has ended `main`, nobody waits for what threads are doing for it: what is to be saved it has waited for.
@@ -32,7 +38,9 @@ def run(main: Callable[[], Awaitable[int | None]]) -> int:
     """
     with asyncio.Runner() as runner:
         code = runner.run(_until_signalled(main))
-    return 0 if code is None else written(code)
+    if isinstance(code, signal.Signals):
+        return INTERRUPTED + code if finite else 0
+    return written(code)
 
 
 def written(code: int) -> int:
@@ -55,33 +63,36 @@ def lost(error: OSError) -> int:
     return EXIT_FAILED
 
 
-async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | None:
-    """Return the exit code of `main`, or None if a signal ended it."""
+async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | signal.Signals:
+    """Return the exit code of `main`, or the signal that ended it."""
     loop = asyncio.get_running_loop()
     work = asyncio.ensure_future(main())
-    signalled_s: float | None = None
+    ended_by: signal.Signals | None = None
+    signalled_s = 0.0
 
     def stop(number: signal.Signals) -> None:
-        nonlocal signalled_s
-        if signalled_s is None:
-            signalled_s = loop.time()
+        nonlocal ended_by, signalled_s
+        if ended_by is None:
+            ended_by, signalled_s = number, loop.time()
             loop.call_later(DEADLINE_S, _give_up, f"not done {DEADLINE_S} s after {number.name}")
             work.cancel()
         elif loop.time() - signalled_s > ECHO_S:
             _give_up(f"second {number.name}")
 
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    for number in SIGNALS:
+    if (on_hangup := signal.getsignal(signal.SIGHUP)) is not signal.SIG_IGN:
+        before[signal.SIGHUP] = on_hangup
+    for number in before:
         loop.add_signal_handler(number, stop, number)
     failed = True
     try:
         code = await work or 0
     except asyncio.CancelledError:
-        if signalled_s is None:
+        if ended_by is None:
             raise
         loop.set_default_executor(ThreadPoolExecutor(1))  # the loop waits for the threads of its last one
         failed = False
-        return None
+        return ended_by
     else:
         failed = False
         return code

@@ -12,12 +12,11 @@ import pytest
 from services.toolbox import process
 
 
-def spawn(body: str) -> subprocess.Popen[str]:
+def spawn(body: str, *, finite: bool = False) -> subprocess.Popen[str]:
     """Start a process that runs `main`, defined by `body`, and says when it is ready for signals."""
-    program = "import asyncio, time\nfrom services.toolbox import process\n" + textwrap.dedent(body)
-    return subprocess.Popen(
-        [sys.executable, "-c", program + "\nprocess.leave(process.run(main))"], stdout=subprocess.PIPE, text=True
-    )
+    program = "import asyncio, signal, time\nfrom services.toolbox import process\n" + textwrap.dedent(body)
+    end = f"\nprocess.leave(process.run(main, finite={finite}))"
+    return subprocess.Popen([sys.executable, "-c", program + end], stdout=subprocess.PIPE, text=True)
 
 
 PATIENT = """
@@ -58,13 +57,35 @@ THREADED = """
 """
 
 
-@pytest.mark.parametrize("number", process.SIGNALS)
+@pytest.mark.parametrize("number", [*process.SIGNALS, signal.SIGHUP])
 @pytest.mark.parametrize("body", [PATIENT, THREADED], ids=["itself", "whatever its threads do"])
 def test_a_signal_ends_the_process_in_order(number: signal.Signals, body: str) -> None:
     with spawn(body) as child:
         assert child.stdout is not None
         assert child.stdout.readline() == "ready\n"
         child.send_signal(number)
+        assert child.stdout.read() == "cleaned up\n"
+    assert child.returncode == 0
+
+
+@pytest.mark.parametrize("number", [*process.SIGNALS, signal.SIGHUP])
+def test_what_has_an_end_of_its_own_was_interrupted_before_it(number: signal.Signals) -> None:
+    with spawn(PATIENT, finite=True) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        child.send_signal(number)
+        assert child.stdout.read() == "cleaned up\n"
+    assert child.returncode == 128 + number
+
+
+def test_who_told_it_to_outlive_the_terminal_has_it_outlive_the_terminal() -> None:
+    with spawn("signal.signal(signal.SIGHUP, signal.SIG_IGN)\n" + textwrap.dedent(PATIENT)) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        child.send_signal(signal.SIGHUP)
+        with pytest.raises(subprocess.TimeoutExpired):
+            child.wait(0.2)
+        child.send_signal(signal.SIGTERM)
         assert child.stdout.read() == "cleaned up\n"
     assert child.returncode == 0
 
