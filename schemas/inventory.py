@@ -15,16 +15,17 @@ MAX_SIGHTINGS: Final = 20_000
 MAX_PROBLEMS: Final = 16
 
 
-class InventoryRequest(msgspec.Struct, frozen=True, kw_only=True):
+class InventoryRequest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What is asked: sightings of one robot, camera or class, each of all if empty.
 
-    in_view: only what is in view now, as far as anybody knows.
+    name: of the class. in_view: only what is in view now, as far as anybody knows. A field that is not known is an
+    error: left out, a misspelt one would be answered with everything.
     """
 
     robot: MaybeName = ""
     camera: MaybeName = ""
     name: Label = ""
-    in_view: bool
+    in_view: bool = False
 
 
 class ClassSighting(msgspec.Struct, frozen=True, kw_only=True):

@@ -28,7 +28,7 @@ def answer_inventory(bus: Bus, fleet: Fleet, problems: Problems) -> AbstractAsyn
             asked = (
                 codec.decode(InventoryRequest, request.payload, request.encoding)
                 if request.payload
-                else InventoryRequest(in_view=False)
+                else InventoryRequest()
             )
         except SchemaError as error:
             raise RefusedError(str(error)) from error

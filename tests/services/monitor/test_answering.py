@@ -1,3 +1,4 @@
+import msgspec
 import pytest
 
 from bus import RefusedError
@@ -23,7 +24,7 @@ def fleet_of(counts: dict[str, int]) -> Fleet:
 async def test_what_went_out_of_view_is_told_unless_it_is_not_wanted() -> None:
     fleet = fleet_of({"box": 2, "pallet": 1})
     fleet.see(seen(1, {"pallet": 1}), 2.0, 2 * S)
-    every = await answer_to(InventoryRequest(in_view=False), fleet, (), 3 * S)
+    every = await answer_to(InventoryRequest(), fleet, (), 3 * S)
     assert [(each.name, each.count, each.last_ns) for each in every.sightings] == [("box", 0, S), ("pallet", 1, 2 * S)]
     in_view = await answer_to(InventoryRequest(robot="r1", in_view=True), fleet, (), 3 * S)
     assert [each.name for each in in_view.sightings] == ["pallet"]
@@ -31,8 +32,8 @@ async def test_what_went_out_of_view_is_told_unless_it_is_not_wanted() -> None:
 
 async def test_an_answer_that_is_cut_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answering, "MAX_SIGHTINGS", 2)
-    assert (await answer_to(InventoryRequest(in_view=False), fleet_of({"a": 1, "b": 1}), (), S)).complete
-    answer = await answer_to(InventoryRequest(in_view=False), fleet_of({"a": 1, "b": 1, "c": 1}), (), S)
+    assert (await answer_to(InventoryRequest(), fleet_of({"a": 1, "b": 1}), (), S)).complete
+    answer = await answer_to(InventoryRequest(), fleet_of({"a": 1, "b": 1, "c": 1}), (), S)
     assert ([each.name for each in answer.sightings], answer.complete) == (["a", "b"], False)
 
 
@@ -57,9 +58,12 @@ async def test_programs_ask_over_the_bus() -> None:
         network.open_bus() as theirs,
         answer_inventory(ours, fleet_of({"a": 1}), tuple),
     ):
-        for asked in (b"", codec.encode(InventoryRequest(name="a", in_view=False))):
+        for asked in (b"", codec.encode(InventoryRequest(name="a"))):
             reply = await theirs.request(keys.INVENTORY, asked, encoding=codec.encoding(InventoryRequest), timeout_s=5)
             answer = codec.decode(InventoryAnswer, reply.payload, reply.encoding)
             assert [(each.robot, each.camera, each.name) for each in answer.sightings] == [("r1", "front", "a")]
+        misspelt = msgspec.msgpack.encode({"class": "a"})
+        with pytest.raises(RefusedError, match="unknown field `class`"):
+            await theirs.request(keys.INVENTORY, misspelt, encoding=codec.encoding(InventoryRequest), timeout_s=5)
         with pytest.raises(RefusedError, match="InventoryRequest"):
             await theirs.request(keys.INVENTORY, b"?", encoding=codec.encoding(Action), timeout_s=5)
