@@ -104,10 +104,14 @@ class SimulatorSettings(BaseModel):
         AfterValidator(validate_host),
         Field(description="name or address at which ROS nodes reach this machine"),
     ] = "127.0.0.1"
-    summary: Annotated[bool, Field(description="at the end, print the counts as one JSON object")] = False
+    summary: Annotated[
+        bool, Field(description="at the end, print how often each robot published, as one JSON object")
+    ] = False
 
     @model_validator(mode="after")
     def _is_a_bag_or_live(self) -> Self:
         if self.bag is not None and self.ros_master is not None and "ros_master" in self.model_fields_set:
             raise ValueError("--bag needs no ROS master: leave out --ros-master")
+        if self.bag is not None and self.summary:
+            raise ValueError("--summary counts what is published live: leave it out with --bag")
         return self

@@ -1,12 +1,15 @@
 """Settings of a look at an image."""
 
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
 from schemas.printing import printable
+
+SUFFIXES: Final = ("", ".jpg", ".jpeg")
+"""Of a JPEG file; a device has none."""
 
 
 class DetectSettings(BusSettings):
@@ -53,6 +56,8 @@ class DetectSettings(BusSettings):
             raise ValueError(f"--output {drawing}: a folder")
         if self.drawing.exists() and self.drawing.samefile(self.image):
             raise ValueError(f"--output {drawing}: that is the image, which would be lost")
+        if self.drawing.suffix.lower() not in SUFFIXES:
+            raise ValueError(f"--output {drawing}: what is written is JPEG: .jpg")
         if self.local and self.model is not None and not Path(self.model).is_file():
             model = printable(self.model)
             raise ValueError(f"--model {model}: {'a folder' if Path(self.model).is_dir() else 'no such file'}")

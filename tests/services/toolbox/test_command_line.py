@@ -177,6 +177,7 @@ EXPORT = ["history", "export", "--to", "a.csv", "--history", "sqlite:////nowhere
         (["monitor", "--stale-s", "10", "--lost-s", "5"], "--stale-s 10 is more than --lost-s 5: a camera is stale"),
         (["monitor", "--refresh-s", "nan"], "--refresh-s 'nan': Input should be a finite number"),
         (["simulate", "--bag", "a.bag", "--ros-master", "http://robot:11311"], "--bag needs no ROS master"),
+        (["simulate", "--bag", "a.bag", "--summary"], "--summary counts what is published live"),
         (["simulate", "--bag", "{nope}.bag"], "--bag '{nope}.bag': {nope} stands for nothing; {robot} does"),
         (["clouds", "save", "r1", "front", "--folder", "/dev/null"], "--folder '/dev/null': no folder"),
     ],

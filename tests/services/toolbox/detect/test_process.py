@@ -310,6 +310,7 @@ async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pyt
         ({"image": os.fsdecode(b"\xff.jpg")}, r"--image \\udcff.jpg: no such file"),
         ({"model": os.fsdecode(b"\xff.pt"), "local": True}, r"--model \\udcff.pt: no such file"),
         ({"output": "absent/x.jpg"}, "--output absent/x.jpg: absent is no folder"),
+        ({"output": "drawn.png"}, "--output drawn.png: what is written is JPEG: .jpg"),
     ],
 )
 def test_what_cannot_be_is_named(image: Path, fields: dict[str, object], reason: str) -> None:
