@@ -26,9 +26,9 @@ from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
 from services.monitor.page.confirmation import Confirmation
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
-from services.monitor.page.kept_alerts import MAX_KEPT, KeptAlerts
+from services.monitor.page.kept_alerts import MAX_KEPT, Found, KeptAlerts
 from services.monitor.page.links import ALERTS
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
 from services.monitor.page.tiles import Tile
 from services.monitor.rules.engine import UnknownAlertError
 from services.monitor.web.auth.visitor import Visitor
@@ -133,37 +133,39 @@ class _Alerts:
         """Show the alerts that ended."""
         await self._ended.refresh()
 
-    async def _load_open(self, window: Window) -> tuple[Rows, int]:
+    async def _load_open(self, window: Window) -> Loaded:
         leads = self._monitor.history.status.leads
-        self._elsewhere.set_visibility(not leads)
+        self._elsewhere.set_visibility(not leads)  # before a database is waited for, which may be slow
         self._elsewhere_text.set_text(raised_by(self._monitor.history.status.leader))
         every: Sequence[Alert] | None = None
+        why_unknown = ""
         try:
             every = await self._monitor.current_alerts()
         except HistoryError as error:
-            self._why_unknown.set_text(str(error))
+            why_unknown = str(error)
         found = wanted_alerts(every or (), self._severity, self._text)
-        self._count(every, found)
         shown = sorted_alerts(found, window.sort, descending=window.descending)[window.begin : window.end]
         may_act = leads and self._visitor.may_act
-        return [self._row(each, may_act=may_act) for each in shown], len(found)
+        rows = [self._row(each, may_act=may_act) for each in shown]
+        return Loaded(rows, len(found), partial(self._count, every, found, why_unknown))
 
     def _row(self, alert: Alert, *, may_act: bool) -> dict[str, Any]:
         now_ns = time.time_ns()
         doubt = doubt_of(alert, self._monitor.fleet.inventory, now_ns)
         return alert_row(alert, self._monitor.acts_of(alert.id), now_ns, may_act=may_act, doubt=doubt)
 
-    async def _load_ended(self, window: Window) -> tuple[Rows, int]:
+    async def _load_ended(self, window: Window) -> Loaded:
         ended = await self._kept.ended()
-        self._no_history.set_text(ended.problem or "No alert has been resolved yet.")
-        self._no_history.set_visibility(not ended.alerts)
         now_ns = time.time_ns()
         shown = sorted_alerts(ended.alerts, window.sort, descending=window.descending)[window.begin : window.end]
-        return [alert_row(each, ended.acts.get(each.id, ()), now_ns, may_act=False) for each in shown], len(
-            ended.alerts
-        )
+        rows = [alert_row(each, ended.acts.get(each.id, ()), now_ns, may_act=False) for each in shown]
+        return Loaded(rows, len(ended.alerts), partial(self._count_ended, ended))
 
-    def _count(self, every: Sequence[Alert] | None, found: Sequence[Alert]) -> None:
+    def _count_ended(self, ended: Found) -> None:
+        self._no_history.set_text(ended.problem or "No alert has been resolved yet.")
+        self._no_history.set_visibility(not ended.alerts)
+
+    def _count(self, every: Sequence[Alert] | None, found: Sequence[Alert], why_unknown: str) -> None:
         for severity, figure in severity_figures(every).items():
             self._tiles[severity].show(figure, on=severity is self._severity)
         there = {alert.severity for alert in every or ()}
@@ -173,6 +175,7 @@ class _Alerts:
         count = len(every or ())
         self._found.set_text(f"{len(found):,} of {count:,}" if len(found) != count else "")
         panel = panel_of(every, found)
+        self._why_unknown.set_text(why_unknown)
         self._unknown.set_visibility(panel is Panel.UNKNOWN)
         self._calm.set_visibility(panel is Panel.CALM)
         self._none.set_visibility(panel is Panel.NOT_FOUND)

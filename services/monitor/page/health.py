@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from nicegui import ui
@@ -13,7 +14,7 @@ from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at,
 from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
 from services.monitor.page.links import HEALTH
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
 from services.monitor.page.monitor_health import MonitorHealth
 from services.monitor.page.robots import robot_of
 from services.monitor.page.shared import Shared
@@ -104,7 +105,7 @@ class _Health:
             rest = f" and {len(alone) - MAX_NAMED:,} more" if len(alone) > MAX_NAMED else ""
             self._unserved_text.set_text(f"No detector looks after {named}{rest}. Start one to know what they see.")
 
-    async def _load_workers(self, window: Window) -> tuple[Rows, int]:
+    async def _load_workers(self, window: Window) -> Loaded:
         await self._shared.survey()  # takes the rates
         workers = sorted(self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, worker.name))
         rates = self._shared.rates
@@ -119,19 +120,18 @@ class _Health:
                 workers.sort(key=lambda worker: worker.last_ns)
         if window.descending:
             workers.reverse()
-        self._no_worker.set_visibility(not workers)
         now_ns = time.time_ns()
-        return [
-            worker_row(worker, rates.get(worker.name, 0.0), now_ns) for worker in workers[window.begin : window.end]
-        ], len(workers)
+        shown = workers[window.begin : window.end]
+        rows = [worker_row(worker, rates.get(worker.name, 0.0), now_ns) for worker in shown]
+        return Loaded(rows, len(workers), partial(self._no_worker.set_visibility, not workers))
 
-    async def _load_gateways(self, window: Window) -> tuple[Rows, int]:
+    async def _load_gateways(self, window: Window) -> Loaded:
         survey = await self._shared.survey()
         robots = await survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
-        self._no_gateway.set_visibility(not robots)
         glance = self._monitor.glance()
         shown = robots[window.begin : window.end]
-        return [gateway_row(robot_of(glance, name), glance.now_ns) for name in shown], len(robots)
+        rows = [gateway_row(robot_of(glance, name), glance.now_ns) for name in shown]
+        return Loaded(rows, len(robots), partial(self._no_gateway.set_visibility, not robots))
 
     async def _look_for(self, text: str) -> None:
         self._wanted = replace(self._wanted, text=text)

@@ -17,7 +17,7 @@ from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, pag
 from services.monitor.page.inventory_rows import as_csv, sighting_row
 from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
 from services.monitor.page.links import INVENTORY
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
 from services.monitor.page.shared import Shared
 from services.monitor.page.sightings import Filters, Stock
 from services.monitor.page.tiles import Tile
@@ -119,12 +119,12 @@ class _Inventory:
         self._chart.options.clear()
         self._chart.options.update(options(drawn))
 
-    async def _load(self, window: Window) -> tuple[Rows, int]:
+    async def _load(self, window: Window) -> Loaded:
         stock = await self._shared.stock()
         found = stock.wanted(replace(self._filters, sort=window.sort, descending=window.descending))
-        self._count(stock, found)
         now_ns = time.time_ns()
-        return [sighting_row(entry, now_ns) for entry in found[window.begin : window.end]], len(found)
+        rows = [sighting_row(entry, now_ns) for entry in found[window.begin : window.end]]
+        return Loaded(rows, len(found), partial(self._count, stock, found))
 
     def _count(self, stock: Stock, found: Sequence[Entry]) -> None:
         shown = list(stock.totals)[:MAX_TILES]

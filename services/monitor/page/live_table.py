@@ -35,8 +35,17 @@ class Window:
     end: int
 
 
-Load = Callable[[Window], Awaitable[tuple[Rows, int]]]
-"""Returns the rows of a window, and how many there are in all."""
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """The rows of a window, and how many there are in all. tell: says beside the table what was found."""
+
+    rows: Rows
+    count: int
+    tell: Callable[[], object]
+
+
+Load = Callable[[Window], Awaitable[Loaded]]
+"""Returns what is in a window. It says nothing itself: by then another window, or other rows, may be wanted."""
 
 
 class LiveTable:
@@ -47,6 +56,7 @@ class LiveTable:
 
     def __init__(self, columns: Sequence[Column], load: Load, *, row_key: str, sort: str, body: str, card: str) -> None:
         self._load = load
+        self._begun = 0
         self._sortable = {column.name for column in columns if column.sortable}
         self._pagination: dict[str, Any] = {
             "page": 1,
@@ -70,14 +80,20 @@ class LiveTable:
         self.table.on("request", self._turn, [["pagination"]])
 
     async def refresh(self) -> None:
-        """Show what there is now."""
+        """Show what there is now, unless another one begins meanwhile: that knows better what is looked at."""
+        self._begun += 1
+        begun = self._begun
         size, page = self._pagination["rowsPerPage"], self._pagination["page"]
         sort, descending = self._pagination["sortBy"] or "", self._pagination["descending"]
-        rows, count = await self._load(Window(sort, descending, (page - 1) * size, page * size))
+        loaded = await self._load(Window(sort, descending, (page - 1) * size, page * size))
         await pause()
+        if begun != self._begun:
+            return None
+        rows, count = loaded.rows, loaded.count
         if not rows and page > 1:
             self._pagination["page"] = max(1, -(-count // size))
             return await self.refresh()
+        loaded.tell()
         self._pagination["rowsNumber"] = count
         self.table.set_visibility(count > 0)
         if rows != self.table.rows or self._pagination != self.table.pagination:

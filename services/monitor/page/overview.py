@@ -11,7 +11,7 @@ from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
 from services.monitor.page.confirmation import Confirmation
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
 from services.monitor.page.links import FLEET, WALL
-from services.monitor.page.live_table import Column, LiveTable, Rows, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
 from services.monitor.page.overview_rows import robot_row
 from services.monitor.page.robots import RobotState, robot_of
 from services.monitor.page.shared import Shared
@@ -107,15 +107,15 @@ class _Overview:
         """Show the fleet as it is now."""
         await self._table.refresh()
 
-    async def _load(self, window: Window) -> tuple[Rows, int]:
+    async def _load(self, window: Window) -> Loaded:
         survey = await self._shared.survey()
         wanted = replace(self._wanted, sort=window.sort, descending=window.descending)
         robots = await survey.robots(wanted)
-        self._count(survey, len(robots))
         glance = self._monitor.glance()
         shown = robots[window.begin : window.end]
         may_act = self._may_act
-        return [robot_row(robot_of(glance, name), glance.now_ns, may_act=may_act) for name in shown], len(robots)
+        rows = [robot_row(robot_of(glance, name), glance.now_ns, may_act=may_act) for name in shown]
+        return Loaded(rows, len(robots), partial(self._count, survey, len(robots)))
 
     @property
     def _may_act(self) -> bool:
