@@ -13,15 +13,16 @@ from fastapi.responses import FileResponse
 from pydantic import AwareDatetime, ValidationError
 from starlette.background import BackgroundTask
 
-from schemas.alerts import AlertState
+from schemas.alerts import Alert, AlertState
 from services.monitor.export.process import export
 from services.monitor.export.settings import LAST_NS, ExportSettings, epoch_ns, moment, written_like
 from services.monitor.history.acts import Act
-from services.monitor.history.archive import Asked
+from services.monitor.history.archive import AlertPlace, Asked, SightingPlace
+from services.monitor.history.intervals import Interval
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer
-from services.monitor.web.api.paging import After, ClassName, Limit, Name, mark_of, place_of
+from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, place_of
 
 DEFAULT_LIMIT: Final = 200
 DAY_NS: Final = 86_400 * 1_000_000_000
@@ -56,12 +57,8 @@ def history_routes(monitor: Monitor) -> APIRouter:
     async def sightings(wanted: FromQuery, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[IntervalAnswer]:
         """What was in view, one interval as long as a count stayed the same; the newest first."""
         place = None if after is None else place_of(after, (int, str, str, str))
-        found = await monitor.archive.sightings(wanted, limit, place)
-        full = len(found) == limit
-        mark = (
-            mark_of((found[-1].since_ns, found[-1].key.robot, found[-1].key.camera, found[-1].name)) if full else None
-        )
-        return Page(now=moment(time.time_ns()), items=[interval_answer(each) for each in found], next=mark)
+        items, mark = first_of(await monitor.archive.sightings(wanted, limit + 1, place), _interval_place, limit)
+        return Page(now=moment(time.time_ns()), items=[interval_answer(each) for each in items], next=mark)
 
     @router.get("/alerts")
     async def alerts(
@@ -73,13 +70,13 @@ def history_routes(monitor: Monitor) -> APIRouter:
         """Alerts, resolved or not, and what people did with them; those that changed last come first."""
         place = None if after is None else place_of(after, (int, str))
         states = () if state is None else (state,)
-        found = await monitor.archive.alerts(wanted, limit, place, states=states)
-        acts = await monitor.archive.acts([alert.id for alert in found])
-        mark = mark_of((found[-1].changed_ns, found[-1].id)) if len(found) == limit else None
+        found = await monitor.archive.alerts(wanted, limit + 1, place, states=states)
+        items, mark = first_of(found, _alert_place, limit)
+        acts = await monitor.archive.acts([alert.id for alert in items])
         done: dict[str, list[Act]] = defaultdict(list)
         for act in acts:
             done[act.alert_id].append(act)
-        answers = [alert_answer(each, tuple(done[each.id]), monitor.known_until_ns(each)) for each in found]
+        answers = [alert_answer(each, tuple(done[each.id]), monitor.known_until_ns(each)) for each in items]
         return Page(now=moment(time.time_ns()), items=answers, next=mark)
 
     @router.get("/export", response_class=FileResponse)
@@ -102,6 +99,14 @@ def history_routes(monitor: Monitor) -> APIRouter:
         return FileResponse(file, filename=file.name, background=BackgroundTask(folder.cleanup))
 
     return router
+
+
+def _interval_place(of: Interval) -> SightingPlace:
+    return of.since_ns, of.key.robot, of.key.camera, of.name
+
+
+def _alert_place(alert: Alert) -> AlertPlace:
+    return alert.changed_ns, alert.id
 
 
 def _export_settings(history: str, wanted: Asked, what: str, file: Path) -> ExportSettings:

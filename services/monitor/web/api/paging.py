@@ -60,6 +60,6 @@ def page_of(
     return first_of(found, place, limit)
 
 
-def first_of(found: list[T], place: Callable[[T], tuple[str, ...]], limit: int) -> tuple[list[T], str | None]:
+def first_of(found: list[T], place: Callable[[T], Sequence[str | int]], limit: int) -> tuple[list[T], str | None]:
     """Return the first so many, and the mark for those that follow if there are more."""
     return (found, None) if len(found) <= limit else (found[:limit], mark_of(place(found[limit - 1])))

@@ -9,7 +9,9 @@ from msgspec.structs import replace
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history.acts import Act
+from services.monitor.history.archive import MAX_ROWS
 from services.monitor.history.store import Store
+from services.monitor.web.api.paging import MAX_ITEMS
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.web.api.seeing import ODD
 from tests.services.monitor.web.api.test_alerts import alert
@@ -46,6 +48,19 @@ async def test_sightings_newest_first_page_by_page(kept: Web) -> None:
         third = (await program.get("/api/v1/history/sightings", params={**asked, "after": second["next"]})).json()
         assert [len(page["items"]) for page in (second, third)] == [2, 1]
         assert third["next"] is None
+
+
+async def test_nothing_follows_a_page_that_ends_with_the_last_one(kept: Web) -> None:
+    async with await kept.program() as program:
+        for what, count in (("sightings", 5), ("alerts", 2)):
+            for limit, more in ((count - 1, True), (count, False), (MAX_ITEMS, False)):
+                asked = {"since": "1970-01-01T00:00:00Z", "limit": str(limit)}
+                page = (await program.get(f"/api/v1/history/{what}", params=asked)).json()
+                assert (len(page["items"]), page["next"] is not None) == (min(limit, count), more), (what, limit)
+
+
+def test_the_longest_page_and_one_more_are_read_at_once() -> None:
+    assert MAX_ITEMS + 1 <= MAX_ROWS
 
 
 async def test_a_time_that_is_none_is_refused_with_how_one_is_written(kept: Web) -> None:
