@@ -356,9 +356,14 @@ def over(alert: Alert) -> Alert:
 
 
 async def _whole(work: Coroutine[None, None, float]) -> float:
-    """Await work to its end, even if cancelled: a statement that is broken off may leave its database locked."""
+    """Await work to its end, however often cancelled: a statement that is broken off may leave its database locked."""
     task = asyncio.ensure_future(work)
-    try:
-        return await asyncio.shield(task)
-    finally:
-        await asyncio.wait([task])
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.wait([task])
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        raise cancelled from task.exception()
+    return task.result()

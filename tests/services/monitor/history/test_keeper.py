@@ -279,6 +279,35 @@ async def test_a_monitor_that_ends_while_it_writes_finishes_what_it_began(
     assert [each.name for each in await kept(url)] == ["box"]
 
 
+async def test_a_monitor_that_is_told_to_end_again_and_again_still_does_one_thing_at_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, begun, may_end = f"sqlite:///{tmp_path}/history.db", asyncio.Event(), asyncio.Event()
+    said: list[str] = []
+    write = Store.write
+
+    async def writing(store: Store, *some: Any) -> None:
+        said.append("begins")
+        begun.set()
+        await may_end.wait()
+        await write(store, *some)
+        said.append("ends")
+
+    monkeypatch.setattr(Store, "write", writing)
+    monitor = Monitor(url)
+    await monitor.history.restore()
+    monitor.see(1, box=1)
+    running = asyncio.create_task(monitor.history.run())
+    await begun.wait()
+    for _ in range(3):
+        running.cancel()
+        await asyncio.sleep(0.01)
+    may_end.set()
+    await asyncio.wait([running])
+    assert said == ["begins", "ends"] * 2
+    assert [each.name for each in await kept(url)] == ["box"]
+
+
 async def test_before_the_database_was_first_written_to_nothing_is_wrong(url: str) -> None:
     async with monitoring(url) as monitor:
         assert monitor.history.status.problem == ""
