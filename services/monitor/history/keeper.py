@@ -156,6 +156,13 @@ class HistoryKeeper:
             self._on_lead((), ())
             return
         try:
+            await self._restore()
+        except BaseException:  # nothing calls `run` then, which would close it at its end
+            await self._close()
+            raise
+
+    async def _restore(self) -> None:
+        try:
             async with translating(RESTORE_S):
                 self._store = await Store.open(self._settings.history)
                 since_ns = time.time_ns() - RESTORED_NS
@@ -331,6 +338,9 @@ class HistoryKeeper:
             self._asked = True
             self._lead((), ())
         self._problem, self._writes = str(error), False
+        await self._close()
+
+    async def _close(self) -> None:
         store, self._store = self._store, None
         if store is not None:
             await store.close()
@@ -345,7 +355,7 @@ class HistoryKeeper:
         except HistoryError as error:
             log.warning("the end of the history was not kept: %s", error)
         finally:
-            await self._store.close()
+            await self._close()
 
 
 def over(alert: Alert) -> Alert:

@@ -260,6 +260,50 @@ async def test_a_database_that_is_not_there_yet_keeps_no_monitor_from_beginning(
     assert [each.count for each in await kept(url)] == [1]
 
 
+@pytest.fixture
+def closed(monkeypatch: pytest.MonkeyPatch) -> list[Store]:
+    """The stores that were closed."""
+    stores: list[Store] = []
+    close = Store.close
+
+    async def closing(store: Store) -> None:
+        await close(store)
+        stores.append(store)
+
+    monkeypatch.setattr(Store, "close", closing)
+    return stores
+
+
+async def test_a_monitor_that_is_ended_before_it_has_begun_lets_go_of_the_database(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, closed: list[Store]
+) -> None:
+    reading = asyncio.Event()
+
+    async def never(_: Store) -> None:
+        reading.set()
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(Store, "forgotten", never)
+    restoring = asyncio.create_task(Monitor(f"sqlite:///{tmp_path}/history.db").history.restore())
+    await reading.wait()
+    restoring.cancel()
+    await asyncio.wait([restoring])
+    assert (restoring.cancelled(), len(closed)) == (True, 1)
+
+
+async def test_a_monitor_that_cannot_begin_lets_go_of_the_database(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, closed: list[Store]
+) -> None:
+    def refuse(_: object) -> None:
+        raise ValueError("of the inventory")
+
+    monitor = Monitor(f"sqlite:///{tmp_path}/history.db")
+    monkeypatch.setattr(monitor.inventory, "restore", refuse)
+    with pytest.raises(ValueError, match="of the inventory"):
+        await monitor.history.restore()
+    assert len(closed) == 1
+
+
 async def test_a_monitor_that_ends_while_it_writes_finishes_what_it_began(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
