@@ -7,6 +7,7 @@ from typing import Final
 
 from services.monitor.rules.loading import RuleFileError, load_rules
 from services.monitor.rules.model import RuleBook
+from services.monitor.rules.reading import reading, text_of
 
 log = logging.getLogger(__name__)
 
@@ -56,15 +57,16 @@ class RuleFile:
 
     def _read(self, path: Path, *, settled: bool) -> None:
         try:
-            found = path.stat()
+            with reading():
+                found = path.stat()
             stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
             before, self._seen = self._seen, stamp
             if stamp == self._stamp or (settled and stamp != before):
                 return
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            text = text_of(path)
+        except RuleFileError:
             self._seen = self._stamp = None
-            raise RuleFileError(None, getattr(error, "strerror", None) or str(error)) from error
+            raise
         self._stamp = stamp
         self.book = load_rules(text)
         self.problem = ""

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from services.monitor.rules.model import RuleBook
 from services.yaml_text import YamlError, line_of, parse
 
-MAX_BYTES: Final = 1_000_000
+MAX_CHARACTERS: Final = 1_000_000
 
 
 class RuleFileError(Exception):
@@ -31,8 +31,8 @@ def load_rules(text: str) -> RuleBook:
     Raises:
         RuleFileError: it is no YAML, says what no rule may say, or names no `rules`, as a file that was emptied does.
     """
-    if len(text) > MAX_BYTES:
-        raise RuleFileError(1, f"a rule file has at most {MAX_BYTES} characters")
+    if len(text) > MAX_CHARACTERS:
+        raise RuleFileError(1, f"a rule file has at most {MAX_CHARACTERS} characters")
     try:
         content, root = parse(text)
     except YamlError as error:

@@ -17,6 +17,7 @@ from services.monitor.inventory.debouncing import NS
 from services.monitor.rules.loading import RuleFileError, load_rules
 from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
 from services.monitor.rules.past import FOREVER_NS, Past
+from services.monitor.rules.reading import text_of
 from services.monitor.rules.replay import caveats, replay
 from services.monitor.rules.settings import RulesSettings
 
@@ -74,9 +75,6 @@ def _moment(at_ns: int) -> str:
 
 def _read(settings: RulesSettings) -> RuleBook:
     try:
-        return load_rules(settings.file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise RuleFileError(None, reason, settings.file) from error
+        return load_rules(text_of(settings.file))
     except RuleFileError as error:
         raise error.of(settings.file) from error

@@ -1,7 +1,7 @@
 import pytest
 
 from schemas.alerts import Severity
-from services.monitor.rules.loading import MAX_BYTES, RuleFileError, load_rules
+from services.monitor.rules.loading import MAX_CHARACTERS, RuleFileError, load_rules
 from services.monitor.rules.model import NearerRule, SilentRule
 
 GOOD = """\
@@ -87,7 +87,7 @@ def changed(old: str, new: str) -> str:
         ("rules:\n  - &a {name: x}\n  - *a\n", 3, "aliases are not taken"),
         ("- 1\n- 2\n", 1, "write it as a mapping, like {a: b}"),
         ("a: !!python/object:os.system {}", 1, "could not determine a constructor"),
-        ("x" * (MAX_BYTES + 1), 1, "at most"),
+        ("x" * (MAX_CHARACTERS + 1), 1, "at most"),
         ("\0", 1, "special characters"),
         ("[" * 10_000, 1, ""),
     ],
