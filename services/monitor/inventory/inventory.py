@@ -241,12 +241,15 @@ class Inventory:
 
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
         """Yield what is or was in view, as `in_order`, and by class; of one of them if it is named."""
-        since_ns = now_ns - self.limits.stale_ns
         for key in [key for key in self.in_order(robot) if camera in ("", key.camera)]:
-            view = self._cameras[key]
-            available = self.speaks(view, now_ns)
-            of = sorted(view.sightings(since_ns), key=lambda sighting: sighting.name)
-            yield from (Entry(sighting, available) for sighting in of if name in ("", sighting.name))
+            yield from (entry for entry in self.entries_of(key, now_ns) if name in ("", entry.sighting.name))
+
+    def entries_of(self, key: CameraKey, now_ns: int) -> list[Entry]:
+        """Return what is or was in view of a camera, by class."""
+        view = self._cameras[key]
+        available = self.speaks(view, now_ns)
+        of = sorted(view.sightings(now_ns - self.limits.stale_ns), key=attrgetter("name"))
+        return [Entry(sighting, available) for sighting in of]
 
     def _camera(self, key: CameraKey) -> CameraView:
         found = self._cameras.get(key)
