@@ -233,12 +233,6 @@ class Inventory:
         """Whether what a camera shows is of now."""
         return self.online(camera.key) and camera.speaks(now_ns - self.limits.stale_ns)
 
-    def open(self) -> Iterator[Sighting]:
-        """Yield the sightings that go on as far as anybody knows."""
-        for camera in self._cameras.values():
-            if not camera.lost:
-                yield from (sighting for sighting in camera.sightings() if sighting.count)
-
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
         """Yield what is or was in view, as `in_order`, and by class; of one of them if it is named."""
         for key in [key for key in self.in_order(robot) if camera in ("", key.camera)]:

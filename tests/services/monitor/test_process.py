@@ -23,6 +23,7 @@ from services.monitor.troubles import MAX_SHOWN
 from tests.contract.waiting import until
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
+from tests.services.monitor.inventory.seeing import going_on
 
 FRONT = CameraKey("r1", "front")
 SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")
@@ -72,9 +73,9 @@ async def test_distances_reach_the_inventory_and_programs_may_ask(bus: Bus, flee
     later = msgspec.structs.replace(SEEN, header=header(seq=1))
     await publish(bus, FRONT.stream(Stream.CLASSES), SEEN)
     await publish(bus, FRONT.stream(Stream.CLASSES), later)
-    await until(lambda: list(fleet.inventory.open()))
+    await until(lambda: going_on(fleet.inventory))
     await publish(bus, FRONT.stream(Stream.DISTANCES), distances(known("box", 2.0)))
-    await until(lambda: next(fleet.inventory.open()).nearest_m)
+    await until(lambda: going_on(fleet.inventory)[0].nearest_m)
     reply = await bus.request(keys.INVENTORY, timeout_s=5)
     (sighting,) = codec.decode(InventoryAnswer, reply.payload, reply.encoding).sightings
     assert (sighting.name, sighting.count, sighting.nearest_m, sighting.available) == ("box", 2, 2.125, False)
@@ -89,12 +90,12 @@ async def test_second_opinions_reach_the_inventory_and_count_as_nothing_else(bus
     view = fleet.inventory.camera(FRONT)
     assert view is not None
     await until(lambda: "new" in view.opinions and view.opinions["new"].lists == 2)
-    assert (fleet.class_lists, next(fleet.rows(0)).classes, list(fleet.inventory.open())) == (0, None, [])
+    assert (fleet.class_lists, next(fleet.rows(0)).classes, going_on(fleet.inventory)) == (0, None, [])
     for seq in (0, 1):
         await publish(bus, FRONT.stream(Stream.CLASSES), msgspec.structs.replace(SEEN, header=header(seq=seq)))
     await until(lambda: view.disagreements(0))
     assert view.disagreements(0) == {"box": (2, 3)}
-    assert [each.count for each in fleet.inventory.open()] == [2]
+    assert [each.count for each in going_on(fleet.inventory)] == [2]
 
 
 async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:

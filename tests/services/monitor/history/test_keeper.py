@@ -25,7 +25,7 @@ from tests.schemas.results import alert
 from tests.services.monitor.history.monitoring import Monitor, attended, kept, monitoring, noted
 from tests.services.monitor.history.postgresql import PostgreSQL
 from tests.services.monitor.history.test_store import opened
-from tests.services.monitor.inventory.seeing import FRONT, S, seen
+from tests.services.monitor.inventory.seeing import FRONT, S, going_on, seen
 
 
 async def test_what_is_in_view_goes_on_over_a_restart(url: str) -> None:
@@ -37,7 +37,7 @@ async def test_what_is_in_view_goes_on_over_a_restart(url: str) -> None:
     (box, pallet) = await kept(url)
     assert (box.name, box.open, pallet.name, pallet.open) == ("box", True, "pallet", True)
     async with monitoring(url) as monitor:
-        assert {each.name: each.count for each in monitor.inventory.open()} == {"box": 1, "pallet": 2}
+        assert {each.name: each.count for each in going_on(monitor.inventory)} == {"box": 1, "pallet": 2}
         await until(lambda: monitor.led == [[alert()]])
         monitor.see(3, box=1)
         await until(monitor.written)

@@ -18,7 +18,7 @@ from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.monitoring import attended, kept, monitoring
 from tests.services.monitor.history.test_store import opened
-from tests.services.monitor.inventory.seeing import S
+from tests.services.monitor.inventory.seeing import S, going_on
 
 
 async def test_a_robot_is_forgotten_at_all_monitors_of_a_database_where_it_is_gone(url: str) -> None:
@@ -124,7 +124,9 @@ async def test_what_both_saw_when_one_of_two_monitors_took_over_is_kept_once(url
             assert other.history.status.leader == own_name()
             now_ns = time.time_ns()
             other.see(1, now_ns - 9 * S, box=1, pallet=1, tree=1)
-            seen_by_leader = [replace(interval_of(each), since_ns=each.since_ns - 7) for each in other.inventory.open()]
+            seen_by_leader = [
+                replace(interval_of(each), since_ns=each.since_ns - 7) for each in going_on(other.inventory)
+            ]
             await leader.write(seen_by_leader, [], now_ns - S)
             other.see(2, box=1, tree=2)
             await leader.close()

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from schemas.detections import ClassCount, ClassList
 from schemas.header import Header
 from schemas.keys import CameraKey
+from services.monitor.inventory.inventory import Inventory
+from services.monitor.inventory.sighting import Sighting
 
 FRONT = CameraKey("r1", "front")
 S = 1_000_000_000
@@ -34,3 +36,9 @@ def seen(
         model=model,
         worker="w",
     )
+
+
+def going_on(inventory: Inventory) -> list[Sighting]:
+    """Return the sightings that go on as far as anybody knows."""
+    cameras = [camera for camera in inventory.cameras() if not camera.lost]
+    return [sighting for camera in cameras for sighting in camera.sightings() if sighting.count]

@@ -9,7 +9,7 @@ from services.monitor.inventory.settings import InventorySettings
 from services.monitor.inventory.sighting import ChangeKind, Sighting
 from services.monitor.inventory.view import MAX_CLASSES
 from tests.schemas.results import distances, known
-from tests.services.monitor.inventory.seeing import FRONT, S, seen
+from tests.services.monitor.inventory.seeing import FRONT, S, going_on, seen
 
 REAR = CameraKey("r1", "rear")
 
@@ -92,7 +92,7 @@ def test_after_long_silence_it_is_not_known_what_is_in_view(silent_ns: int, kind
     inventory.see(seen(0, {"box": 1}), S)
     assert [change.kind for change in inventory.tick(S + silent_ns)] == kinds
     assert inventory.tick(S + silent_ns) == [] or not kinds
-    assert len(list(inventory.open())) == 1 - len(kinds)
+    assert len(going_on(inventory)) == 1 - len(kinds)
 
 
 def test_what_a_store_kept_is_there_until_the_camera_says_otherwise() -> None:
@@ -114,7 +114,7 @@ def test_what_a_store_kept_is_there_until_the_camera_says_otherwise() -> None:
 def test_what_comes_after_long_silence_is_new_even_if_nobody_noticed_the_silence() -> None:
     before, after = quick(), quick()
     before.see(seen(7, {"box": 1}), 10 * S)
-    after.restore(before.open())
+    after.restore(going_on(before))
     changes = after.see(seen(8, {"box": 1, "pallet": 1}), 7_200 * S)
     assert changes is not None
     assert [(of.kind, of.sighting.name, of.sighting.last_ns, of.first_look) for of in changes] == [
@@ -190,7 +190,7 @@ def test_when_the_clock_is_set_back_who_is_silent_does_not_speak_until_it_has_ca
     (entry,) = inventory.entries(14 * S)
     assert not entry.available
     inventory.see(seen(3, {"pallet": 1}, model="other"), 14 * S)
-    assert {(of.name, of.model) for of in inventory.open()} == {("box", "other"), ("pallet", "other")}
+    assert {(of.name, of.model) for of in going_on(inventory)} == {("box", "other"), ("pallet", "other")}
     assert [of.kind for of in inventory.tick(80 * S)] == [ChangeKind.LOST, ChangeKind.LOST]
 
 
@@ -216,11 +216,11 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
     with pytest.raises(InventoryFullError):
         inventory.robot_presence("r2", alive=True)
     assert inventory.see(seen(0, {"box": 1}), S)
-    (sighting,) = inventory.open()
+    (sighting,) = going_on(inventory)
     other = quick()
     other.camera_presence(REAR, alive=True)
     other.restore([sighting])
-    assert list(other.open()) == []
+    assert going_on(other) == []
 
 
 def test_settings_are_seconds() -> None:
