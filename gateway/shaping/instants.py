@@ -219,13 +219,16 @@ class Instants:
 
 
 class Thinning:
-    """The share of one stream in its camera's instants. max_hz may be changed at any time; None sends all."""
+    """The share of one stream in its camera's instants. max_hz may be changed at any time; None sends all.
 
-    def __init__(self, instants: Instants, stream: str, max_hz: float | None) -> None:
+    instants: returns the camera's, which may be others when the stream was away.
+    """
+
+    def __init__(self, instants: Callable[[], Instants], stream: str, max_hz: float | None) -> None:
         self._instants = instants
         self._stream = stream
         self.max_hz = max_hz
 
     def passes(self, stamp_ns: int, received_ns: int) -> bool:
         """Return whether a frame is sent; see `Instants.pick`."""
-        return self.max_hz is None or self._instants.pick(self._stream, stamp_ns, received_ns, self.max_hz)
+        return self.max_hz is None or self._instants().pick(self._stream, stamp_ns, received_ns, self.max_hz)

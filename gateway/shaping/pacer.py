@@ -53,6 +53,10 @@ class Pacer:
         """Forget what waits of a stream; return how many payloads that was."""
         return self._uplink.discard(stream)
 
+    def forget_moments(self, of: Hashable) -> None:
+        """Forget whose moments there are no more of."""
+        self._uplink.forget_moments(of)
+
     async def run(self) -> None:
         """Send what waits, for ever."""
         while True:

@@ -120,6 +120,10 @@ class Uplink(Generic[S, T]):
             del self._waiting[place]
         return len(places)
 
+    def forget_moments(self, of: Hashable) -> None:
+        """Forget which moment of something has begun; to be called when nothing waits that is of one of them."""
+        self._begun.pop(of, None)
+
     @property
     def backlog(self) -> float:
         """Bytes given to the link that it cannot have sent by the last `release` or `charge`."""

@@ -139,7 +139,8 @@ def test_a_message_longer_than_its_kind_allows_is_not_looked_at(caplog: pytest.L
 
 
 def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
-    forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", Thinning(Instants(), "color", 0.5))
+    instants = Instants()
+    forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", Thinning(lambda: instants, "color", 0.5))
     taken = [forward.take(message(stamp_s=1_700_000_000 + n), 0) for n in range(5)]
     assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
     assert [made is None for made in taken] == [False, True, False, True, False]
@@ -148,7 +149,8 @@ def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
 
 
 def test_what_nobody_can_use_is_counted_as_that_and_takes_no_number() -> None:
-    thinning = Thinning(Instants(), "color", None)
+    instants = Instants()
+    thinning = Thinning(lambda: instants, "color", None)
     forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", thinning, useful=lambda now_ns: now_ns % 2 == 0)
     taken = [forward.take(message(stamp_s=1_700_000_000 + n), n) for n in range(5)]
     assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
@@ -158,7 +160,8 @@ def test_what_nobody_can_use_is_counted_as_that_and_takes_no_number() -> None:
 
 def test_messages_without_a_stamp_are_thinned_by_their_arrival() -> None:
     key = sensor_key("r1", "ros/mode")
-    forward = StreamForward(key, "/mode", kind_of(key), "boot", Thinning(Instants(), "ros/mode", 10))
+    instants = Instants()
+    forward = StreamForward(key, "/mode", kind_of(key), "boot", Thinning(lambda: instants, "ros/mode", 10))
     taken = [forward.take(text("ready"), 1_700_000_000_000_000_000 + n * 50_000_000) for n in range(6)]
     assert [made is not None for made in taken] == [True, False] * 3
 

@@ -22,14 +22,14 @@ class Rig:
     """The streams of a robot on a fake bus."""
 
     def __init__(self, network: FakeNetwork, stack: AsyncExitStack) -> None:
-        self._network = network
+        self.network = network
         self._stack = stack
         self.consumers = Consumers("r1", "here", near=True)
 
     async def shaping(self, **settings: object) -> Shaping:
         """Run the shaping of a gateway with such settings."""
         made = Shaping(ShapingSettings.model_validate(settings), self.consumers)
-        bus = await self._stack.enter_async_context(self._network.open_bus())
+        bus = await self._stack.enter_async_context(self.network.open_bus())
         running = asyncio.create_task(made.run(bus))
         self._stack.push_async_callback(asyncio.wait, [running])
         self._stack.callback(running.cancel)
@@ -37,7 +37,7 @@ class Rig:
 
     async def outlet(self, key: SensorKey, shaping: Shaping | None = None) -> tuple[Outlet, Subscription]:
         """Open a stream's way, and see what arrives."""
-        bus = await self._stack.enter_async_context(self._network.open_bus())
+        bus = await self._stack.enter_async_context(self.network.open_bus())
         kind = kind_of(key)
         publisher = await self._stack.enter_async_context(bus.publisher(str(key), kind.qos, encoding=kind.encoding))
         arrived = await self._stack.enter_async_context(bus.subscribe(str(key), QUEUE(999)))

@@ -235,7 +235,8 @@ def test_stamps_that_say_nothing_are_replaced_by_the_time_of_arrival(stamp: int)
 
 
 def test_a_limit_can_change_and_be_lifted() -> None:
-    thinning = Thinning(Instants(), "color", 10)
+    instants = Instants()
+    thinning = Thinning(lambda: instants, "color", 10)
     first, second, third = stamps(30, 1), stamps(30, 1, begin=BEGIN + 1000 * MS), stamps(30, 1, begin=BEGIN + 2000 * MS)
     assert sum(thinning.passes(stamp, 0) for stamp in first) == 10
     thinning.max_hz = 5

@@ -1,11 +1,13 @@
 """What the streams of one gateway share."""
 
+import gc
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 
 import pytest
 
 from bus.fake import FakeNetwork
+from gateway.shaping.instants import Instants
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
@@ -65,3 +67,39 @@ async def test_a_cameras_streams_share_their_instants_and_only_what_may_be_left_
     second = 1_000_000_000
     assert [color.passes(n * second // 30, 0) for n in (1, 2, 4)] == [True, False, True]
     assert [depth.passes(n * second // 30, 0) for n in (2, 4)] == [False, True]
+
+
+async def test_a_cameras_instants_begin_anew_only_when_all_of_its_streams_were_away(rig: Rig) -> None:
+    shaping = await rig.shaping(max_hz="1")
+    thinning = shaping.thinning(COLOR)
+    assert thinning is not None
+    tenth = 100_000_000
+    async with AsyncExitStack() as present:
+        await Rig(rig.network, present).outlet(DEPTH, shaping)
+        async with AsyncExitStack() as away:
+            await Rig(rig.network, away).outlet(COLOR, shaping)
+            assert thinning.passes(1, 1)
+        await Rig(rig.network, present).outlet(COLOR, shaping)
+        assert not thinning.passes(tenth, tenth)
+    await rig.outlet(COLOR, shaping)
+    assert thinning.passes(2 * tenth, 2 * tenth)
+
+
+async def test_cameras_that_come_and_go_leave_nothing_behind(rig: Rig) -> None:
+    shaping = await rig.shaping(max_hz="10", uplink_mbit="8")
+    before = instants_in_memory()
+    for number in range(5):
+        key = sensor_key("r1", f"camera_{number}/color")
+        thinning = shaping.thinning(key)
+        async with AsyncExitStack() as present:
+            outlet, frames = await Rig(rig.network, present).outlet(key, shaping)
+            assert thinning is not None
+            assert thinning.passes(1, 1)
+            outlet.put(numbered(0))
+            await receive(frames, ImageFrame)
+    assert instants_in_memory() == before
+
+
+def instants_in_memory() -> int:
+    gc.collect()
+    return sum(isinstance(found, Instants) for found in gc.get_objects())

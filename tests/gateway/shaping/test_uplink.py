@@ -256,3 +256,13 @@ def test_a_stream_that_is_gone_leaves_both_of_its_items() -> None:
     uplink.offer("depth", 3, FULL, second)
     assert uplink.discard("depth") == 2
     assert uplink.next_release_s() is None
+
+
+def test_moments_of_what_is_forgotten_may_begin_again_at_any_number() -> None:
+    uplink: Uplink[str, int] = Uplink(RATE)
+    uplink.offer("color", 1, FULL, Moment("front", 7))
+    assert uplink.release(0) == [("color", 1)]
+    assert uplink.offer("color", 2, FULL, Moment("front", 0)) == 1
+    uplink.forget_moments("front")
+    assert uplink.offer("color", 3, FULL, Moment("front", 0)) == 0
+    assert uplink.release(BACKLOG_S) == [("color", 3)]
