@@ -51,7 +51,8 @@ class _Results:
 class Offers:
     """What a gateway offers now.
 
-    A stream that is withdrawn and offered again counts on, whatever its topic: its numbers identify frames.
+    A stream that is withdrawn and offered again counts on, whatever its topic: its numbers identify frames. So every
+    stream is remembered that there ever was; they are few, as plans name MAX_CAMERAS cameras in a gateway's life.
 
     group: runs the streams until it is cancelled or `close` is called. returned: tells what is returned for a camera,
         given the namespace of its results on ROS.
@@ -76,6 +77,7 @@ class Offers:
         self._returned_for = returned
         self._offers: dict[SensorKey, _Offer] = {}
         self._streams: dict[SensorKey, StreamForward] = {}
+        self._withdrawn: Counter[str] = Counter()
         self._results: dict[CameraKey, _Results] = {}
         self._returned: dict[CameraKey, list[StreamReturn[Any]]] = {}
 
@@ -85,8 +87,7 @@ class Offers:
 
     def withdrawn(self) -> Counter[str]:
         """Return the messages of streams that are no longer offered which were dropped, by reason."""
-        gone = (stream for key, stream in self._streams.items() if key not in self._offers)
-        return sum((stream.dropped() for stream in gone), Counter())
+        return +self._withdrawn
 
     def returns(self) -> list[ReturnStatus]:
         """Account for the results that are returned."""
@@ -121,6 +122,7 @@ class Offers:
                 key, topic, kind, self._boot_id, self._shaping.thinning(key), useful=self._shaping.useful(key)
             )
         stream = self._streams[key]
+        self._withdrawn -= stream.dropped()
         stream.topic, stream.kind = topic, kind
         offered = asyncio.Event()
         task = self._group.create_task(self._run(key, stream, offered))
@@ -141,6 +143,7 @@ class Offers:
                 offer.forward.retire()
                 log.info("%s: withdrawn after %d messages, %d forwarded", key, said.received, said.forwarded)
             del self._offers[key]
+            self._withdrawn += self._streams[key].dropped()
 
     def _begin_results(self, plan: Plan) -> None:
         new = [camera for camera in plan.cameras if camera not in self._results]

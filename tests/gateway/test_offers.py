@@ -109,6 +109,29 @@ async def test_a_stream_counts_on_when_it_has_another_topic_or_was_withdrawn(rig
     assert (await frame_from(rig, TOPIC)).header.seq == 2
 
 
+async def test_what_withdrawn_streams_dropped_is_added_up_without_those_that_are_back(rig: Rig) -> None:
+    rear = StreamKey(REAR, Stream.COLOR)
+    both: dict[SensorKey, str] = {COLOR: TOPIC, rear: "/rear"}
+    await rig.offer(both)
+    async with (
+        rig.camera.advertise(TOPIC, TYPE_NAME) as front_publication,
+        rig.camera.advertise("/rear", TYPE_NAME) as rear_publication,
+        rig.bus.subscribe(str(COLOR), QUEUE(9)),
+        rig.bus.subscribe(str(rear), QUEUE(9)),
+    ):
+        await until(lambda: [status.publishers for status in rig.offers.streams()] == [1, 1], "both are subscribed")
+        front_publication.publish(b"garbage")
+        rear_publication.publish(b"garbage")
+        await until(lambda: all(status.dropped for status in rig.offers.streams()), "the garbage has come")
+    for _ in range(2):
+        await rig.offer({COLOR: TOPIC})
+        assert rig.offers.withdrawn() == {MALFORMED: 1}
+        await rig.offers.change(NOTHING)
+        assert rig.offers.withdrawn() == {MALFORMED: 2}
+        await rig.offer(both)
+        assert rig.offers.withdrawn() == {}
+
+
 async def test_results_follow_the_cameras_and_the_first_ones_topic_stays(rig: Rig) -> None:
     rear = StreamKey(REAR, Stream.COLOR)
 
