@@ -9,6 +9,7 @@ Ros1Error
 │   └── XmlRpcError         an XML-RPC body, or a value that cannot become one
 ├── MessageError            bytes that are not a message of the given type, or the reverse
 │   └── UnknownTypeError    a message type without a known definition
+├── UnknownMethodError      no such method in the master or slave API that was called here
 ├── LinkRefusedError        the peer of a TCPROS connection answered `error=`
 ├── TypeMismatchError       the publisher's or service's type or md5sum is not the expected one
 ├── ServiceError            a ROS service was not called, or did not answer
@@ -22,6 +23,14 @@ Ros1Error
 """
 
 from __future__ import annotations
+
+from typing import Final
+
+ERROR: Final = -1
+"""ROS's status code of calls that were wrong: nothing was done."""
+
+FAILURE: Final = 0
+"""ROS's status code of calls that were right and came to nothing, or to half of it."""
 
 
 class Ros1Error(Exception):
@@ -67,6 +76,10 @@ class UnknownTypeError(MessageError):
     """A message type without a known definition."""
 
 
+class UnknownMethodError(Ros1Error, LookupError):
+    """The master or slave API that was called here has no such method."""
+
+
 class LinkRefusedError(Ros1Error):
     """The peer answered the connection header with `error=`."""
 
@@ -108,7 +121,7 @@ class FaultError(CallError):
 
 
 class StatusError(CallError):
-    """The peer answered with ROS's status code 0 (failure) or -1 (error)."""
+    """The peer answered with ROS's status code FAILURE or ERROR."""
 
     def __init__(self, code: int, reason: str, value: object = 0) -> None:
         super().__init__(f"status {code}: {reason}")

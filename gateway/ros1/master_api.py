@@ -5,17 +5,17 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gateway.ros1.errors import InvalidNameError, StatusError
+from gateway.ros1.errors import ERROR, InvalidNameError, StatusError
 from gateway.ros1.graph import Graph
+from gateway.ros1.methods import Methods
 from gateway.ros1.names import resolve, validate_global, validate_type
 from gateway.ros1.parameters import ParameterTree
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
     from gateway.ros1.parameters import ParameterUpdate
 
-ERROR = -1
 MAX_PARAMETER_SUBSCRIPTIONS = 20_000
 
 
@@ -34,39 +34,36 @@ class MasterApi:
         self._graph = Graph()
         self._services: dict[str, tuple[str, str]] = {}
         self._parameters = ParameterTree()
-        self._methods: dict[str, Callable[..., tuple[str, Any]]] = {
-            "registerPublisher": self._register_publisher,
-            "unregisterPublisher": self._unregister_publisher,
-            "registerSubscriber": self._register_subscriber,
-            "unregisterSubscriber": self._unregister_subscriber,
-            "registerService": self._register_service,
-            "unregisterService": self._unregister_service,
-            "lookupNode": self._lookup_node,
-            "lookupService": self._lookup_service,
-            "getPublishedTopics": self._get_published_topics,
-            "getTopicTypes": lambda _: ("topic types", [list(item) for item in self._graph.topic_types.items()]),
-            "getSystemState": self._get_system_state,
-            "getUri": lambda _: ("", self.uri),
-            "getPid": lambda _: ("", os.getpid()),
-            "getParam": self._get_param,
-            "setParam": self._set_param,
-            "hasParam": lambda caller, key: (key, self._parameters.has(_key(key, caller))),
-            "deleteParam": self._delete_param,
-            "searchParam": self._search_param,
-            "getParamNames": lambda _: ("parameter names", self._parameters.names()),
-            "subscribeParam": self._subscribe_param,
-            "unsubscribeParam": self._unsubscribe_param,
-        }
+        self._methods = Methods(
+            {
+                "registerPublisher": self._register_publisher,
+                "unregisterPublisher": self._unregister_publisher,
+                "registerSubscriber": self._register_subscriber,
+                "unregisterSubscriber": self._unregister_subscriber,
+                "registerService": self._register_service,
+                "unregisterService": self._unregister_service,
+                "lookupNode": self._lookup_node,
+                "lookupService": self._lookup_service,
+                "getPublishedTopics": self._get_published_topics,
+                "getTopicTypes": lambda _: ("topic types", [list(item) for item in self._graph.topic_types.items()]),
+                "getSystemState": self._get_system_state,
+                "getUri": lambda _: ("", self.uri),
+                "getPid": lambda _: ("", os.getpid()),
+                "getParam": self._get_param,
+                "setParam": self._set_param,
+                "hasParam": self._has_param,
+                "deleteParam": self._delete_param,
+                "searchParam": self._search_param,
+                "getParamNames": lambda _: ("parameter names", self._parameters.names()),
+                "subscribeParam": self._subscribe_param,
+                "unsubscribeParam": self._unsubscribe_param,
+            }
+        )
 
     def call(self, method: str, params: tuple[Any, ...]) -> tuple[str, Any]:
-        """Answer one call; raises StatusError or LookupError as the server expects."""
-        handler = self._methods[method]
-        if not params or not isinstance(params[0], str):
-            raise StatusError(ERROR, "the first parameter is the caller's name")
+        """Answer one call; raises StatusError or UnknownMethodError as the server expects."""
         try:
-            return handler(*params)
-        except (TypeError, AttributeError) as error:
-            raise StatusError(ERROR, f"wrong parameters: {error}") from error
+            return self._methods.call(method, params)
         except InvalidNameError as error:
             raise StatusError(ERROR, str(error)) from error
 
@@ -150,11 +147,15 @@ class MasterApi:
         self._tell_parameters(self._parameters.set(_key(key, caller), value, caller))
         return f"parameter {key} set", 0
 
+    def _has_param(self, caller: str, key: str) -> tuple[str, Any]:
+        return key, self._parameters.has(_key(key, caller))
+
     def _delete_param(self, caller: str, key: str) -> tuple[str, Any]:
         try:
-            self._tell_parameters(self._parameters.delete(_key(key, caller)))
+            updates = self._parameters.delete(_key(key, caller))
         except LookupError as error:
             raise StatusError(ERROR, f"parameter {key} is not set") from error
+        self._tell_parameters(updates)
         return f"parameter {key} deleted", 0
 
     def _search_param(self, caller: str, key: str) -> tuple[str, Any]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.ros1.errors import StatusError
+from gateway.ros1.errors import ERROR, FAILURE, StatusError
 from gateway.ros1.names import namespace_of
 
-FAILURE = 0
 MAX_PARAMETER_BYTES = 8 << 20
 _VALUE_BYTES = 64
 
@@ -57,14 +56,13 @@ class ParameterTree:
         """Replace what is at the key; return whom to tell, except the caller.
 
         Raises:
-            TypeError: the root can only become a namespace.
-            StatusError: the tree would grow too large; then nothing is changed.
+            StatusError: nothing is changed: the root can only become a namespace, or the tree would grow too large.
 
         """
         parts = _parts(key)
         if not parts:
             if not isinstance(value, dict):
-                raise TypeError("the root of the parameters is a namespace")
+                raise StatusError(ERROR, "the root of the parameters is a namespace")
             self._resize(_size(value) - self._size)
             self._root = value
         else:

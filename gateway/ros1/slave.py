@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gateway.ros1.errors import StatusError
+from gateway.ros1.errors import ERROR, FAILURE, StatusError
+from gateway.ros1.methods import Methods
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-ERROR = -1
-FAILURE = 0
 _MAX_INT = 2**31 - 1
 
 
@@ -44,30 +43,26 @@ class SlaveApi:
 
     def __init__(self, state: SlaveState) -> None:
         self._state = state
-        self._methods: dict[str, Callable[..., tuple[str, Any]]] = {
-            "requestTopic": self._request_topic,
-            "publisherUpdate": self._publisher_update,
-            "paramUpdate": self._param_update,
-            "getBusStats": lambda: ("bus stats", _fitting(state.bus_stats())),
-            "getBusInfo": lambda: ("bus info", state.bus_info()),
-            "getPid": lambda: ("", os.getpid()),
-            "getSubscriptions": lambda: ("subscriptions", [list(item) for item in state.subscriptions().items()]),
-            "getPublications": lambda: ("publications", [list(item) for item in state.publications().items()]),
-            "getMasterUri": lambda: ("", state.master_uri),
-            "shutdown": self._shutdown,
-        }
+        self._methods = Methods(
+            {
+                "requestTopic": self._request_topic,
+                "publisherUpdate": self._publisher_update,
+                "paramUpdate": self._param_update,
+                "getBusStats": lambda _: ("bus stats", _fitting(state.bus_stats())),
+                "getBusInfo": lambda _: ("bus info", state.bus_info()),
+                "getPid": lambda _: ("", os.getpid()),
+                "getSubscriptions": lambda _: ("subscriptions", [list(item) for item in state.subscriptions().items()]),
+                "getPublications": lambda _: ("publications", [list(item) for item in state.publications().items()]),
+                "getMasterUri": lambda _: ("", state.master_uri),
+                "shutdown": self._shutdown,
+            }
+        )
 
     def call(self, method: str, params: tuple[Any, ...]) -> tuple[str, Any]:
-        """Answer one call; raises StatusError or LookupError as the server expects."""
-        handler = self._methods[method]
-        if not params or not isinstance(params[0], str):
-            raise StatusError(ERROR, "the first parameter is the caller's name")
-        try:
-            return handler(*params[1:])
-        except TypeError as error:
-            raise StatusError(ERROR, f"wrong parameters: {error}") from error
+        """Answer one call; raises StatusError or UnknownMethodError as the server expects."""
+        return self._methods.call(method, params)
 
-    def _request_topic(self, topic: str, protocols: list[Any]) -> tuple[str, Any]:
+    def _request_topic(self, _caller: str, topic: str, protocols: list[Any]) -> tuple[str, Any]:
         if topic not in self._state.publications():
             raise StatusError(ERROR, f"not a publisher of {topic}", [])
         if not any(isinstance(protocol, list) and protocol[:1] == ["TCPROS"] for protocol in protocols):
@@ -75,18 +70,16 @@ class SlaveApi:
         host, port = self._state.tcpros_address
         return f"ready on {host}:{port}", ["TCPROS", host, port]
 
-    def _publisher_update(self, topic: Any, publishers: Any) -> tuple[str, Any]:
-        if not isinstance(topic, str):
-            raise StatusError(ERROR, "the topic must be a name")
-        if not isinstance(publishers, list) or not all(isinstance(uri, str) for uri in publishers):
+    def _publisher_update(self, _caller: str, topic: str, publishers: list[Any]) -> tuple[str, Any]:
+        if not all(isinstance(uri, str) for uri in publishers):
             raise StatusError(ERROR, "publishers must be a list of URIs")
         self._state.publishers_updated(topic, publishers)
         return "", 0
 
-    def _param_update(self, key: str, _value: Any) -> tuple[str, Any]:
+    def _param_update(self, _caller: str, key: str, _value: Any) -> tuple[str, Any]:
         raise StatusError(ERROR, f"not subscribed to {key}")
 
-    def _shutdown(self, reason: str = "") -> tuple[str, Any]:
+    def _shutdown(self, _caller: str, reason: Any = "") -> tuple[str, Any]:
         self._state.shutdown(str(reason))
         return "shutdown", 0
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from gateway.ros1.acceptor import Acceptor
-from gateway.ros1.errors import StatusError, XmlRpcError
+from gateway.ros1.errors import FAILURE, StatusError, UnknownMethodError, XmlRpcError
 from gateway.ros1.hosts import listen, uri_host
 from gateway.ros1.tasks import to_the_end
 from gateway.ros1.wire.xmlrpc import DEFAULT_MAX_BODY_BYTES, Body, Fault, MethodResponse, encode
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from gateway.ros1.wire.xmlrpc import MethodCall
+
+log = logging.getLogger(__name__)
 
 MAX_CONNECTIONS: Final = 256
 _MAX_HELD_BODIES: Final = 4
@@ -31,7 +34,7 @@ class Api(Protocol):
 
         Raises:
             StatusError: the answer has another code than success.
-            LookupError: there is no such method.
+            UnknownMethodError: there is no such method.
 
         """
 
@@ -109,6 +112,9 @@ class XmlRpcServer:
             message, value = self._api.call(call.method, call.params)
         except StatusError as error:
             return MethodResponse([error.code, error.reason, error.value])
-        except LookupError:
-            return Fault(1, f"no method {call.method[:80]!r}")
+        except UnknownMethodError as error:
+            return Fault(1, str(error))
+        except Exception:
+            log.exception("%s failed", call.method[:80])
+            return MethodResponse([FAILURE, "internal failure", 0])  # what rosmaster and rospy say
         return MethodResponse([1, message, value])

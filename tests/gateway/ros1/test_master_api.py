@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.ros1.errors import StatusError
+from gateway.ros1.errors import StatusError, UnknownMethodError
 from gateway.ros1.master_api import MasterApi
 from gateway.ros1.parameters import MAX_PARAMETER_BYTES
 
@@ -88,6 +88,8 @@ def test_taking_a_name_tells_the_older_node_and_its_subscribers(api: MasterApi, 
         ("registerPublisher", ("relative", "/chat", "a/A", URI)),
         ("registerPublisher", ("/a", 5, "a/A", URI)),
         ("registerPublisher", ("/a", "/chat", "a/A", 5)),
+        ("registerPublisher", ("/a", "/chat", "a/A", URI, "more")),
+        ("hasParam", ("/a", 5)),
         ("setParam", ("/a", "", 1)),
         ("setParam", ("/a", "/", 1)),
         ("getParam", ("/a", "no spaces")),
@@ -118,5 +120,17 @@ def test_published_topics_within_a_namespace(api: MasterApi) -> None:
 
 
 def test_unknown_method(api: MasterApi) -> None:
-    with pytest.raises(LookupError):
+    with pytest.raises(UnknownMethodError):
         api.call("selfDestruct", ("/a",))
+
+
+@pytest.mark.parametrize("mistake", [AttributeError, KeyError, TypeError])
+def test_mistake_in_a_method_is_not_the_callers(mistake: type[Exception]) -> None:
+    class Mistaken:
+        def notify(self, _uri: str, _method: str, key: str, *_params: Any) -> None:
+            raise mistake(key)
+
+    api = MasterApi(Mistaken())
+    api.call("registerSubscriber", ("/listener", "/chat", "a/A", OTHER))
+    with pytest.raises(mistake, match="/chat"):
+        api.call("registerPublisher", ("/a", "/chat", "a/A", URI))

@@ -38,7 +38,7 @@ def test_setting_replaces_a_namespace() -> None:
 
 
 def test_root_is_a_namespace() -> None:
-    with pytest.raises(TypeError):
+    with pytest.raises(StatusError):
         tree().set("/", 5)
     with pytest.raises(LookupError):
         tree(a=1).delete("/")

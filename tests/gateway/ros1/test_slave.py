@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gateway.ros1.errors import StatusError
+from gateway.ros1.errors import StatusError, UnknownMethodError
 from gateway.ros1.slave import SlaveApi
 
 if TYPE_CHECKING:
@@ -72,7 +72,9 @@ def test_topic_is_offered_over_tcpros(node: FakeNode) -> None:
         (("/chat", []), 0),
         (("/chat", ["TCPROS"]), 0),
         (("/chat", 5), -1),
+        ((["/chat"], [["TCPROS"]]), -1),
         (("/chat",), -1),
+        (("/chat", [["TCPROS"]], "more"), -1),
     ],
 )
 def test_topic_that_cannot_be_offered(node: FakeNode, params: tuple[Any, ...], code: int) -> None:
@@ -115,5 +117,15 @@ def test_caller_has_to_say_its_name(node: FakeNode, params: tuple[Any, ...]) -> 
 
 
 def test_unknown_method(node: FakeNode) -> None:
-    with pytest.raises(LookupError):
+    with pytest.raises(UnknownMethodError):
         ask(node, "selfDestruct")
+
+
+@pytest.mark.parametrize("mistake", [KeyError, TypeError])
+def test_mistake_in_a_method_is_not_the_callers(mistake: type[Exception]) -> None:
+    class Mistaken(FakeNode):
+        def shutdown(self, reason: str) -> None:
+            raise mistake(reason)
+
+    with pytest.raises(mistake, match="name taken"):
+        ask(Mistaken(), "shutdown", "name taken")

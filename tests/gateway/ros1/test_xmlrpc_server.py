@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gateway.ros1.errors import FaultError, StatusError, UnreachableError, XmlRpcError
+from gateway.ros1.errors import FaultError, StatusError, UnknownMethodError, UnreachableError, XmlRpcError
 from gateway.ros1.wire.xmlrpc import MethodCall, encode
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from gateway.ros1.xmlrpc_server import MAX_CONNECTIONS, XmlRpcServer
@@ -26,8 +26,10 @@ class Api:
                 raise StatusError(0, "not today", [])
             case "big":
                 return "", 2**40
+            case "mistaken":
+                raise (KeyError if params == ("lookup",) else TypeError)("what its author did not think of")
             case _:
-                raise LookupError(method)
+                raise UnknownMethodError(f"no method {method!r}")
 
 
 @pytest.fixture
@@ -83,6 +85,18 @@ async def test_failure_keeps_its_code_and_text(server: XmlRpcServer, client: Xml
 async def test_unknown_method_is_a_fault(server: XmlRpcServer, client: XmlRpcClient) -> None:
     with pytest.raises(FaultError, match="no method 'nothing'"):
         await client.call(server.uri, "nothing")
+
+
+@pytest.mark.parametrize("mistake", ["lookup", "type"])
+async def test_mistake_in_a_method_is_a_failure_and_in_the_log(
+    server: XmlRpcServer, client: XmlRpcClient, mistake: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(StatusError, match="internal failure") as error:
+        await client.call(server.uri, "mistaken", mistake)
+    assert error.value.code == 0
+    assert "mistaken failed" in caplog.text
+    assert "what its author did not think of" in caplog.text
+    assert await client.call(server.uri, "echo", 1) == [1]
 
 
 async def test_answer_that_xmlrpc_cannot_carry_is_a_fault(server: XmlRpcServer, client: XmlRpcClient) -> None:
