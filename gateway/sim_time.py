@@ -5,7 +5,6 @@ import logging
 from typing import Final
 
 from bus.shared_demand import SharedDemand, while_wanted
-from gateway.rate_limited_log import RateLimitedLog
 from gateway.ros1.errors import MessageError, Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock, decode_clock
@@ -35,16 +34,14 @@ async def _is_set(node: Node, *, before: bool) -> bool:
 
 
 async def _listen(node: Node, clock: SimClock) -> None:
-    limited = RateLimitedLog(log)
-
     def on_message(message: Message) -> None:
         try:
             jumped = clock.tell(decode_clock(message.data))
         except MessageError as error:
-            limited.warning("%s from %s: %s", TOPIC, message.callerid, error)
+            log.warning("%s from %s: %s", TOPIC, message.callerid, error)
             return
         if jumped:
-            limited.warning("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)
+            log.warning("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)
 
     log.info("%s is set: ROS time is what %s says", PARAMETER, TOPIC)
     async with node.subscribe(TOPIC, TYPE_NAME, on_message):

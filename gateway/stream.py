@@ -7,7 +7,6 @@ from typing import Final
 
 from gateway.gaps import Gaps
 from gateway.meter import Meter
-from gateway.rate_limited_log import RateLimitedLog
 from gateway.ros1.errors import MessageError, TypeMismatchError
 from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.subscriber import Message
@@ -57,7 +56,6 @@ class StreamForward:
         self._useful = useful
         self._robot, self._camera = owner_of(key)
         self._boot_id = boot_id
-        self._log = RateLimitedLog(log)
         self._translates: dict[TopicType, Translate] = {}
         self._received = 0
         self._translated = 0
@@ -122,7 +120,7 @@ class StreamForward:
 
     def _leave_out(self, reason: str, message: Message, error: Exception) -> None:
         self._dropped[reason] += 1
-        self._log.warning("%s from %s: message left out: %s", self.topic, message.callerid, error)
+        log.warning("%s from %s: message left out: %s", self.topic, message.callerid, error)
 
     def _header(self, now_ns: int) -> Header:
         return Header(

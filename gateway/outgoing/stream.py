@@ -7,7 +7,6 @@ from typing import Final, Generic
 
 from gateway.outgoing.novelty import Novelty
 from gateway.outgoing.translator import R, Translator
-from gateway.rate_limited_log import RateLimitedLog
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
@@ -36,7 +35,6 @@ class StreamReturn(Generic[R]):
         self.key = key
         self.translator = translator
         self.topics = topics
-        self._log = RateLimitedLog(log)
         self._novelty = novelty
         self._received = 0
         self._published = 0
@@ -59,7 +57,7 @@ class StreamReturn(Generic[R]):
             self._dropped[DOUBLED] += 1
         elif (route := self.translator.route(result)) not in self.topics:
             self._dropped[REFUSED] += 1
-            self._log.warning("%s: %r refused: the gateway's settings do not allow it", self.key, route)
+            log.warning("%s: %r refused: the gateway's settings do not allow it", self.key, route)
         else:
             return result
         return None
@@ -81,12 +79,12 @@ class StreamReturn(Generic[R]):
     def leave_out(self, error: Exception) -> None:
         """Take note that a result cannot be returned."""
         self._dropped[MALFORMED] += 1
-        self._log.warning("%s: result left out: %s", self.key, error)
+        log.warning("%s: result left out: %s", self.key, error)
 
     def unheard(self, result: R) -> None:
         """Take note that nobody was there to take a result."""
         self._dropped[UNHEARD] += 1
-        self._log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
+        log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
 
     def retire(self, *, slow: int) -> None:
         """Remember what has been counted (see `status`) by publications that end: the stream counts on."""

@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from bus import Payload, Pieces, Publisher
-from gateway.rate_limited_log import RateLimitedLog
 from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.pacer import Pacer
@@ -58,7 +57,6 @@ class Outlet:
         pacer: Pacer | None = None,
     ) -> None:
         self._key = key
-        self._log = RateLimitedLog(log)
         self._publisher = publisher
         self._plan = plan
         self._workshop = workshop
@@ -103,7 +101,7 @@ class Outlet:
     def spoilt(self, error: Exception) -> None:
         """See `Customer`."""
         self._dropped[UNSHAPED] += 1
-        self._log.warning("%s: frame left out: %s", self._key, error)
+        log.warning("%s: frame left out: %s", self._key, error)
 
     def _pass_on(self, payload: Payload, moment: Moment | None = None) -> None:
         if self._pacer is None:

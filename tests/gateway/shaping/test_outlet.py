@@ -17,6 +17,7 @@ from schemas.points import PointCloud
 from schemas.raw import RawMessage
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
 from schemas.transforms import Transforms
+from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
 from tests.gateway.shaping.frames import cloud, frame, picture
@@ -91,10 +92,11 @@ async def test_a_frame_that_cannot_be_scaled_is_counted_and_said_once_in_a_while
     rig: Rig, caplog: pytest.LogCaptureFixture
 ) -> None:
     outlet, arrived = await rig.outlet(COLOR, await rig.shaping(scale="1/2"))
-    outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
-    await until(lambda: UNSHAPED in outlet.counts.dropped, "it is counted")
-    outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
-    await until(lambda: outlet.counts.dropped == {UNSHAPED: 2}, "it is counted again")
+    with caplog.filtering(RateLimitFilter(RateLimit())):
+        outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+        await until(lambda: UNSHAPED in outlet.counts.dropped, "it is counted")
+        outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+        await until(lambda: outlet.counts.dropped == {UNSHAPED: 2}, "it is counted again")
     (line,) = [record.getMessage() for record in caplog.records if record.name == outlet_module.__name__]
     assert line.startswith("fleet/r1/front/color: frame left out: a png that arrived as one cannot be scaled")
     outlet.put(numbered(1))
