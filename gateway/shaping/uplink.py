@@ -124,11 +124,6 @@ class Uplink(Generic[S, T]):
         """Forget which moment of something has begun; to be called when nothing waits that is of one of them."""
         self._begun.pop(of, None)
 
-    @property
-    def backlog(self) -> float:
-        """Bytes given to the link that it cannot have sent by the last `release` or `charge`."""
-        return self._backlog
-
     def _drain(self, now: float) -> None:
         sent = self._rate * max(0.0, now - self._at)
         self._backlog = max(0.0, self._backlog - sent)

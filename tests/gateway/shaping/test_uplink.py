@@ -8,11 +8,24 @@ RATE = 1_000_000.0
 FULL = int(RATE * BACKLOG_S)
 
 
+class Link:
+    """Sends RATE bytes a second. unsent: what it has not sent yet of what it was given."""
+
+    def __init__(self) -> None:
+        self.unsent = 0.0
+        self._at_s = 0.0
+
+    def give(self, size: int, now_s: float) -> None:
+        self.unsent = max(0.0, self.unsent - RATE * (now_s - self._at_s)) + size
+        self._at_s = now_s
+
+
 class Streams:
     """Streams that offer an item of one size each, period after period, through one uplink; time is counted in ms."""
 
     def __init__(self, sizes: dict[str, int], periods_ms: dict[str, int]) -> None:
         self.uplink: Uplink[str, int] = Uplink(RATE)
+        self.link = Link()
         self.sizes = sizes
         self.periods_ms = periods_ms
         self.sent: dict[str, list[int]] = {stream: [] for stream in sizes}
@@ -25,7 +38,8 @@ class Streams:
                     self.replaced += self.uplink.offer(stream, now_ms, self.sizes[stream])
             for stream, offered_ms in self.uplink.release(now_ms / 1000):
                 self.sent[stream].append(offered_ms)
-            assert self.uplink.backlog <= max(FULL, *self.sizes.values()) + 1
+                self.link.give(self.sizes[stream], now_ms / 1000)
+            assert self.link.unsent <= max(FULL, *self.sizes.values()) + 1
 
     def bytes_of(self, stream: str) -> int:
         return len(self.sent[stream]) * self.sizes[stream]
@@ -169,6 +183,7 @@ def moment_items(
     every: of so many moments a stream has an item of one only.
     """
     uplink: Uplink[str, int] = Uplink(RATE)
+    link = Link()
     moments = [Moment("front", number) for number in range(30 * seconds)]
     sent: dict[str, list[int]] = {stream: [] for stream in sizes}
     for now_ms in range(seconds * 1000):
@@ -178,7 +193,8 @@ def moment_items(
                 uplink.offer(stream, number, size, moments[number])
         for stream, number in uplink.release(now_ms / 1000):
             sent[stream].append(number)
-        assert uplink.backlog <= max(FULL, *sizes.values()) + 1
+            link.give(sizes[stream], now_ms / 1000)
+        assert link.unsent <= max(FULL, *sizes.values()) + 1
         list(uplink.lost())
     return sent
 
