@@ -118,7 +118,7 @@ class Waiting:
 
     def _joined(self, found: Detections, *, late: bool) -> Matched | None:
         match self._clouds.find(found.header.stamp_ns):
-            case Partner(cloud) if late or self._is_placed(found.header, cloud.header):
+            case Partner(cloud, final=final) if late or (final and self._is_placed(found.header, cloud.header)):
                 return Matched(found, cloud)
         return None
 

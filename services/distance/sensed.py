@@ -57,7 +57,7 @@ class Sensed:
         if not isinstance(from_depth, str):
             from_depth = self._moved(from_depth, header, depth.header)
         instant = Instant(detections, depth, self.info, self.depth_info, from_depth)
-        return Moment(instant, frames, open=frames_open or early)
+        return Moment(instant, frames, open=frames_open or early or not found.final)
 
     def _frames(self, camera: str, stamp_ns: int) -> tuple[tuple[Frame, ...], bool]:
         found = [(name, *self._lookup(name, camera, stamp_ns)) for name in self.frames]

@@ -20,6 +20,9 @@ UNKNOWN_PERIOD_NS: Final = 33_333_333
 LONGEST_PERIOD_NS: Final = 200_000_000
 _PERIODS: Final = 15
 
+SOON_NS: Final = 200_000_000
+"""What is nearer, but farther off than this yet, is not waited for."""
+
 UNUSED: Final = "nothing of its instant was asked for"
 FLUSHED: Final = "kept when the clock jumped back"
 DOUBLE: Final = "a stamp that is there already"
@@ -27,10 +30,11 @@ DOUBLE: Final = "a stamp that is there already"
 
 @dataclass(frozen=True, slots=True)
 class Partner(Generic[T]):
-    """What was found, and its stamp."""
+    """What was found, and its stamp. final: nothing nearer will come; otherwise it may."""
 
     item: T
     stamp_ns: int
+    final: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +81,11 @@ class Joiner(Generic[T]):
         """How far apart the stamps of one instant may be now."""
         if self._given_ns is not None:
             return self._given_ns
-        period = sorted(self._periods)[len(self._periods) // 2] if self._periods else UNKNOWN_PERIOD_NS
-        return min(period, LONGEST_PERIOD_NS) // 2
+        return min(self._period_ns or UNKNOWN_PERIOD_NS, LONGEST_PERIOD_NS) // 2
+
+    @property
+    def _period_ns(self) -> int | None:
+        return sorted(self._periods)[len(self._periods) // 2] if self._periods else None
 
     def keep(self, stamp_ns: int, item: T, size: int) -> None:
         """Keep an item with `size` bytes of data; where there is no room the oldest leave, here or elsewhere."""
@@ -99,14 +106,16 @@ class Joiner(Generic[T]):
         self._budget.settle()
 
     def find(self, stamp_ns: int) -> Partner[T] | NoPartner:
-        """Return the item nearest to a stamp, or why there is none; the item stays."""
+        """Return the item nearest to a stamp so far, or why there is none; the item stays."""
         place = bisect_left(self._kept, stamp_ns, key=lambda kept: kept.stamp_ns)
+        may_come = place == len(self._kept)
         around = self._kept[max(0, place - 1) : place + 1]
         best = min(around, key=lambda kept: abs(kept.stamp_ns - stamp_ns), default=None)
         if best is not None and abs(best.stamp_ns - stamp_ns) <= self.tolerance_ns:
             best.used = True
-            return Partner(best.item, best.stamp_ns)
-        return self._missing(best, stamp_ns, may_come=place == len(self._kept))
+            nearer = may_come and self._nearer_comes(stamp_ns - best.stamp_ns)
+            return Partner(best.item, best.stamp_ns, final=not nearer)
+        return self._missing(best, stamp_ns, may_come=may_come)
 
     def shed(self) -> None:
         """Let go of the oldest item."""
@@ -116,6 +125,13 @@ class Joiner(Generic[T]):
         """Forget everything: the clock is another one."""
         self._leave(len(self._kept), FLUSHED)
         self._periods.clear()
+
+    def _nearer_comes(self, ahead_ns: int) -> bool:
+        """Return whether what comes next may be nearer, soon, to a stamp that is so far ahead of the newest."""
+        period = self._period_ns
+        if period is None:
+            return self._given_ns is not None  # what is not given is half a period already
+        return 2 * ahead_ns > period and period - ahead_ns <= SOON_NS
 
     def _missing(self, nearest: _Kept[T] | None, stamp_ns: int, *, may_come: bool) -> NoPartner:
         if nearest is None:

@@ -22,9 +22,10 @@ MS = 1_000_000
 class Rig:
     """A robot whose points come ten times a second."""
 
-    def __init__(self, target: str = "") -> None:
+    def __init__(self, target: str = "", tolerance_ms: int | None = None) -> None:
         self.account = Tally(CameraKey("r1", "front"))
-        self.waiting = Waiting(self.account, target=target)
+        tolerance_ns = None if tolerance_ms is None else tolerance_ms * MS
+        self.waiting = Waiting(self.account, target=target, tolerance_ns=tolerance_ns)
 
     def found(self, seq: int, at_ms: int, now_s: float = 0.0) -> None:
         self.waiting.detections(found(seq, at_ms), now_s)
@@ -96,6 +97,31 @@ def test_they_wait_for_points_that_may_still_come_but_not_for_ever() -> None:
     rig.found(2, 1300, now_s=6.0)
     assert rig.took(6.0 + PATIENCE_S) == (2, None)
     assert rig.waiting.until_s is None
+
+
+def test_points_of_the_turn_before_are_taken_only_where_nearer_ones_do_not_come() -> None:
+    rig = Rig(tolerance_ms=100)
+    rig.points(1000, 1100)
+    rig.found(1, 1150)
+    assert rig.took() == (1, 1100)
+    rig.found(2, 1200)
+    assert rig.took() is None
+    rig.points(1200)
+    assert rig.took() == (2, 1200)
+    rig.found(3, 1300)
+    assert rig.took(PATIENCE_S - 0.01) is None
+    assert rig.took(PATIENCE_S) == (3, 1200)
+
+
+def test_pictures_faster_than_points_each_get_some_within_the_patience() -> None:
+    rig = Rig(tolerance_ms=100)
+    rig.points(*range(0, 1100, 100))
+    for seq, at in enumerate((1033, 1066, 1100)):
+        rig.found(seq, at, now_s=at / 1000)
+    assert rig.took(1.1) == (0, 1000)
+    assert rig.took(1.1) is None
+    assert rig.took(1.066 + PATIENCE_S) == (1, 1000)
+    assert rig.took(1.1 + PATIENCE_S) == (2, 1000)
 
 
 def test_how_long_they_waited_is_said() -> None:

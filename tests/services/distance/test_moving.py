@@ -77,7 +77,8 @@ def sensed(motion: Motion, after_ns: int, *, heard: tuple[int, ...]) -> Sensed:
     """Return what a robot that moves like this has said. heard: when its odometry was, from the image on."""
     made = Sensed((), Joiner("depth image", tolerance_ns=AT_ONCE), info=calibration(), depth_info=calibration())
     image = of_depth(motion, after_ns)
-    made.depths.keep(image.header.stamp_ns, image, image.data.nbytes)
+    for before_ns in (3 * AT_ONCE, 0):  # so that none is expected any nearer to the image
+        made.depths.keep(image.header.stamp_ns - before_ns, image, image.data.nbytes)
     for at in heard:
         made.transforms.take(odometry(motion, at), static=False)
     return made

@@ -50,6 +50,21 @@ def test_no_depth_yet_or_none_of_the_instant() -> None:
     assert "no depth image of its instant" in str(moment.instant)
 
 
+def test_depth_of_the_image_before_is_taken_only_where_its_own_does_not_come() -> None:
+    made = Sensed((), Joiner("depth image", tolerance_ns=70_000_000))
+    for seq in (1, 2, 3):
+        keep(made, seq)
+    moment = made.at(detections([], 4))
+    assert moment.open
+    assert isinstance(moment.instant, Instant)
+    assert moment.instant.depth.header.seq == 3
+    keep(made, 4)
+    moment = made.at(detections([], 4))
+    assert not moment.open
+    assert isinstance(moment.instant, Instant)
+    assert moment.instant.depth.header.seq == 4
+
+
 def test_an_image_without_a_stamp_is_of_no_instant() -> None:
     made = sensed("map")
     keep(made, 1)

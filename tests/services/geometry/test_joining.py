@@ -40,6 +40,41 @@ def test_the_tolerance_is_half_the_streams_own_period() -> None:
     assert isinstance(made.find(851 * MS), Partner)
 
 
+def nearest(of: Joiner[str], stamp_ms: int) -> tuple[str, bool]:
+    """Return what is found, and whether nothing nearer may come."""
+    found = of.find(stamp_ms * MS)
+    assert isinstance(found, Partner)
+    return found.item, found.final
+
+
+def test_a_nearer_one_may_come_after_one_that_is_half_a_period_before() -> None:
+    made = joiner(*range(0, 1000, 66), tolerance_ms=70)
+    assert nearest(made, 990 + 33) == ("at 990", True)
+    assert nearest(made, 990 + 34) == ("at 990", False)
+    assert nearest(made, 990 + 66) == ("at 990", False)
+    made.keep((990 + 66) * MS, "its own", 100)
+    assert nearest(made, 990 + 66) == ("its own", True)
+
+
+def test_nothing_nearer_comes_once_there_is_one_after_it() -> None:
+    made = joiner(*range(0, 1000, 66), tolerance_ms=70)
+    made.keep((990 + 132) * MS, "the next but one", 100)
+    assert nearest(made, 990 + 65) == ("at 990", True)
+
+
+def test_before_anything_is_measured_anything_may_come_nearer() -> None:
+    made = joiner(100, tolerance_ms=70)
+    assert nearest(made, 100) == ("at 100", True)
+    assert nearest(made, 101) == ("at 100", False)
+    assert nearest(joiner(100, tolerance_ms=None), 101) == ("at 100", True)
+
+
+def test_a_nearer_one_that_is_far_off_yet_is_not_waited_for() -> None:
+    made = joiner(0, 1000, 2000, tolerance_ms=1000)
+    assert nearest(made, 2600) == ("at 2000", True)
+    assert nearest(made, 2900) == ("at 2000", False)
+
+
 def test_one_gap_does_not_widen_the_tolerance_and_a_slow_stream_has_a_limit() -> None:
     assert joiner(0, 30, 60, 90, 800, tolerance_ms=None).tolerance_ns == 15 * MS
     assert joiner(0, 900, 1800, tolerance_ms=None).tolerance_ns == 100 * MS
