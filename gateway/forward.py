@@ -75,8 +75,30 @@ class Forward:
         return said + (self.subscription.problems if self.subscription else [])
 
     async def run(self, topics: Subscriptions) -> None:
-        """Subscribe on ROS whenever the stream is wanted, for ever."""
-        await while_wanted(self.demand, lambda: self._subscribe(topics), linger_s=self.linger_s)
+        """Subscribe on ROS whenever the stream is wanted, for ever; or all the time, where it merges."""
+        if self.stream.kind.merges:
+            await self._stay_subscribed(topics)
+        else:
+            await while_wanted(self.demand, lambda: self._subscribe(topics), linger_s=self.linger_s)
+
+    async def _stay_subscribed(self, topics: Subscriptions) -> None:
+        """Subscribe on ROS all the time, and anew when it is wanted after a pause: who has gone counts no longer.
+
+        Of what a publisher latches in a pause, whoever subscribes after it is handed the last message alone.
+        """
+        while True:
+            async with asyncio.TaskGroup() as group:
+                subscribed = group.create_task(self._subscribe(topics))
+                await self._wanted_after_a_pause()
+                subscribed.cancel()
+
+    async def _wanted_after_a_pause(self) -> None:
+        paused_s = 0.0
+        while paused_s < self.linger_s:
+            await self.demand.until(wanted=False)
+            since = time.monotonic()
+            await self.demand.until(wanted=True)
+            paused_s = time.monotonic() - since
 
     async def _subscribe(self, topics: Subscriptions) -> None:
         self.stream.begin()
@@ -126,6 +148,7 @@ async def offering(
         it any more.
     """
     demand = SharedDemand()
+    stream.reset()
     key, kind = str(stream.key), stream.kind
     async with (
         bus.publisher(key, kind.qos, encoding=kind.encoding, on_demand=demand.of(key)) as publisher,

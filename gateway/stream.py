@@ -13,7 +13,7 @@ from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.instants import Thinning
-from gateway.translators import StreamKind, Translate
+from gateway.translators import Merging, StreamKind, Translate
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -65,14 +65,20 @@ class StreamForward:
         self._replaced = 0
         self._broken_links: Counter[str] = Counter()
         self._shaped = OutletCounts()
-        self.begin()
+        self.reset()
 
-    def begin(self) -> None:
-        """Start a subscription: what was kept of an earlier one's messages is forgotten."""
-        self._gaps.begin()
+    def reset(self) -> None:
+        """Start with a topic and a kind: what was kept of earlier messages is forgotten."""
         translators = self.kind.translators
         begun = {begin: begin() for begin in set(translators.values())}
         self._translates = {message_type(name).topic_type: begun[begin] for name, begin in translators.items()}
+
+    def begin(self) -> None:
+        """Start a subscription: publishers that are not heard in it count no longer."""
+        self._gaps.begin()
+        for translate in self._translates.values():
+            if isinstance(translate, Merging):
+                translate.begin()
 
     def take(self, message: Message, now_ns: int) -> codec.Message | None:
         """Return what a ROS message says, or None when it cannot be read or is one too many, which is counted.

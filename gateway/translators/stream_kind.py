@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Protocol, runtime_checkable
 
 import msgspec
 
@@ -22,11 +22,19 @@ Raises MessageError or SchemaError for bytes that are not such a message.
 """
 
 
+@runtime_checkable
+class Merging(Protocol):
+    """A translation that knows one subscription's messages from another's."""
+
+    def begin(self) -> None:
+        """Start a subscription."""
+
+
 @dataclass(frozen=True, slots=True)
 class StreamKind:
-    """One schema, and by ROS type (`*` for any) what begins translating a subscription's messages to it.
+    """One schema, and by ROS type (`*` for any) what begins translating a topic's messages to it.
 
-    Types with the same beginning share one translation of a subscription's messages.
+    Types with the same beginning share one translation of a topic's messages.
     max_bytes: a longer ROS message is not looked at. merges: each message holds what all publishers said before.
     """
 

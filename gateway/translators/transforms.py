@@ -16,6 +16,7 @@ TYPE_NAMES: Final = (TYPE_NAME, "tf/tfMessage")
 """The second one is the same message, md5sum and all, as tf called it and rosserial still does."""
 
 _COUNT: Final = struct.Struct("<I")
+_Publisher = tuple[str, str]
 
 
 def transforms(message: Message, header: Header) -> Transforms:
@@ -27,19 +28,29 @@ class StaticTransforms:
     """Merges what all publishers of a subscription said into one whole; of each child the last one counts.
 
     So does a ROS listener. The last message of each publisher would not do: `rosbag play` sends what several recorded
-    publishers latched under its one name.
+    publishers latched under its one name, and a rospy node what several broadcasters did. Of all that, a new
+    subscription is handed the last message alone; who sends one has not gone, and what it said earlier counts again.
     """
 
     def __init__(self) -> None:
-        self._known: dict[str, Transform] = {}
+        self._known: dict[str, tuple[_Publisher, Transform]] = {}
+        self._heard: set[_Publisher] = set()
+
+    def begin(self) -> None:
+        """Start a subscription: what a publisher said before counts once it is heard again."""
+        self._heard.clear()
 
     def __call__(self, message: Message, header: Header) -> Transforms:
         """Translate a message to all transforms known with it."""
-        known = self._known | {found.child_frame_id: found for found in _transforms(message)}
-        if len(known) > MAX_TRANSFORMS:
-            raise SchemaError(f"static transforms of {len(known)} frames, at most {MAX_TRANSFORMS} are kept")
-        self._known = known
-        return Transforms(header=header, transforms=list(known.values()))
+        publisher = message.uri, message.callerid
+        heard = self._heard | {publisher}
+        known = self._known | {found.child_frame_id: (publisher, found) for found in _transforms(message)}
+        whole = {child: said for child, said in known.items() if said[0] in heard}
+        if len(whole) > MAX_TRANSFORMS:
+            raise SchemaError(f"static transforms of {len(whole)} frames, at most {MAX_TRANSFORMS} are kept")
+        self._known = known if len(known) <= MAX_TRANSFORMS else whole
+        self._heard = heard & {said_by for said_by, _ in whole.values()}  # no more of them than there are transforms
+        return Transforms(header=header, transforms=[transform for _, transform in whole.values()])
 
 
 def _transforms(message: Message) -> list[Transform]:

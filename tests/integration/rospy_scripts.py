@@ -89,6 +89,22 @@ print("latched", flush=True)
 rospy.spin()
 """
 
+STATIC_FRAMES = """
+import sys, rospy
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
+rospy.init_node("nodelets")
+broadcasters = [(rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True), child) for child in sys.argv[1:]]
+while not broadcasters[0][0].get_num_connections():
+    rospy.sleep(0.01)
+for publisher, child in broadcasters:
+    only = TransformStamped(child_frame_id=child)
+    only.header.frame_id, only.transform.rotation.w = "base_link", 1.0
+    publisher.publish(TFMessage([only]))
+print("latched", flush=True)
+rospy.spin()
+"""
+
 PICTURE = """
 import sys, rospy
 from sensor_msgs.msg import Image

@@ -1,5 +1,6 @@
 """What real rospy publishers latched, for whoever subscribes on Zenoh, whenever that is."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 from rosbags.rosbag1 import Writer
 
 from bus import Subscription
+from gateway.forward import LINGER_S
 from gateway.ros1.messages import deserialise, message_type
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
@@ -15,7 +17,7 @@ from schemas.transforms import Transforms
 from tests.gateway.sensing import tf, transform
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, RosProcess, require_ros
-from tests.integration.rospy_scripts import PICTURE, STATIC_FRAME, TALKER
+from tests.integration.rospy_scripts import PICTURE, STATIC_FRAME, STATIC_FRAMES, TALKER
 
 CAMERAS = {"floor": "/floor/image_raw"}
 
@@ -60,6 +62,21 @@ async def test_static_transforms_are_whole_for_whoever_joins_when(ros: RosEnviro
         await frames_until(early, {"lens", "beam", "mast"})
         async with rig.subscribed(key) as later:
             await frames_until(later, {"lens", "beam", "mast"})
+
+
+async def test_static_transforms_of_a_node_with_several_broadcasters_are_whole_after_a_pause(
+    ros: RosEnvironment, rig: FleetRig
+) -> None:
+    require_ros("tf2_msgs")
+    key, whole = str(sensor_key("r1", "tf_static")), {"lens", "beam", "mast"}
+    await rig.gateway("r1", ros.master_uri, CAMERAS, "--topics", "tf_static=/tf_static")
+    await latched(ros, STATIC_FRAMES, *sorted(whole))  # which nobody wants yet
+    for _ in range(2):
+        await asyncio.sleep(LINGER_S + 0.5)
+        async with rig.subscribed(key) as samples:
+            for _ in range(2):  # kept before, and handed over anew by the node
+                sent = await receive(samples, Transforms)
+                assert {found.child_frame_id for found in sent.transforms} == whole
 
 
 async def test_pictures_of_two_publishers_reach_every_late_subscriber(ros: RosEnvironment, rig: FleetRig) -> None:

@@ -60,11 +60,29 @@ def test_static_transforms_are_told_whole_whatever_their_type_is_called() -> Non
     assert children(stream, tf(transform("c"), callerid="/one")) == {"a": 0, "b": 0, "c": 0}
 
 
-def test_a_new_subscription_begins_with_nothing() -> None:
+def test_a_new_subscription_begins_with_nothing_of_publishers_that_have_gone() -> None:
     stream = forward("tf_static")
-    children(stream, tf(transform("gone")))
+    children(stream, tf(transform("gone"), callerid="/one"))
+    children(stream, tf(transform("gone too"))._replace(uri="http://robot:2/"))
     stream.begin()
     assert children(stream, tf(transform("a"))) == {"a": 0}
+
+
+def test_what_a_publisher_said_in_an_earlier_subscription_counts_once_it_is_heard_again() -> None:
+    stream = forward("tf_static")
+    for child in ("camera", "lidar"):
+        children(stream, tf(transform(child), callerid="/nodelets"))
+    children(stream, tf(transform("mast"), callerid="/mast"))
+    stream.begin()
+    assert children(stream, tf(transform("mast"), callerid="/mast")) == {"mast": 0}
+    assert children(stream, tf(transform("lidar", x=1), callerid="/nodelets")) == {"camera": 0, "lidar": 1, "mast": 0}
+
+
+def test_a_stream_of_another_topic_begins_with_nothing() -> None:
+    stream = forward("tf_static")
+    children(stream, tf(transform("a")))
+    stream.reset()
+    assert children(stream, tf(transform("b"))) == {"b": 0}
 
 
 def many(count: int, prefix: str = "f") -> Message:
@@ -82,6 +100,15 @@ def test_static_transforms_are_bounded_over_all_messages_and_the_known_ones_stay
     assert len(children(stream, many(MAX_TRANSFORMS))) == MAX_TRANSFORMS
     assert stream.take(many(1, "g"), 0) is None
     assert len(children(stream, many(1))) == MAX_TRANSFORMS
+
+
+def test_publishers_that_have_gone_take_no_place() -> None:
+    stream = forward("tf_static")
+    children(stream, many(MAX_TRANSFORMS))
+    stream.begin()
+    for child in ("a", "b"):
+        children(stream, tf(transform(child), callerid="/another"))
+    assert children(stream, tf(transform("c"), callerid="/another")) == {"a": 0, "b": 0, "c": 0}
 
 
 def test_a_frames_name_is_never_cut() -> None:
