@@ -18,7 +18,7 @@ def point_cloud(message: Message, header: Header) -> PointCloud:
         fields=[_field(field.name, field.offset, field.datatype, field.count) for field in found.fields],
         is_bigendian=found.is_bigendian,
         point_step=found.point_step,
-        row_step=found.row_step,
+        row_step=found.row_step or (found.data.nbytes if found.height == 1 else 0),  # some drivers leave it unset
         data=found.data,
         is_dense=found.is_dense,
     )

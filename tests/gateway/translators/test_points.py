@@ -24,6 +24,12 @@ def test_a_scan_that_hit_nothing_is_a_cloud_too() -> None:
     assert translated(PointCloud, "lidar/points", empty).width == 0
 
 
+def test_one_row_whose_length_its_driver_left_unset_is_all_of_the_data() -> None:
+    made = translated(PointCloud, "lidar/points", point_cloud(height=1, width=6, row_step=0))
+    assert (made.height, made.width, made.point_step, made.row_step) == (1, 6, 8, 48)
+    assert bytes(made.data) == bytes(range(48))
+
+
 def field(**changes: Any) -> dict[str, Any]:
     return {
         "fields": [
@@ -40,6 +46,8 @@ def field(**changes: Any) -> dict[str, Any]:
         {"width": 2**32 - 1, "height": 2**32 - 1},
         {"point_step": 0},
         {"row_step": 23},
+        {"row_step": 0},
+        {"row_step": 0, "height": 1, "width": 7},
         {"data": np.zeros(47, np.uint8)},
         field(datatype=0),
         field(datatype=9),
