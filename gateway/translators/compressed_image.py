@@ -3,6 +3,8 @@
 import struct
 from typing import Any, Final
 
+import msgspec
+
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
 from gateway.translators.image import checked_depth
@@ -10,10 +12,11 @@ from gateway.translators.stream_kind import stamp_of, stamped
 from schemas.compression import picture_of
 from schemas.errors import SchemaError
 from schemas.header import Header
-from schemas.image import BYTES_PER_PIXEL, HELD_AS, ImageFrame
+from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, HELD_AS, ImageFrame
 
 TYPE_NAME: Final = "sensor_msgs/CompressedImage"
 COMPRESSED_DEPTH: Final = "compressedDepth"
+_DEPTHS: Final = DEPTH_ENCODINGS | {"mono16"}
 _QUANTIZATION: Final = struct.Struct("<iff")
 
 
@@ -41,12 +44,17 @@ def compressed_image(message: Message, header: Header) -> ImageFrame:
 
 def compressed_depth(message: Message, header: Header) -> ImageFrame:
     """Translate a PNG file of depth, with or without what the compressedDepth transport puts before it."""
-    return checked_depth(compressed_image(message, header))
+    frame = compressed_image(message, header)
+    if frame.encoding == "mono16":  # not every driver says what its file is made of
+        frame = msgspec.structs.replace(frame, encoding="16UC1")
+    return checked_depth(frame)
 
 
 def _inverse_depth(original: str, data: memoryview) -> tuple[float, float] | None:
     """Return the quantization of metres that stands before the file; millimetres have none."""
     if len(data) < _QUANTIZATION.size:
         raise SchemaError(f"{COMPRESSED_DEPTH} of {len(data)} bytes")
+    if original not in _DEPTHS:
+        raise SchemaError(f"{COMPRESSED_DEPTH} of {original[:32]!r}")
     _, a, b = _QUANTIZATION.unpack_from(data)
     return (a, b) if original == "32FC1" else None

@@ -50,11 +50,19 @@ def test_what_is_no_file_is_malformed(message: Message) -> None:
     assert dropped("front/color", message) == {MALFORMED: 1}
 
 
-@pytest.mark.parametrize("said", ["16UC1; compressedDepth png", "16UC1; compressedDepth"])
+@pytest.mark.parametrize(
+    "said", ["16UC1; compressedDepth png", "16UC1; compressedDepth", "mono16; compressedDepth png"]
+)
 def test_compressed_millimetres(said: str) -> None:
     made = translated(ImageFrame, "front/depth", compressed(said, bytes(12) + file_of(DEEP, ".png")))
     assert (made.format, made.encoding, made.step, made.inverse_depth) == ("png", "16UC1", 12, None)
     assert bytes(made.data) == file_of(DEEP, ".png")
+
+
+@pytest.mark.parametrize("said", ["png", "", "mono16; png compressed ", "16UC1; png compressed "])
+def test_sixteen_bits_on_a_depth_stream_are_millimetres_whatever_they_are_called(said: str) -> None:
+    made = translated(ImageFrame, "front/depth", compressed(said, file_of(DEEP, ".png")))
+    assert (made.format, made.encoding, made.step, made.inverse_depth) == ("png", "16UC1", 12, None)
 
 
 def test_compressed_metres_say_how_they_were_quantized() -> None:
@@ -67,8 +75,10 @@ def test_compressed_metres_say_how_they_were_quantized() -> None:
     "message",
     [
         compressed("jpeg", file_of(COLOR, ".jpg")),
-        compressed("mono16; png compressed ", file_of(DEEP, ".png")),
+        compressed("png", file_of(GREY, ".png")),
+        compressed("bayer_rggb16; png compressed ", file_of(DEEP, ".png")),
         compressed("16UC1; compressedDepth png", bytes(12) + file_of(GREY, ".png")),
+        compressed("; compressedDepth png", bytes(12) + file_of(DEEP, ".png")),
     ],
 )
 def test_a_picture_is_no_depth(message: Message) -> None:
