@@ -1,8 +1,9 @@
 """std_msgs/String to Text, and a message of any type to RawMessage."""
 
-from typing import Any, Final
+import struct
+from typing import Final
 
-from gateway.ros1.messages import deserialise
+from gateway.ros1.errors import MessageError
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import label
 from schemas.errors import SchemaError
@@ -10,14 +11,18 @@ from schemas.header import Header
 from schemas.raw import MAX_DEFINITION, MAX_MD5, MAX_TEXT, RawMessage, Text
 
 STRING: Final = "std_msgs/String"
+_LENGTH: Final = struct.Struct("<I")
 
 
 def text(message: Message, header: Header) -> Text:
     """Translate a text."""
-    found: Any = deserialise(STRING, message.data)
-    if len(found.data) > MAX_TEXT:
-        raise SchemaError(f"a text of {len(found.data)} characters, at most {MAX_TEXT} are carried")
-    return Text(header=header, text=found.data)
+    sent = memoryview(message.data)
+    if len(sent) < _LENGTH.size or _LENGTH.unpack_from(sent)[0] != len(sent) - _LENGTH.size:
+        raise MessageError(f"{len(sent)} bytes are not a {STRING}")
+    found = str(sent[_LENGTH.size :], "utf-8", "replace")  # so ROS's own tools show what is in another encoding
+    if len(found) > MAX_TEXT:
+        raise SchemaError(f"a text of {len(found)} characters, at most {MAX_TEXT} are carried")
+    return Text(header=header, text=found)
 
 
 def raw(message: Message, header: Header) -> RawMessage:

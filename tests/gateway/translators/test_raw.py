@@ -17,8 +17,15 @@ def test_a_text_arrives_as_it_is(sent: str) -> None:
     assert (made.header.robot, made.header.camera, made.header.stamp_ns) == ("r1", "", 0)
 
 
+def test_a_text_in_another_encoding_arrives_as_ros_tools_show_it() -> None:
+    latin = received("std_msgs/String", b"\x05\x00\x00\x00Gr\xfc\xdfe")
+    assert translated(Text, "text/mode", latin).text == "Gr\ufffd\ufffde"
+
+
 def test_what_is_no_text_or_too_long_is_malformed() -> None:
     assert dropped("text/mode", received("std_msgs/String", b"\x05\x00\x00\x00hi")) == {MALFORMED: 1}
+    assert dropped("text/mode", received("std_msgs/String", b"\x01\x00\x00\x00hi")) == {MALFORMED: 1}
+    assert dropped("text/mode", received("std_msgs/String", b"\x00\x00")) == {MALFORMED: 1}
     assert dropped("text/mode", text("x" * (MAX_TEXT + 1))) == {MALFORMED: 1}
 
 
