@@ -19,10 +19,10 @@ from services.monitor.web.auth.access import Access
 from services.monitor.web.auth.gate import Place
 from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.routes import access_routes
+from services.monitor.web.methods import METHODS, OtherMethods
 from services.monitor.web.settings import WebSettings
 from services.monitor.web.watching import watching_routes
 
-METHODS: Final = ["GET", "POST", "PUT", "PATCH", "DELETE"]
 ERRORS: Final[dict[int | str, dict[str, Any]]] = {"4XX": {"model": ErrorAnswer}, "5XX": {"model": ErrorAnswer}}
 
 HERE: Final = frozenset({"localhost", "127.0.0.1", "::1", "[::1]"})
@@ -54,7 +54,8 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
     app.include_router(api)
     app.include_router(access_routes(access, cookie=cookie_of(monitor.settings), secure=is_secure(monitor.settings)))
     app.include_router(watching_routes(monitor, access))
-    app.add_api_route("/api/{path:path}", _nothing_there, methods=METHODS, include_in_schema=False)
+    app.router.routes.append(OtherMethods(app.router.routes))
+    app.add_api_route("/api/{path:path}", _nothing_there, methods=list(METHODS), include_in_schema=False)
     answer_errors(app)
     return app
 
