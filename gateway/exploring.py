@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Final
 
 from gateway.discovery import Plan, Wishes, plan
@@ -21,12 +21,23 @@ TYPES_EVERY: Final = 10
 
 
 class Explorer:
-    """Keeps the plan current, and says in the log what it takes, what not, and every change."""
+    """Keeps the plan current, and says in the log what it takes, what not, and every change.
 
-    def __init__(self, node: Node, wishes: Wishes, sightings: Sightings | None = None) -> None:
+    unused: returns which settings are for none of the streams with these names.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        wishes: Wishes,
+        unused: Callable[[Collection[str]], list[str]],
+        sightings: Sightings | None = None,
+    ) -> None:
         self.plan = plan([], wishes)
         self._node = node
         self._wishes = wishes
+        self._unused = unused
+        self._said_unused: list[str] = []
         self._sightings = sightings or Sightings()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
@@ -81,6 +92,11 @@ class Explorer:
             self._said = self.waiting_for
             if self._said:
                 log.info("waiting for %s", self._said)
+        unused = self._unused([key.name for key in now.streams]) if now.streams else []
+        if unused != self._said_unused:
+            self._said_unused = unused
+            if unused:
+                log.info("for no stream that there is yet: %s", ", ".join(unused))
         await offers.change(now)
 
 

@@ -69,7 +69,7 @@ async def _run(settings: GatewaySettings) -> int:
             shaping=shaping,
             returned=lambda camera, root: _camera_returns(settings, camera, root),
         )
-        explorer = Explorer(node, settings.wishes())
+        explorer = Explorer(node, settings.wishes(), settings.unused)
         returns = [Return(stream) for stream in _robot_returns(settings)]
         account = Account(settings, boot_id, machine, node, clock, explorer, offers, returns)
         await explorer.begin(offers)

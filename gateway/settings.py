@@ -3,7 +3,7 @@
 import os
 import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Annotated, ClassVar, Final, Self
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
@@ -294,6 +294,11 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
     def names(self, node: str = "gateway") -> Names:
         """Return what the ROS names in here mean to a node of the name, which `node_name` overrules."""
         return Names(f"{self.namespace.rstrip('/')}/{self.node_name or node}", self.remap)
+
+    def unused(self, names: Collection[str]) -> list[str]:
+        """Return which options are for streams that there are not, of those with these names: they may be misspelt."""
+        rectified = (f"--rectified {name}" for name in self.rectified if name not in names)
+        return [*self.unused_shaping(names), *rectified]
 
     def wishes(self) -> Wishes:
         """Return what discovery is to do."""

@@ -1,6 +1,6 @@
 """What was seen, as the checks are told it. Pure."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -190,7 +190,7 @@ class Evidence:
     """All that was seen.
 
     beside: topics that no stream is made of but that tell about the others. left_out: why, by topic, of those of a type
-    that sensors have.
+    that sensors have. unused: options that are for none of the streams.
     """
 
     robot: str
@@ -201,6 +201,7 @@ class Evidence:
     streams: tuple[StreamLook, ...] = ()
     beside: tuple[StreamLook, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
+    unused: Sequence[str] = ()
 
     def of(self, camera: str, stream: Stream) -> StreamLook | None:
         """Return what was seen of a camera's stream; one that is mapped comes first."""

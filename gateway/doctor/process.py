@@ -76,4 +76,5 @@ async def _visit(settings: DoctorSettings) -> Evidence:
             streams=looks[: len(streams)],
             beside=looks[len(streams) :],
             left_out=left_out(found, master.graph),
+            unused=settings.unused([key.name for key in found.streams]),
         )

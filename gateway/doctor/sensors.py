@@ -34,6 +34,8 @@ def check_sensors(evidence: Evidence) -> Iterator[Finding]:
         yield from check_stream(stream, graph, evidence)
     for topic, why in sorted(evidence.left_out.items()):
         yield note(Stage.SENSORS, topic, f"not taken: {why}")
+    for option in evidence.unused:
+        yield note(Stage.SENSORS, option, "there is no such stream", "is its name misspelt, or its driver not started?")
 
 
 def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterator[Finding]:

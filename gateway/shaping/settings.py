@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import Annotated, Any, ClassVar, Final, TypeVar
 
@@ -136,6 +136,17 @@ class ShapingSettings(BaseModel):
             " are left out for it, at most 100 ms of it is ever queued",
         ),
     ] = None
+
+    def unused_shaping(self, names: Collection[str]) -> Iterator[str]:
+        """Yield what is asked for of streams of which none has one of these names, like `--max-hz fornt/color`.
+
+        What is asked for of every camera's streams is for those that there will be.
+        """
+        asked = {"--max-hz": self.max_hz, "--scale": self.scale, "--compression": self.compression}
+        for option, rules in asked.items():
+            for pattern in (each.rpartition("=")[0].strip() for each in rules):
+                if pattern and not pattern.startswith("*/") and not any(fnmatchcase(name, pattern) for name in names):
+                    yield f"{option} {pattern}"
 
     def max_hz_of(self, name: str) -> float | None:
         """Return the most frames a second of a stream named like `front/depth`."""

@@ -15,6 +15,7 @@ from gateway.offers import Offers
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
+from gateway.settings import GatewaySettings
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.offering import new_offers
@@ -46,7 +47,8 @@ async def exploring(
         asyncio.TaskGroup() as group,
     ):
         offers = new_offers(group, bus, node)
-        explorer = Explorer(node, Wishes("r1", named or {}), Sightings(hold_s))
+        settings = GatewaySettings(robot="r1", rectified=["rear/color"])
+        explorer = Explorer(node, Wishes("r1", named or {}), settings.unused, Sightings(hold_s))
         await explorer.begin(offers)
         task = group.create_task(explorer.run(offers))
         yield Rig(node, explorer, offers)
@@ -70,6 +72,7 @@ async def test_what_appears_is_offered_and_what_stays_away_withdrawn(
         async with camera.advertise(FRONT_TOPIC, TYPE_NAME):
             await rig.until_offered(FRONT_TOPIC)
             assert rig.explorer.waiting_for == ""
+            assert caplog.messages.count("for no stream that there is yet: --rectified rear/color") == 1
             async with camera.advertise(REAR_TOPIC, TYPE_NAME):
                 await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
             await rig.until_offered(FRONT_TOPIC)

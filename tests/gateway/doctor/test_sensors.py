@@ -163,3 +163,9 @@ def test_what_could_be_a_sensors_but_is_not_taken_is_told_with_the_reason() -> N
     seen = replace(evidence(color()), left_out={"/front/image_rect": "front/color is another"})
     (finding,) = (each for each in check_sensors(seen) if each.severity is Severity.NOTE)
     assert (finding.subject, finding.what) == ("/front/image_rect", "not taken: front/color is another")
+
+
+def test_options_for_streams_that_there_are_not_are_told() -> None:
+    seen = replace(evidence(color()), unused=["--max-hz fornt/color"])
+    (finding,) = (each for each in check_sensors(seen) if each.severity is Severity.NOTE)
+    assert (finding.subject, finding.what) == ("--max-hz fornt/color", "there is no such stream")

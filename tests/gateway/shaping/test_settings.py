@@ -97,3 +97,10 @@ def test_and_so_does_a_file(text: str, tmp_path: Path) -> None:
 def test_a_wrong_one_is_one_line() -> None:
     with pytest.raises(UsageError, match=r"^--compression \['webp'\]: 'webp' is none of auto, raw, jpeg"):
         loaded("--compression", "webp")
+
+
+def test_what_is_asked_for_of_no_stream_that_there_is_may_be_misspelt() -> None:
+    settings = ShapingSettings(
+        max_hz=["10", "fornt/color=5", "*/points=1"], scale=["front/*=1/2"], compression=["x/depth=png"]
+    )
+    assert list(settings.unused_shaping(["front/color", "tf"])) == ["--max-hz fornt/color", "--compression x/depth"]
