@@ -1,5 +1,7 @@
 """Everything that people look at through one monitor."""
 
+from collections.abc import Callable
+
 from bus import Bus
 from services.monitor.live_views.newest import clouds, pictures
 from services.monitor.mapping.following import robots
@@ -9,11 +11,11 @@ from services.monitor.mapping.last_poses import LastPoses
 class Views:
     """pictures: overlays. clouds: of objects. robots: where they are. Each is subscribed to while somebody looks.
 
-    last_poses: where robots were when somebody looked.
+    last_poses: where robots were when somebody looked. is_forgotten: see `LastPoses`.
     """
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, is_forgotten: Callable[[str], bool]) -> None:
         self.pictures = pictures(bus)
         self.clouds = clouds(bus)
         self.robots = robots(bus)
-        self.last_poses = LastPoses()
+        self.last_poses = LastPoses(is_forgotten)

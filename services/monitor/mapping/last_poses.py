@@ -1,7 +1,7 @@
 """Where robots were when that was known last. Pure: time is an argument."""
 
 from collections import OrderedDict
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -24,9 +24,13 @@ class _Known:
 
 
 class LastPoses:
-    """The newest pose of every robot; kept until it has not been known for as long as objects are."""
+    """The newest pose of every robot; kept until it has not been known for as long as objects are.
 
-    def __init__(self) -> None:
+    is_forgotten: whether nobody misses a robot, however lately its pose was known.
+    """
+
+    def __init__(self, is_forgotten: Callable[[str], bool] = lambda _: False) -> None:
+        self._is_forgotten = is_forgotten
         self._known: OrderedDict[str, _Known] = OrderedDict()
 
     def take(self, poses: Mapping[str, Pose], now_ns: int) -> None:
@@ -46,7 +50,8 @@ class LastPoses:
 
     def names(self, now_ns: int) -> set[str]:
         """Return the robots that are not forgotten."""
-        return {name for name, known in self._known.items() if now_ns - known.known_ns <= FORGET_NS}
+        lately = {name for name, known in self._known.items() if now_ns - known.known_ns <= FORGET_NS}
+        return {name for name in lately if not self._is_forgotten(name)}
 
     def robots(self, now_ns: int, online: Collection[str], *, robot: str = "") -> list[Robot]:
         """Return the robots that are not forgotten, by name; one of them if it is named.

@@ -36,7 +36,7 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
 
 def _add_views(app: FastAPI, monitor: Monitor) -> None:
     """Add the pages of what is looked at live, and where browsers get pictures and the floor plan."""
-    views = Views(monitor.bus)
+    views = Views(monitor.bus, monitor.fleet.inventory.is_forgotten)
     routes = [Route(PATH, MjpegStreams(views.pictures))]
     if monitor.floor_plan is not None:
         routes.append(floor_plan_route(monitor.floor_plan))

@@ -82,8 +82,7 @@ class _Map:
     def robots(self) -> list[str]:
         """Return the robots to follow: the one that was chosen, or as many as can be of those online."""
         online = self._monitor.fleet.inventory.robots()
-        forgotten = self._monitor.fleet.inventory.is_forgotten
-        self._offer(sorted(online | {each for each in self._last_poses.names(time.time_ns()) if not forgotten(each)}))
+        self._offer(sorted(online | self._last_poses.names(time.time_ns())))
         return [self._robot.value] if self._robot.value else sorted(online)[:MOST_ROBOTS]
 
     def _offer(self, robots: list[str]) -> None:
@@ -106,7 +105,6 @@ class _Map:
         self._last_poses.take_seen(self._monitor.fleet.places.poses)
         self._last_poses.take(known, now_ns)
         robots = self._last_poses.robots(now_ns, online, robot=self._robot.value)
-        robots = [each for each in robots if not self._monitor.fleet.inventory.is_forgotten(each.name)]
         robots, more = robots[:MOST_SHOWN], len(robots) - MOST_SHOWN
         marks = self._monitor.fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN]
         points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]

@@ -41,6 +41,16 @@ def test_a_robot_is_forgotten_half_an_hour_after_its_pose_was_last_known() -> No
     assert last.names(NOW + FORGET_NS + 1) == {"still"}
 
 
+def test_a_robot_that_somebody_forgot_is_left_out_for_as_long_as_that_holds() -> None:
+    gone = {"r1"}
+    last = LastPoses(gone.__contains__)
+    last.take({"r1": pose(), "r2": pose()}, NOW)
+    assert [name for name, *_ in shown(last, NOW, {"r2"})] == ["r2"]
+    assert last.names(NOW) == {"r2"}
+    gone.clear()
+    assert last.names(NOW) == {"r1", "r2"}
+
+
 def test_so_many_are_kept_those_known_last() -> None:
     last = LastPoses()
     for number in range(MOST):
