@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 _RETRY_S: Final = 0.5
 
 
@@ -41,7 +41,7 @@ class Acceptor:
         except (BlockingIOError, InterruptedError, ConnectionAbortedError):  # whoever it was has left
             return
         except OSError as error:
-            _log.warning("no connection can be accepted: %s", error)
+            log.warning("no connection can be accepted: %s", error)
             self._loop.remove_reader(self._listener)
             self._retry = self._loop.call_later(_RETRY_S, self._begin)
             return

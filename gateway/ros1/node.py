@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, AsyncIterator, Callable, Collection, Mapping, Sequence
     from types import TracebackType
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 MAX_CALL_BYTES = 256 << 10  # of a call of the slave API; the longest is a list of publishers
 
 
@@ -254,7 +254,7 @@ class Node:
 
     def shutdown(self, reason: str) -> None:
         """Give up all registrations and leave it to the owner of the node to end it."""
-        _log.error("%s is asked to shut down: %s", self.name, reason)
+        log.error("%s is asked to shut down: %s", self.name, reason)
         self._registrar.release_all()
         self.shutdown_requested.set()
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from gateway.ros1.tasks import TaskScope
     from gateway.ros1.xmlrpc_client import XmlRpcClient
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 
 class NodeNotifier:
@@ -46,4 +46,4 @@ class NodeNotifier:
         try:
             await self._client.call(uri, method, "/master", *params)
         except (CallError, WireError) as error:
-            _log.info("%s did not take %s: %s", uri, method, error)
+            log.info("%s did not take %s: %s", uri, method, error)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
             """Return by topic for each known publisher whether it is connected."""
 
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 RENEWED_EVERY = 10
 """Looks at the master. A link to a publisher that was replaced may still be up, and then looks as it should."""
 
@@ -118,7 +118,7 @@ class Registrar:
             answered = await self._apply() or compare
         except Ros1Error as error:
             if self.master_answers is not False:
-                _log.warning("waiting for the ROS master at %s: %s", self._master.uri, error)
+                log.warning("waiting for the ROS master at %s: %s", self._master.uri, error)
             self.master_answers = False
         else:
             if answered:
@@ -132,7 +132,7 @@ class Registrar:
 
     def _answered(self) -> None:
         if self.master_answers is False:
-            _log.info("the ROS master at %s answers", self._master.uri)
+            log.info("the ROS master at %s answers", self._master.uri)
         self.master_answers = True
 
     async def _apply(self) -> bool:
@@ -153,7 +153,7 @@ class Registrar:
             raise
         except CallError as error:
             if registration not in self._refused:
-                _log.error(
+                log.error(  # noqa: TRY400 - the master's words say more than our stack
                     "%s: the ROS master refuses us as a %s: %s", registration.topic, registration.role.value, error
                 )
             self._refused.add(registration)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from gateway.ros1.tasks import TaskScope
     from gateway.ros1.xmlrpc_client import XmlRpcClient
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 MAX_PUBLISHERS = 256
 _UNFINISHED_MESSAGES = 2  # of the largest size, of all publishers together
 
@@ -149,7 +149,7 @@ class Subscription:
                 self._forget(uri).cancel()
         for uri in [uri for uri in listed if uri not in self._links]:
             if len(self._links) >= MAX_PUBLISHERS:
-                _log.warning("%s: more than %d publishers, the rest is ignored", self.topic, MAX_PUBLISHERS)
+                log.warning("%s: more than %d publishers, the rest is ignored", self.topic, MAX_PUBLISHERS)
                 return
             self.counters.links[uri] = LinkCounters()
             self._links[uri] = self._scope.start(self._keep_link(uri), f"{self.topic} from {uri}")
@@ -197,7 +197,7 @@ class Subscription:
             counters.failures[failure] += 1
             self.counters.failures[failure] += 1
             level = logging.WARNING if counters.failures[failure] == 1 else logging.DEBUG
-            _log.log(level, "%s as publisher of %s: %s: %s", uri, self.topic, failure, reason)
+            log.log(level, "%s as publisher of %s: %s: %s", uri, self.topic, failure, reason)
             await asyncio.sleep(backoff.next_delay())
 
     async def _run_link(self, uri: str, counters: LinkCounters) -> tuple[LinkFailure, object]:
@@ -239,10 +239,10 @@ class Subscription:
         """Hand a message over."""
         try:
             self._on_message(message)
-        except Exception:  # noqa: BLE001 - whatever the caller's code raises, the link goes on
+        except Exception:  # whatever the caller's code raises, the link goes on
             self.counters.callback_errors += 1
             if self.counters.callback_errors == 1:
-                _log.exception("%s from %s: the callback failed", self.topic, message.uri)
+                log.exception("%s from %s: the callback failed", self.topic, message.uri)
 
 
 class _Sink:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gateway.ros1.tasks import TaskScope
     from gateway.ros1.wire.tcpros import PublisherEvent
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 _MAX_CONNECTIONS = 256
 _UNFINISHED_HEADERS = 4  # of the largest size, of all subscribers together
 
@@ -72,7 +72,7 @@ class TcprosServer:
 
     def _start(self, connection: socket.socket, peer: str) -> None:
         if len(self._connections) >= _MAX_CONNECTIONS:
-            _log.warning("%s is turned away: %d subscribers already", peer, _MAX_CONNECTIONS)
+            log.warning("%s is turned away: %d subscribers already", peer, _MAX_CONNECTIONS)
             connection.close()
             return
         task = self._scope.start(self._serve(connection, peer), f"subscriber {peer}")
@@ -85,10 +85,10 @@ class TcprosServer:
             async with asyncio.timeout(self._timeout):
                 event = await self._handshake(connection)
         except (WireError, OSError) as error:
-            _log.warning("%s is no subscriber: %r", peer, error)
+            log.warning("%s is no subscriber: %r", peer, error)
             return
         if isinstance(event, SubscriberRefused):
-            _log.warning("%s is refused: %s", peer, event.reason)
+            log.warning("%s is refused: %s", peer, event.reason)
             return
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, int(event.tcp_nodelay))
         notice_dead_peer(connection)

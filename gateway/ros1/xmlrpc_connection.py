@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from gateway.ros1.wire.xmlrpc import MethodCall
 
-_log = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 
 
 class Connections:
@@ -29,7 +29,7 @@ class Connections:
     def admit(self, connection: ServerConnection) -> bool:
         """Return whether there was a place."""
         if len(self._held) >= self._limit:
-            _log.warning("%s is turned away: %d connections already", connection.peer, self._limit)
+            log.warning("%s is turned away: %d connections already", connection.peer, self._limit)
             return False
         self._held[connection] = 0
         return True
@@ -39,7 +39,7 @@ class Connections:
         self._held[connection] = held_bytes
         if sum(self._held.values()) > self._max_held_bytes:
             most = max(self._held, key=self._held.__getitem__)
-            _log.warning("%s is cut off: its request of %d bytes is the largest", most.peer, self._held[most])
+            log.warning("%s is cut off: its request of %d bytes is the largest", most.peer, self._held[most])
             self._held[most] = 0
             most.abort()
 
@@ -112,7 +112,7 @@ class ServerConnection(asyncio.Protocol):
         try:
             call = self._exchange.receive_data(data)
         except WireError as error:
-            _log.warning("%s sent a request that is not XML-RPC: %s", self.peer, error)
+            log.warning("%s sent a request that is not XML-RPC: %s", self.peer, error)
             # Closed with something unread, the peer might see its connection break and not the answer.
             self._send(self._exchange.refuse(error.status if isinstance(error, HttpError) else 400)).write_eof()
             return
