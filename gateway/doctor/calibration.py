@@ -10,9 +10,15 @@ from schemas.keys import Stream
 
 
 def info_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
-    """Return the calibration that was heard on a camera's stream."""
+    """Return the camera info that was heard on a camera's stream."""
     look = evidence.of(camera, stream)
     return look.heard.message if look and isinstance(look.heard.message, CameraInfo) else None
+
+
+def calibration_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
+    """Return that one if it is one: drivers send a camera info without a focal length where they have none."""
+    info = info_of(camera, stream, evidence)
+    return info if info and _is_calibrated(info) else None
 
 
 def image_of(camera: str, stream: Stream, evidence: Evidence) -> ImageFrame | None:
@@ -28,14 +34,16 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield _without_calibration(camera, stream, evidence)
         return
     subject = f"{camera}/{stream}"
-    if not (info.k[0] > 0 and info.k[4] > 0):
+    if not _is_calibrated(info):
         yield problem(
             Stage.CAMERAS,
             subject,
-            "the camera info has no focal length: the camera is not calibrated, so nothing can be measured with it",
+            "the camera info has no focal length: the camera is not calibrated, and as without one it is unknown what "
+            "its pixels mean in space",
             "calibrate it (`rosrun camera_calibration cameracalibrator.py`) or have the driver load its calibration",
         )
-    elif not evidence.is_mapped(camera, stream):
+        return
+    if not evidence.is_mapped(camera, stream):
         topic = getattr(evidence.of(camera, stream), "topic", "")
         yield note(
             Stage.CAMERAS,
@@ -67,6 +75,10 @@ def _without_calibration(camera: str, stream: Stream, evidence: Evidence) -> Fin
         "no camera info: what a pixel of depth means in space is unknown",
         f"have the driver publish camera_info, and add --topics {subject}=TOPIC",
     )
+
+
+def _is_calibrated(info: CameraInfo) -> bool:
+    return info.k[0] > 0 and info.k[4] > 0
 
 
 def sent_pixels(info: CameraInfo) -> tuple[int, int]:

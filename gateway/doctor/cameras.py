@@ -8,7 +8,7 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
-from gateway.doctor.calibration import by, check_calibration, image_of, info_of, pixels, sent_pixels
+from gateway.doctor.calibration import by, calibration_of, check_calibration, image_of, pixels, sent_pixels
 from gateway.doctor.edges import Placement, placement
 from gateway.doctor.evidence import Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
@@ -44,7 +44,7 @@ def _check_alignment(camera: str, evidence: Evidence) -> Iterator[Finding]:
     color, depth = image_of(camera, Stream.COLOR, evidence), image_of(camera, Stream.DEPTH, evidence)
     if color is None or depth is None:
         return
-    info, depth_info = info_of(camera, Stream.INFO, evidence), info_of(camera, Stream.DEPTH_INFO, evidence)
+    info, depth_info = (calibration_of(camera, each, evidence) for each in (Stream.INFO, Stream.DEPTH_INFO))
     known = info is not None and depth_info is not None
     differ = _infos_differ(info, depth_info) if info and depth_info else ""
     apart = _apart(color, depth)

@@ -16,7 +16,7 @@ from services.cloud.outlines import RegisteredView, View, factor_of
 from services.cloud.points import Points, usable
 from services.cloud.projection import ProjectedView
 from services.cloud.sampling import some
-from services.geometry.camera import CameraModel
+from services.geometry.camera import CameraModel, is_calibrated
 from services.geometry.errors import GeometryError, TransformError
 from services.geometry.motion import between
 from services.geometry.transforms import TransformTree
@@ -59,7 +59,7 @@ def view_of(instant: Instant) -> View:
         raise CloudError(f"points cannot be brought to the picture: {moves}")
     factor = factor_of(instant.detections.height, instant.detections.width, instant.points)
     at_home = bool(factor) and bool(np.abs(moves - np.identity(4)).max() < _SAME)
-    if at_home and instant.info is None:
+    if at_home and not is_calibrated(instant.info):
         return RegisteredView(instant.points, factor)
     camera = _camera(instant)
     if at_home and _fits(instant.points, camera, factor):

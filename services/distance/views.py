@@ -10,7 +10,7 @@ from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.image import ImageFrame
-from services.geometry.camera import CameraModel
+from services.geometry.camera import CameraModel, is_calibrated
 from services.geometry.depth import Depth, read_depth
 from services.geometry.errors import CalibrationError, GeometryError
 from services.geometry.registration import Registration, is_registered
@@ -65,11 +65,14 @@ class Views:
         size = (of.detections.height, of.detections.width)
         frames = {frame_name(each.header.frame_id) for each in (of.depth, of.detections)}
         alike = image.shape == size and len(frames) == 1
-        infos = (of.info or of.depth_info, of.depth_info or of.info) if alike else (of.info, of.depth_info)
+        infos = (of.info, of.depth_info)
+        missing = not all(map(is_calibrated, infos))
+        if alike:
+            infos = _either(*infos), _either(*reversed(infos))
         color, depth = self._camera(infos[0], size), self._camera(infos[1], image.shape)
         if isinstance(color, CameraModel) and isinstance(depth, CameraModel):
             return self._registered(image, depth, color, of.color_from_depth), color
-        if alike and None in (of.info, of.depth_info):
+        if alike and missing:
             return image, color
         what, reason = ("colour", color) if isinstance(color, str) else ("depth", depth)
         raise CalibrationError(f"depth cannot be registered to colour: of {what} {reason}")
@@ -104,3 +107,8 @@ class Views:
             self._registration = None if fits else Registration(depth, color, color_from_depth)
             self._key = key
         return image if self._registration is None else Depth(self._registration.apply(image.metres()))
+
+
+def _either(own: CameraInfo | None, other: CameraInfo | None) -> CameraInfo | None:
+    """Return a camera's calibration, or the other one's where that is missing."""
+    return other if is_calibrated(other) and not is_calibrated(own) else own or other

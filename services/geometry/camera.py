@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Self
+from typing import Any, Final, Self, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,16 @@ MAX_PIXELS: Final = 2**24
 SHORTEST: Final = 1e-3
 LONGEST: Final = 1e9
 """Pixels that a focal length may have; what is beyond is no lens, but noughts and garbage."""
+
+
+def is_calibrated(info: CameraInfo | None) -> TypeGuard[CameraInfo]:
+    """Return whether there is a camera info with a focal length; drivers send one without where no calibration is."""
+    if info is None:
+        return False
+    k = np.asarray(info.k, np.float64).reshape(3, 3)
+    focal = k[[0, 1], [0, 1]]
+    in_range = ((focal >= SHORTEST) & (focal <= LONGEST)).all()
+    return bool(np.isfinite(k).all() and in_range and (k[2] == (0, 0, 1)).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +59,9 @@ class CameraModel:
         Raises:
             CalibrationError: it is not calibrated, or in a way that is unknown.
         """
+        if not is_calibrated(info):
+            raise CalibrationError("the camera is not calibrated: its camera info has no focal length")
         k = np.asarray(info.k, np.float64).reshape(3, 3)
-        focal = k[[0, 1], [0, 1]]
-        in_range = ((focal >= SHORTEST) & (focal <= LONGEST)).all()
-        if not (np.isfinite(k).all() and in_range and (k[2] == (0, 0, 1)).all()):
-            raise CalibrationError("the camera is not calibrated: its intrinsic matrix has no focal length")
         across, down = max(info.binning_x, 1), max(info.binning_y, 1)
         return cls(
             height=(info.roi.height or info.height) // down,

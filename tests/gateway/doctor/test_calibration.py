@@ -48,9 +48,12 @@ def test_a_camera_info_that_does_not_come() -> None:
 
 @pytest.mark.parametrize("f", [0.0, -1.0, float("nan")])
 def test_a_camera_without_focal_length(f: float) -> None:
-    (finding,) = said("front/info", color(), color_info(f=f))
+    (finding,) = said("front/info", color(), color_info(f=f, width=0, height=0))
     assert finding.severity is Severity.PROBLEM
-    assert "no focal length" in finding.what
+    assert finding.what == (
+        "the camera info has no focal length: the camera is not calibrated, and as without one it is unknown what its "
+        "pixels mean in space"
+    )
 
 
 def test_a_depth_camera_without_focal_length() -> None:

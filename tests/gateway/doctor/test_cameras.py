@@ -73,6 +73,13 @@ def test_depth_whose_calibration_is_another_has_to_be_registered(info: dict[str,
     assert finding.what.startswith(f"not registered to colour ({what})")
 
 
+@pytest.mark.parametrize(("f", "depth_f"), [(0.0, 6.0), (6.0, 0.0), (0.0, 0.0)])
+def test_a_camera_info_of_no_calibration_says_nothing_of_how_depth_lies(f: float, depth_f: float) -> None:
+    finding = said(color(), depth(), color_info(f=f), depth_info(f=depth_f))[-1]
+    assert finding.severity is Severity.NOTE
+    assert "without both camera infos it is unknown whether they are aligned" in finding.what
+
+
 def test_a_thousandth_of_a_pixel_makes_no_other_lens() -> None:
     (finding,) = said(color(), depth(), color_info(f=6.0), depth_info(f=6.0009))
     assert finding.severity is Severity.OK

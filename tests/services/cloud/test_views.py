@@ -21,6 +21,9 @@ from tests.services.geometry.cameras import info
 
 SAME = np.identity(4)
 INFO = info(height=HEIGHT, width=WIDTH, focal=480.0)
+EMPTY = msgspec.structs.replace(INFO, k=[0.0] * 9)
+"""What a driver sends that has no calibration."""
+
 BOXES = (Cuboid((4.0, 0.6), (0.6, 0.9, 0.7)),)
 
 
@@ -35,7 +38,7 @@ def picture() -> NDArray[np.float32]:
     return camera_view(BOXES)[0]
 
 
-@pytest.mark.parametrize("calibration", [INFO, None])
+@pytest.mark.parametrize("calibration", [INFO, None, EMPTY])
 @pytest.mark.parametrize("factor", [1, 2, 4])
 def test_a_cloud_that_lies_on_the_pixels_is_registered(factor: int, calibration: CameraInfo | None) -> None:
     coarse = picture()[factor // 2 :: factor, factor // 2 :: factor]
@@ -71,8 +74,8 @@ def test_what_is_missing_is_said() -> None:
         view_of(instant(picture(), moves="nothing is known of frame 'lidar'"))
     with pytest.raises(CalibrationError, match="calibrated for 64x48 pixels"):
         view_of(instant(lidar, calibration=info()))
-    with pytest.raises(CalibrationError, match="not calibrated"):
-        view_of(instant(lidar, calibration=msgspec.structs.replace(INFO, k=[0.0] * 9)))
+    with pytest.raises(CalibrationError, match="not calibrated: its camera info has no focal length"):
+        view_of(instant(lidar, calibration=EMPTY))
 
 
 def at(stamp_ns: int, frame_id: str) -> Header:

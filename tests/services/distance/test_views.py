@@ -15,6 +15,8 @@ HERE = np.identity(4)
 BESIDE = np.array([[1, 0, 0, -0.4], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 COLOR = calibration()
 COARSE = info(height=24, width=32, focal=25.0)
+EMPTY = msgspec.structs.replace(COLOR, k=[0.0] * 9, distortion_model="")
+"""What a driver sends that has no calibration."""
 
 
 def instant(of_depth: Any, color: CameraInfo | None, depth_info: CameraInfo | None, between: Any = HERE) -> Instant:
@@ -30,7 +32,7 @@ def test_depth_of_the_colour_camera_is_taken_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("frame_id", [FRAME, f"/{FRAME}"])
-@pytest.mark.parametrize(("color", "depth_info"), [(COLOR, None), (None, COLOR)])
+@pytest.mark.parametrize(("color", "depth_info"), [(COLOR, None), (None, COLOR), (COLOR, EMPTY), (EMPTY, COLOR)])
 def test_one_calibration_is_enough_for_images_of_one_size_and_frame(
     color: CameraInfo | None, depth_info: CameraInfo | None, frame_id: str
 ) -> None:
@@ -43,6 +45,15 @@ def test_without_any_calibration_images_of_one_size_and_frame_are_taken_for_regi
     image, camera = Views(Limits()).view(instant(depth(wall(2.0)), None, None))
     assert (image.metres() == 2).all()
     assert camera == NO_INFO
+
+
+@pytest.mark.parametrize(("color", "depth_info"), [(EMPTY, EMPTY), (EMPTY, None), (None, EMPTY)])
+def test_a_camera_info_of_no_calibration_is_as_good_as_none(
+    color: CameraInfo | None, depth_info: CameraInfo | None
+) -> None:
+    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), color, depth_info))
+    assert (image.metres() == 2).all()
+    assert camera == "the camera is not calibrated: its camera info has no focal length"
 
 
 def test_depth_of_another_size_is_registered() -> None:
@@ -85,6 +96,8 @@ def test_many_calibrations_are_not_all_kept() -> None:
         ),
         (instant(depth(wall(2.0)[:24, :32]), None, COARSE), "of colour no camera info arrived"),
         (instant(depth(wall(2.0), frame_id="other"), None, None), "of colour no camera info arrived"),
+        (instant(depth(wall(2.0)[:24, :32]), EMPTY, COARSE), "of colour the camera is not calibrated: its camera info"),
+        (instant(depth(wall(2.0), frame_id="other"), COLOR, EMPTY), "of depth the camera is not calibrated: its"),
         (instant(depth(wall(2.0)), COLOR, COARSE), "of depth calibrated for 32x24 pixels, the image has 64x48"),
         (instant(depth(wall(2.0)), COARSE, COLOR), "of colour calibrated for 32x24"),
         (
