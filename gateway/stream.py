@@ -13,7 +13,7 @@ from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.instants import Thinning
-from gateway.translators import Merging, StreamKind, Translate
+from gateway.translators import Incomplete, Merging, StreamKind, Translate
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -59,6 +59,7 @@ class StreamForward:
         self._translates: dict[TopicType, Translate] = {}
         self._received = 0
         self._translated = 0
+        self._left_out = 0
         self._dropped: Counter[str] = Counter()
         self._gaps = Gaps()
         self._received_rate, self._forwarded_rate = Meter(), Meter()
@@ -92,6 +93,10 @@ class StreamForward:
         except TypeMismatchError as error:
             self._leave_out(MISMATCH, message, error)
             return None
+        except Incomplete as error:
+            self._left_out += error.left_out
+            self._log.warning("%s from %s: %s", self.topic, message.callerid, error)
+            translated = error.rest
         except (MessageError, SchemaError) as error:
             self._leave_out(MALFORMED, message, error)
             return None
@@ -180,6 +185,7 @@ class StreamForward:
             publishers=publishers,
             received=self._received,
             missing=self._gaps.missing,
+            left_out=self._left_out,
             forwarded=forwarded,
             dropped=dict(self._dropped + lost),
             broken_links=dict(self._broken_links + Counter(broken_links)),

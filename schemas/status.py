@@ -52,6 +52,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
     what keeps publishers from being heard now, or empty.
     missing: what ROS publishers numbered and what did not arrive here, by the gaps in their headers' `seq`.
+    left_out: how many parts of forwarded messages, such as single transforms, could not be carried.
     received_hz, forwarded_hz: over the last seconds. bytes: payload forwarded. compression: of the last frame, like
     `jpeg:80`; empty for what is no frame.
     """
@@ -71,6 +72,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     bytes: Count = 0
     compression: Label = ""
     missing: Count = 0
+    left_out: Count = 0
 
     @property
     def name(self) -> str:

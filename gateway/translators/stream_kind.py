@@ -18,8 +18,17 @@ MIB: Final = 1 << 20
 Translate = Callable[[Message, Header], codec.Message]
 """Given a ROS message and a header without stamp and frame_id, returns the fleet's own message.
 
-Raises MessageError or SchemaError for bytes that are not such a message.
+Raises MessageError or SchemaError for bytes that are not such a message, Incomplete for those of which a part is.
 """
+
+
+class Incomplete(SchemaError):  # noqa: N818 - it is one only to those who want all of a message
+    """Parts of a message cannot be carried. rest: what can. left_out: how many parts cannot."""
+
+    def __init__(self, rest: codec.Message, left_out: int, what: str) -> None:
+        super().__init__(f"sent without {left_out} {what}")
+        self.rest = rest
+        self.left_out = left_out
 
 
 @runtime_checkable

@@ -111,6 +111,19 @@ def test_publishers_that_have_gone_take_no_place() -> None:
     assert children(stream, tf(transform("c"), callerid="/another")) == {"a": 0, "b": 0, "c": 0}
 
 
+@pytest.mark.parametrize("name", ["tf", "tf_static"])
+def test_a_name_that_is_too_long_costs_its_own_transform_alone(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    stream = forward(name)
+    too_long = "c" * (MAX_LABEL + 1)
+    mixed = tf(transform("a"), transform(too_long), transform("b", parent=too_long), transform("c"))
+    assert children(stream, mixed) == {"a": 0, "c": 0}
+    assert stream.take(tf(transform(too_long)), 99) is None
+    assert children(stream, tf(transform("c", x=1))).items() >= {"c": 1}.items()
+    status = stream.status(wanted=True, publishers=1, replaced=0, broken_links={})
+    assert (status.received, status.forwarded, status.dropped, status.left_out) == (3, 2, {MALFORMED: 1}, 2)
+    assert "/topic from /localiser: sent without 2 transforms of frames whose names are longer than 256" in caplog.text
+
+
 def test_a_frames_name_is_never_cut() -> None:
     longest = transform("c" * MAX_LABEL, parent="p" * MAX_LABEL)
     assert translated(Transforms, "tf", tf(longest)).transforms[0].frame_id == "p" * MAX_LABEL
