@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Stage, note, problem
 from schemas.camera_info import CameraInfo
+from schemas.distortion import PLUMB_BOB, RATIONAL, coefficients_of
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 
@@ -43,6 +44,13 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
             "calibrate it (`rosrun camera_calibration cameracalibrator.py`) or have the driver load its calibration",
         )
         return
+    if isinstance(lens := coefficients_of(info.distortion_model, info.d), str):
+        yield problem(
+            Stage.CAMERAS,
+            subject,
+            f"{lens}: what the camera's pixels mean in space cannot be worked out",
+            f"have the driver publish a calibration with {PLUMB_BOB}, {RATIONAL} or equidistant distortion",
+        )
     if not evidence.is_mapped(camera, stream):
         topic = getattr(evidence.of(camera, stream), "topic", "")
         yield note(

@@ -11,6 +11,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from schemas.distortion import EQUIDISTANT, coefficients_of
 from services.geometry.errors import CalibrationError
 
 Plane = NDArray[Any]
@@ -18,16 +19,11 @@ Pair = tuple[Plane, Plane]
 Slope = tuple[Plane, Plane, Plane, Plane]
 """x over x, x over y, y over x and y over y."""
 
-PLUMB_BOB: Final = "plumb_bob"
-RATIONAL: Final = "rational_polynomial"
-EQUIDISTANT: Final = frozenset({"equidistant", "fisheye"})
-
 _STEPS: Final = 50
 _CLOSE: Final = 1e-10
 _STRAY: Final = 1e-6
 _GRID: Final = 4_096
 _WIDEST: Final = np.radians(89.0)
-_COUNTS: Final = {PLUMB_BOB: (4, 5), RATIONAL: (4, 5, 8, 12, 14)}
 _BROWN: Final = 12
 
 
@@ -170,30 +166,17 @@ def distortion_of(model: str, coefficients: Sequence[float]) -> Distortion:
     Raises:
         CalibrationError: an unknown model, or not as many coefficients as it has.
     """
-    d = tuple(float(number) for number in coefficients)
-    if not np.isfinite(d).all():
-        raise CalibrationError(f"distortion of {model[:64]!r} that is not finite")
+    d = coefficients_of(model, [float(number) for number in coefficients])
+    if isinstance(d, str):
+        raise CalibrationError(d)
     return _lens(model, d)
 
 
 @lru_cache(maxsize=64)
 def _lens(model: str, d: tuple[float, ...]) -> Distortion:
     if model in EQUIDISTANT:
-        if len(d) != 4:
-            raise CalibrationError(f"{len(d)} coefficients for distortion model {model!r}, which has 4")
         return Equidistant(d)
-    if model in _COUNTS or not (model or any(d)):
-        return _brown(model, d) if any(d) else Straight()
-    raise CalibrationError(f"unknown distortion model {model[:64]!r}")
-
-
-def _brown(model: str, d: tuple[float, ...]) -> Brown:
-    counts = _COUNTS[model]
-    if len(d) not in counts:
-        raise CalibrationError(f"{len(d)} coefficients for distortion model {model!r}, which has {counts[-1]} at most")
-    if any(d[_BROWN:]):
-        raise CalibrationError(f"distortion model {model!r} with a tilted sensor")
-    return Brown((*d, *(0.0 for _ in range(_BROWN)))[:_BROWN])
+    return Brown((*d, *(0.0 for _ in range(_BROWN)))[:_BROWN]) if d else Straight()
 
 
 def _rising(values: Plane, bent: Plane) -> Pair:

@@ -61,6 +61,24 @@ def test_a_depth_camera_without_focal_length() -> None:
     assert "no focal length" in finding.what
 
 
+@pytest.mark.parametrize(
+    ("model", "d", "reason"),
+    [
+        ("ftheta", [0.1], "unknown distortion model 'ftheta'"),
+        ("equidistant", [0.1] * 5, "5 coefficients for distortion model 'equidistant', which has 4"),
+    ],
+)
+def test_a_lens_that_nobody_here_knows(model: str, d: list[float], reason: str) -> None:
+    (finding,) = said("front/info", color(), color_info(distortion_model=model, d=d))
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what == f"{reason}: what the camera's pixels mean in space cannot be worked out"
+
+
+@pytest.mark.parametrize(("model", "d"), [("equidistant", [0.1] * 4 + [0.0]), ("none", []), ("Plumb Bob", [0.0] * 5)])
+def test_a_lens_whose_coefficients_are_written_another_way(model: str, d: list[float]) -> None:
+    assert said("front/info", color(), color_info(distortion_model=model, d=d)) == []
+
+
 def test_a_calibration_that_is_there_but_no_stream() -> None:
     (finding,) = said("front/info", color(), depth(), beside=(color_info(),))
     assert finding.severity is Severity.NOTE

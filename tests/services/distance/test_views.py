@@ -105,7 +105,9 @@ def test_many_calibrations_are_not_all_kept() -> None:
             "frame 'other'",
         ),
         (
-            instant(depth(wall(2.0)[:24, :32]), msgspec.structs.replace(COLOR, distortion_model="odd"), COARSE),
+            instant(
+                depth(wall(2.0)[:24, :32]), msgspec.structs.replace(COLOR, distortion_model="odd", d=[0.1]), COARSE
+            ),
             "of colour unknown distortion model 'odd'",
         ),
     ],

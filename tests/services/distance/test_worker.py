@@ -145,7 +145,7 @@ async def test_each_way_in_which_nothing_is_known_is_said(rig: Rig) -> None:
         rig.robot.send(Stream.DEPTH, odd)
         rig.robot.send(Stream.DETECTIONS, detections(BOX, 8))
         assert only(await receive(distances, Distances)) == (None, "an image in mono16, which is no depth")
-        rig.robot.send(Stream.DEPTH_INFO, calibration(lens=("odd", [])))
+        rig.robot.send(Stream.DEPTH_INFO, calibration(lens=("odd", [0.1])))
         rig.frame(9)
         assert "unknown distortion model 'odd'" in only(await receive(distances, Distances))[1]
 

@@ -38,14 +38,23 @@ def test_a_lens_is_made_once_for_as_long_as_it_is_the_same() -> None:
     assert distortion_of(model, [2 * number for number in d]) != distortion_of(model, d)
 
 
-def test_no_coefficients_that_bend_are_a_straight_lens() -> None:
-    for model, d in (("plumb_bob", [0.0] * 5), ("plumb_bob", []), ("", []), ("", [0.0] * 5)):
-        assert isinstance(distortion_of(model, d), Straight)
+@pytest.mark.parametrize("d", [[], [0.0] * 5, [0.0] * 3])
+@pytest.mark.parametrize("model", ["plumb_bob", "rational_polynomial", "", "none", "None", "Plumb Bob"])
+def test_no_coefficients_that_bend_are_a_straight_lens(model: str, d: list[float]) -> None:
+    assert isinstance(distortion_of(model, d), Straight)
 
 
-def test_an_equidistant_lens_without_coefficients_is_a_fisheye_all_the_same() -> None:
-    lens = distortion_of("equidistant", [0.0] * 4)
+@pytest.mark.parametrize("d", [[], [0.0] * 4, [0.0] * 5])
+def test_an_equidistant_lens_without_coefficients_is_a_fisheye_all_the_same(d: list[float]) -> None:
+    lens = distortion_of("equidistant", d)
     assert lens.distort(np.ones(1), np.zeros(1))[0] == pytest.approx(np.pi / 4)
+
+
+@pytest.mark.parametrize("lens", [PLUMB_BOB, RATIONAL, PRISM, EQUIDISTANT])
+@pytest.mark.parametrize("more", [1, 3, 18])
+def test_noughts_behind_the_coefficients_change_nothing(lens: tuple[str, list[float]], more: int) -> None:
+    model, d = lens
+    assert distortion_of(model, d + [0.0] * more) == distortion_of(model, d)
 
 
 def test_a_point_past_where_the_model_folds_back_is_nowhere() -> None:
@@ -90,7 +99,9 @@ def test_where_a_lens_spreads_and_then_folds_back_every_pixel_looks_somewhere(mo
     [
         ("ftheta", [0.1], "unknown distortion model 'ftheta'"),
         ("", [0.1], "unknown distortion model ''"),
-        ("plumb_bob", [0.1, 0.2, 0.3], "3 coefficients for distortion model 'plumb_bob', which has 5"),
+        ("plumb_bob", [0.1, 0.2, 0.3], "3 coefficients for distortion model 'plumb_bob', which has 4 or 5"),
+        ("plumb_bob", [0.1] * 8, "8 coefficients for distortion model 'plumb_bob', which has 4 or 5"),
+        ("equidistant", [0.1], "1 coefficients for distortion model 'equidistant', which has 4"),
         ("equidistant", [0.1] * 5, "5 coefficients for distortion model 'equidistant', which has 4"),
         ("plumb_bob", [float("nan")] * 5, "not finite"),
         ("rational_polynomial", [0.1] * 14, "a tilted sensor"),
