@@ -1,11 +1,16 @@
 """sensor_msgs/Image to ImageFrame."""
 
+from typing import Final
+
 from gateway.ros1.image import decode_image
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import stamped
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import DEPTH_ENCODINGS, ImageFrame
+
+_SHOWN_AS: Final = {"8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8"}
+"""What ROS's own tools take for colours though it says nothing of them: cv_bridge sends them unless told otherwise."""
 
 
 def image(message: Message, header: Header) -> ImageFrame:
@@ -15,7 +20,7 @@ def image(message: Message, header: Header) -> ImageFrame:
         header=stamped(header, found.stamp, found.frame_id),
         height=found.height,
         width=found.width,
-        encoding=found.encoding,
+        encoding=_SHOWN_AS.get(found.encoding, found.encoding),
         step=found.step,
         data=found.data,
         is_bigendian=found.is_bigendian,

@@ -7,9 +7,11 @@ from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
 from tests.gateway.sensing import received
 from tests.gateway.translators.translating import dropped, translated
 
+UNNAMED = {"8UC1": "mono8", "8UC3": "bgr8", "8UC4": "bgra8"}
+
 
 def image(encoding: str, *, is_bigendian: bool = False) -> Message:
-    step = 2 * BYTES_PER_PIXEL[encoding]
+    step = 2 * BYTES_PER_PIXEL[UNNAMED.get(encoding, encoding)]
     return received(
         TYPE_NAME, encode_image(Image(1, 2, 3, "lens", 1, 2, encoding, is_bigendian, step, memoryview(bytes(step))))
     )
@@ -22,7 +24,13 @@ def test_every_encoding_is_an_image(encoding: str) -> None:
     assert (made.header.stamp_ns, made.header.frame_id, made.header.received_ns) == (2_000_000_003, "lens", 99)
 
 
-@pytest.mark.parametrize("encoding", BYTES_PER_PIXEL)
+@pytest.mark.parametrize(("encoding", "shown"), UNNAMED.items())
+def test_bytes_without_a_meaning_are_the_colours_that_ros_shows_them_as(encoding: str, shown: str) -> None:
+    made = translated(ImageFrame, "front/color", image(encoding))
+    assert (made.encoding, made.step) == (shown, 2 * BYTES_PER_PIXEL[shown])
+
+
+@pytest.mark.parametrize("encoding", [*BYTES_PER_PIXEL, *UNNAMED])
 def test_only_some_are_depth(encoding: str) -> None:
     if encoding in DEPTH_ENCODINGS:
         assert translated(ImageFrame, "front/depth", image(encoding)).encoding == encoding
