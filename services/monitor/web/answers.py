@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from fastapi import FastAPI, Request
-from fastapi.exceptions import RequestValidationError
+from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
@@ -21,9 +21,10 @@ def problem(status: int, reason: str, headers: Mapping[str, str] | None = None) 
 
 
 def answer_errors(app: FastAPI) -> None:
-    """Have an application answer its errors so."""
+    """Have an application answer its errors so, and those of a WebSocket that is not accepted yet."""
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(WebSocketRequestValidationError, _invalid)
     app.add_exception_handler(HistoryError, _no_history)
     app.add_exception_handler(UnknownAlertError, _not_found)
     app.add_exception_handler(UnknownRobotError, _not_found)

@@ -56,6 +56,7 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
     app.include_router(watching_routes(monitor, access))
     app.router.routes.append(OtherMethods(app.router.routes))
     app.add_api_route("/api/{path:path}", _nothing_there, methods=list(METHODS), include_in_schema=False)
+    app.add_api_websocket_route("/api/{path:path}", _nothing_there)
     answer_errors(app)
     return app
 

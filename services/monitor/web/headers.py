@@ -33,7 +33,7 @@ def with_headers(send: Send) -> Send:
     """Return what sends a response with DEFAULTS where it says nothing else."""
 
     async def sending(message: Message) -> None:
-        if message["type"] == "http.response.start":
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
             headers = MutableHeaders(scope=message)
             for name, value in DEFAULTS.items():
                 headers.setdefault(name, value)

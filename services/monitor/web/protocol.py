@@ -1,10 +1,11 @@
-"""HTTP as uvicorn speaks it, with bounds for who is not known yet: on a request's head, and on connections."""
+"""HTTP and WebSockets as uvicorn speaks them; bounds, for who is not known yet, on requests' heads and connections."""
 
 import asyncio
 from typing import Any, Final
 
 from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
 
 HEAD_S: Final = 10.0
@@ -73,3 +74,13 @@ class BoundedProtocol(HttpToolsProtocol):
         if self._head_ends is not None:
             self._head_ends.cancel()
             self._head_ends = None
+
+
+class SocketProtocol(WebSocketsSansIOProtocol):
+    """WebSockets, of which refusing one with a response is no error: uvicorn (0.54) logs that nothing was answered."""
+
+    async def send(self, message: Any) -> None:
+        """Send what the application says."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
+            self.handshake_complete = True

@@ -15,7 +15,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.page import add_pages
 from services.monitor.web.application import guarded, make_application
 from services.monitor.web.auth.access import Access
-from services.monitor.web.protocol import BoundedProtocol
+from services.monitor.web.protocol import BoundedProtocol, SocketProtocol
 
 STOP_S: Final = 1
 """How long requests may take to end when the monitor stops, and browsers to let go."""
@@ -63,7 +63,7 @@ async def serve(monitor: Monitor, listener: socket.socket, access: Access) -> No
         proxy_headers=settings.web_url is not None,
         server_header=False,
         timeout_graceful_shutdown=STOP_S,
-        ws="websockets-sansio",
+        ws=SocketProtocol,
         ws_max_size=MAX_FRAME_BYTES,
     )
     server = _Server(config)

@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Sequence
 from typing import Final, get_origin
 
-from fastapi import HTTPException, WebSocketException
+from fastapi import HTTPException
 from fastapi.dependencies.models import Dependant
 from starlette.requests import HTTPConnection
-from starlette.status import WS_1008_POLICY_VIOLATION
 
 MAX_SHOWN: Final = 80
 
@@ -16,7 +15,6 @@ async def refuse_unknown(connection: HTTPConnection) -> None:
 
     Raises:
         HTTPException: there is a parameter that the route does not have, or twice one of which it reads the last alone.
-        WebSocketException: the same of a WebSocket's route.
     """
     known = dict(_parameters(connection.scope["route"].dependant))
     given = connection.query_params
@@ -27,8 +25,6 @@ async def refuse_unknown(connection: HTTPConnection) -> None:
             reason = f"{name[:MAX_SHOWN]!r} is not a parameter: {there}"
         elif len(given.getlist(name)) > 1 and not known[name]:
             reason = f"{name!r} is given more than once"
-        if reason and connection.scope["type"] == "websocket":
-            raise WebSocketException(WS_1008_POLICY_VIOLATION, reason)
         if reason:
             raise HTTPException(422, reason)
 

@@ -76,7 +76,9 @@ def judge(asking: Asking, visitor: Visitor | None, *, by: Kind | None, place: Pl
     if place.hosts and _host_of(asking.headers) not in place.hosts:
         return Verdict.MISDIRECTED
     harmless = asking.method in SAFE
-    if not _is_ours(asking.headers, place.origin, needed=not harmless and by is not Kind.TOKEN):
+    known = visitor is not None and visitor.may_look
+    abusable = known or asking.path in OPEN  # else it is refused anyhow: as a stranger's, whose token may be missing
+    if not _is_ours(asking.headers, place.origin, needed=abusable and not harmless and by is not Kind.TOKEN):
         return Verdict.FOREIGN
     if asking.path in OPEN or (place.open_metrics and asking.path == METRICS):
         return Verdict.PASS

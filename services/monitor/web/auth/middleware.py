@@ -61,12 +61,11 @@ class AccessMiddleware:
         visitor, by = self._known(asking.headers)
         verdict = judge(asking, visitor, by=by, place=self._place)
         scope[STATE] = visitor
-        if asking.is_socket:
-            await self._socket(verdict, visitor, scope, receive, send)
-            return
         send = with_headers(send)
         limit = body_limit(asking.path)
-        if verdict is not Verdict.PASS:
+        if asking.is_socket and verdict is Verdict.PASS and visitor is not None:
+            await self._socket(visitor, scope, receive, send)
+        elif asking.is_socket or verdict is not Verdict.PASS:
             await self._refusal(asking, verdict)(scope, receive, send)
         elif _announced(asking.headers) > limit:
             await problem(413, f"a request to {asking.path[:80]} has at most {limit} bytes")(scope, receive, send)
@@ -96,13 +95,7 @@ class AccessMiddleware:
             return RedirectResponse(SET_UP, 303)
         return RedirectResponse(f"{LOG_IN}?next={quote(asking.path, safe='/')}" if asking.path != "/" else LOG_IN, 303)
 
-    async def _socket(
-        self, verdict: Verdict, visitor: Visitor | None, scope: Scope, receive: Receive, send: Send
-    ) -> None:
-        if verdict is not Verdict.PASS or visitor is None:
-            await receive()
-            await send({"type": "websocket.close", "code": POLICY_VIOLATION})
-            return
+    async def _socket(self, visitor: Visitor, scope: Scope, receive: Receive, send: Send) -> None:
         watched = _Watched(visitor, receive, send, self._gone_s)
         try:
             await self.app(scope, watched.receive, watched.send)

@@ -1,5 +1,6 @@
 import asyncio
 import json
+import logging
 from typing import Any
 
 import pytest
@@ -36,11 +37,10 @@ def test_a_client_is_told_of_the_robot_it_asked_for_alone() -> None:
     assert json.loads(client.news("t", {"robots": {("r2",): item("two", "r2")}}))["robots"]["changed"] == ["two"]
 
 
-def live(at: Served, query: str = "", **headers: str) -> Any:
+def live(at: Served, query: str = "", *, path: str = "", **headers: str) -> Any:
     given = headers or {"Authorization": f"Bearer {at.token}"}
-    return websockets.connect(
-        f"{at.url.replace('http', 'ws')}/api/v1/live?period_s=0.5{query}", additional_headers=given
-    )
+    asked = path or f"/api/v1/live?period_s=0.5{query}"
+    return websockets.connect(at.url.replace("http", "ws") + asked, additional_headers=given)
 
 
 async def next_of(socket: ClientConnection) -> Any:
@@ -48,7 +48,7 @@ async def next_of(socket: ClientConnection) -> Any:
         return json.loads(await socket.recv())
 
 
-async def test_the_fleet_as_it_changes_over_a_real_socket() -> None:
+async def test_the_fleet_as_it_changes_over_a_real_socket(caplog: pytest.LogCaptureFixture) -> None:
     async with FakeNetwork().open_bus() as bus:
         monitor = monitor_on(bus)
         fill(monitor.fleet)
@@ -69,26 +69,51 @@ async def test_the_fleet_as_it_changes_over_a_real_socket() -> None:
                     then = await next_of(socket)
                 assert then["robots"]["changed"][0]["online"] is False
             await refused(at)
+    assert not [each.message for each in caplog.records if each.levelno >= logging.WARNING]
 
 
 async def refused(at: Served) -> None:
     cookie = "=".join(at.cookie)
-    for headers in (
-        {"X": "nobody"},
-        {"Authorization": "Bearer x"},
-        {"Cookie": cookie},
-        {"Cookie": cookie, "Origin": "http://evil.test"},
+    unknown = "log in, or send a token: Authorization: Bearer ..."
+    for headers, status, reason in (
+        ({"X": "nobody"}, 401, unknown),
+        ({"Authorization": "Bearer x"}, 401, unknown),
+        (
+            {"Cookie": cookie, "Origin": "http://evil.test"},
+            403,
+            "this request does not come from a page of this monitor",
+        ),
+        ({"Cookie": cookie}, 403, "this request does not come from a page of this monitor"),
     ):
-        with pytest.raises(websockets.InvalidStatus) as refusal:
-            async with live(at, **headers):
-                pass
-        assert refusal.value.response.status_code == 403
+        assert await refusal(at, **headers) == (status, reason)
     async with live(at, "&topic=cameras&topic=robots", Cookie=cookie, Origin=at.url) as browser:
         assert set(await next_of(browser)) == {"now", "cameras", "robots"}
-    for query in ("&topic=odd", "&robot=" + "x" * 65, "&robt=r1", "&robot=r1&robot=r2"):
-        with pytest.raises(websockets.InvalidStatus):
-            async with live(at, query):
-                pass
+    for query, reason in (
+        ("&topic=odd", "topic.0: Input should be 'robots', 'cameras', "),
+        ("&robot=" + "x" * 65, "robot: String should have at most 64 characters"),
+        ("&robt=r1", "'robt' is not a parameter: there are period_s, robot, topic"),
+        ("&robot=r1&robot=r2", "'robot' is given more than once"),
+        ("&period_s=1", "'period_s' is given more than once"),
+    ):
+        status, told = await refusal(at, query)
+        assert (status, told[: len(reason)]) == (422, reason)
+    period = {"0": "greater than or equal to 0.5", "61": "less than or equal to 60", "abc": "a valid number"}
+    for given, wanted in period.items():
+        status, told = await refusal(at, path=f"/api/v1/live?period_s={given}")
+        assert (status, told.startswith("period_s: Input should be"), wanted in told) == (422, True, True)
+    assert await refusal(at, path="/api/v1/life") == (404, "there is no /api/v1/life")
+
+
+async def refusal(at: Served, query: str = "", *, path: str = "", **headers: str) -> tuple[int, str]:
+    """Return the status and the reason with which a socket is refused."""
+    with pytest.raises(websockets.InvalidStatus) as refused_with:
+        async with live(at, query, path=path, **headers):
+            pass
+    response = refused_with.value.response
+    assert (response.headers["Content-Type"], response.headers["Cache-Control"]) == ("application/json", "no-store")
+    told = json.loads(response.body)
+    assert list(told) == ["error"]
+    return response.status_code, told["error"]
 
 
 async def test_who_is_logged_out_hears_no_more() -> None:

@@ -28,6 +28,10 @@ def test_a_socket_is_opened_from_our_own_page_alone() -> None:
     assert verdict("", "/api/v1/live", VIEWER, {"host": "monitor:1"}) is Verdict.FOREIGN
     assert verdict("", "/api/v1/live", None, OURS) is Verdict.UNKNOWN
     assert verdict("", "/api/v1/live", GONE, OURS) is Verdict.UNKNOWN
+    for method, path in (("", "/api/v1/live"), ("POST", "/api/v1/alerts/a1/resolve")):
+        for nobody in (None, GONE):
+            assert verdict(method, path, nobody, {"host": "monitor:1"}) is Verdict.UNKNOWN, "its token may be missing"
+    assert verdict("POST", "/login", None, {"host": "monitor:1"}) is Verdict.FOREIGN
     token = Asking("", "/api/v1/live", {"host": "monitor:1"})
     assert judge(token, VIEWER, by=Kind.TOKEN, place=Place()) is Verdict.PASS
 
