@@ -95,7 +95,7 @@ class StreamForward:
             return None
         except Incomplete as error:
             self._left_out += error.left_out
-            self._log.warning("%s from %s: %s", self.topic, message.callerid, error)
+            log.warning("%s from %s: %s", self.topic, message.callerid, error)
             translated = error.rest
         except (MessageError, SchemaError) as error:
             self._leave_out(MALFORMED, message, error)
