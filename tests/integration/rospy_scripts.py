@@ -94,7 +94,7 @@ import sys, rospy
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 rospy.init_node("nodelets")
-broadcasters = [(rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True), child) for child in sys.argv[1:]]
+broadcasters = [(rospy.Publisher("/tf_static", TFMessage, queue_size=9, latch=True), child) for child in sys.argv[1:]]
 while not broadcasters[0][0].get_num_connections():
     rospy.sleep(0.01)
 for publisher, child in broadcasters:

@@ -64,6 +64,13 @@ async def test_static_transforms_are_whole_for_whoever_joins_when(ros: RosEnviro
             await frames_until(later, {"lens", "beam", "mast"})
 
 
+async def paused(rig: FleetRig, received: int) -> int:
+    """Wait until nobody has wanted static transforms, of which so many came, for long; return how many were sent."""
+    status = await rig.stream_status("r1", "", lambda of: not of.wanted and of.received >= received)
+    await asyncio.sleep(LINGER_S)
+    return status.forwarded
+
+
 async def test_static_transforms_of_a_node_with_several_broadcasters_are_whole_after_a_pause(
     ros: RosEnvironment, rig: FleetRig
 ) -> None:
@@ -71,12 +78,14 @@ async def test_static_transforms_of_a_node_with_several_broadcasters_are_whole_a
     key, whole = str(sensor_key("r1", "tf_static")), {"lens", "beam", "mast"}
     await rig.gateway("r1", ros.master_uri, CAMERAS, "--topics", "tf_static=/tf_static")
     await latched(ros, STATIC_FRAMES, *sorted(whole))  # which nobody wants yet
-    for _ in range(2):
-        await asyncio.sleep(LINGER_S + 0.5)
+    for pauses in range(2):
+        forwarded = await paused(rig, len(whole) + pauses)
         async with rig.subscribed(key) as samples:
-            for _ in range(2):  # kept before, and handed over anew by the node
+            seq = -1
+            while seq < forwarded:  # until it is one that the node handed over anew
                 sent = await receive(samples, Transforms)
                 assert {found.child_frame_id for found in sent.transforms} == whole
+                seq = sent.header.seq
 
 
 async def test_pictures_of_two_publishers_reach_every_late_subscriber(ros: RosEnvironment, rig: FleetRig) -> None:
