@@ -49,19 +49,22 @@ class Feed:
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
-        self._items: dict[Topic, Items] = {topic: {} for topic in TOPICS}
+        self._items: dict[Topic, Items] = {}
         self._recent = {topic: Recent(partial(self._make, topic), MAX_AGE_S) for topic in TOPICS}
 
     async def current(self, topics: Iterable[Topic]) -> tuple[str, Mapping[Topic, Items]]:
-        """Return the time, and every item of these topics by name; nobody is to change them."""
-        found = {topic: await self._recent[topic].get() for topic in topics}
+        """Return the time, and every item of these topics by name; nobody is to change them.
+
+        A topic is left out while it is not known what there is of it.
+        """
+        found = {topic: items for topic in topics if (items := await self._recent[topic].get()) is not None}
         return moment(time.time_ns()).isoformat(), found
 
-    async def _make(self, topic: Topic) -> Items:
+    async def _make(self, topic: Topic) -> Items | None:
         try:
             found = await self._found(topic)
         except HistoryError:
-            return self._items[topic]  # as far as anybody knows
+            return self._items.get(topic)  # as far as anybody knows
         made = {each[0]: self._item(topic, each) async for each in in_turns(found)}
         self._items[topic] = made
         return made
@@ -90,7 +93,7 @@ class Feed:
 
     def _item(self, topic: Topic, found: Found) -> Item:
         name, state, robot, body = found
-        old, now_s = self._items[topic].get(name), time.monotonic()
+        old, now_s = self._items.get(topic, {}).get(name), time.monotonic()
         if old is not None and old.state == state and now_s - old.made_s < RENEW_S:
             return old
         return Item(state, body(), now_s, robot)

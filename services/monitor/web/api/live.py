@@ -24,7 +24,7 @@ class Client:
 
     def __init__(self, topics: Iterable[Topic], robot: str) -> None:
         self._robot = robot
-        self._sent: dict[Topic, dict[Name, Item]] = {topic: {} for topic in topics}
+        self._sent: dict[Topic, dict[Name, Item] | None] = dict.fromkeys(topics)
 
     @property
     def topics(self) -> Iterable[Topic]:
@@ -32,17 +32,23 @@ class Client:
         return self._sent
 
     def news(self, now: str, current: Mapping[Topic, Mapping[Name, Item]]) -> str:
-        """Return what is new to it as JSON, which then counts as sent; empty if nothing is."""
-        parts = [part for topic in self._sent if (part := self._news_of(topic, current.get(topic, {})))]
+        """Return what is new to it as JSON, which then counts as sent; empty if nothing is.
+
+        That there is nothing of a topic is news, too, once. Of one that is not in `current` nothing is known.
+        """
+        known = [(topic, current[topic]) for topic in self._sent if topic in current]
+        parts = [part for topic, items in known if (part := self._news_of(topic, items))]
         return "{" + ",".join([f'"now":{json.dumps(now)}', *parts]) + "}" if parts else ""
 
     def _news_of(self, topic: Topic, current: Mapping[Name, Item]) -> str:
         sent = self._sent[topic]
         mine = {name: item for name, item in current.items() if self._robot in ("", item.robot)}
-        changed = [item.body for name, item in mine.items() if sent.get(name) is not item]
-        gone = [list(name) for name in sent if name not in mine]
+        before = sent or {}
+        changed = [item.body for name, item in mine.items() if before.get(name) is not item]
+        gone = [list(name) for name in before if name not in mine]
         self._sent[topic] = mine
-        return f'"{topic}":{{"changed":[{",".join(changed)}],"gone":{json.dumps(gone)}}}' if changed or gone else ""
+        is_news = changed or gone or sent is None
+        return f'"{topic}":{{"changed":[{",".join(changed)}],"gone":{json.dumps(gone)}}}' if is_news else ""
 
 
 def live_routes(monitor: Monitor) -> APIRouter:

@@ -1,9 +1,13 @@
 import json
+from pathlib import Path
+from typing import Never
 
 import msgspec
 
 from bus.fake import FakeNetwork
-from services.monitor.web.api.feed import TOPICS, Feed
+from services.monitor.history.errors import HistoryError
+from services.monitor.history.store import Store
+from services.monitor.web.api.feed import TOPICS, Feed, Topic
 from tests.services.monitor.web.api.seeing import ODD, fill, see
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.serving import monitor_on
@@ -31,6 +35,31 @@ async def test_it_is_news_that_nobody_knows_any_more_what_an_alert_says() -> Non
         feed._recent["alerts"]._made = None
         _, then = await feed.current(["alerts"])
         assert json.loads(then["alerts"]["a1",].body)["known_until"]
+
+
+async def test_of_alerts_that_cannot_be_read_nothing_is_said_until_they_can(tmp_path: Path) -> None:
+    database = tmp_path / "history.db"
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus, history=f"sqlite:///{database}")
+        feed = Feed(monitor)
+
+        async def found() -> list[Topic]:
+            feed._recent["alerts"]._made = monitor._others._made = None
+            return list((await feed.current(["workers", "alerts"]))[1])
+
+        database.mkdir()
+        assert await found() == ["workers"]
+        database.rmdir()
+        store = await Store.open(f"sqlite:///{database}")
+        await store.close()
+        assert await found() == ["workers", "alerts"]
+        monitor.archive.alerts = failing  # type: ignore[method-assign]
+        assert await found() == ["workers", "alerts"], "as far as anybody knows"
+        await monitor.history._end()
+
+
+async def failing(*_: object, **__: object) -> Never:
+    raise HistoryError("gone")
 
 
 async def test_what_is_no_news_stays_the_same_item() -> None:

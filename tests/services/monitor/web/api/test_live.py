@@ -8,7 +8,7 @@ import websockets
 from websockets.asyncio.client import ClientConnection
 
 from bus.fake import FakeNetwork
-from services.monitor.web.api.feed import Item
+from services.monitor.web.api.feed import TOPICS, Item
 from services.monitor.web.api.live import Client
 from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.web.api.seeing import ODD, fill, see
@@ -31,9 +31,19 @@ def test_a_client_is_told_what_is_new_to_it_and_what_is_gone() -> None:
     assert then["alerts"]["changed"] == ["two"]
 
 
+def test_that_there_is_nothing_of_a_topic_is_told_once() -> None:
+    client = Client(["robots", "alerts"], "")
+    empty: dict[str, list[str]] = {"changed": [], "gone": []}
+    assert json.loads(client.news("t", {"robots": {}, "cameras": {}})) == {"now": "t", "robots": empty}
+    assert client.news("t", {"robots": {}}) == "", "of alerts nothing is known yet"
+    assert json.loads(client.news("t", {"robots": {}, "alerts": {}})) == {"now": "t", "alerts": empty}
+    assert client.news("t", {"robots": {}, "alerts": {}}) == ""
+    assert client.news("t", {}) == "", "what is not known now did not go"
+
+
 def test_a_client_is_told_of_the_robot_it_asked_for_alone() -> None:
     client = Client(["robots"], "r2")
-    assert client.news("t", {"robots": {("r1",): item("one")}}) == ""
+    assert json.loads(client.news("t", {"robots": {("r1",): item("one")}}))["robots"]["changed"] == []
     assert json.loads(client.news("t", {"robots": {("r2",): item("two", "r2")}}))["robots"]["changed"] == ["two"]
 
 
@@ -68,6 +78,10 @@ async def test_the_fleet_as_it_changes_over_a_real_socket(caplog: pytest.LogCapt
                 while "robots" not in then:
                     then = await next_of(socket)
                 assert then["robots"]["changed"][0]["online"] is False
+            async with live(at, "&robot=zz") as socket:
+                first = await next_of(socket)
+                assert set(first) == {"now", *TOPICS}
+                assert [first[topic] for topic in TOPICS if topic != "workers"] == [{"changed": [], "gone": []}] * 5
             await refused(at)
     assert not [each.message for each in caplog.records if each.levelno >= logging.WARNING]
 
