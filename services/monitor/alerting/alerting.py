@@ -24,7 +24,7 @@ from services.monitor.inventory.sighting import Change
 from services.monitor.inventory.speaking import Speaking
 from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import MAX_SUBJECTS, Effect, RuleEngine, UnknownAlertError
-from services.monitor.rules.model import RobotAction
+from services.monitor.rules.model import PLACEHOLDERS, RobotAction
 from services.monitor.turns import in_turns
 
 TICK_S: Final = 0.1
@@ -245,8 +245,8 @@ def look_at(
 def action_of(asked: RobotAction, alert: Alert, action_id: str) -> Action:
     """Return what a robot is told because of an alert."""
     payload = asked.payload
-    for name, value in (("{robot}", alert.robot), ("{camera}", alert.camera), ("{class}", alert.name)):
-        payload = payload.replace(name, value)
+    for placeholder, value in zip(PLACEHOLDERS, (alert.robot, alert.camera, alert.name), strict=True):
+        payload = payload.replace(placeholder, value)
     return Action(
         id=action_id,
         name=asked.name,

@@ -17,6 +17,9 @@ Day = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
 QUARTER_NS: Final = 900 * 1_000_000_000
 DAYS: Final[tuple[Day, ...]] = get_args(Day)
 
+PLACEHOLDERS: Final = ("{robot}", "{camera}", "{class}")
+"""What of an action's payload is filled in."""
+
 Text = Annotated[str, Field(min_length=1, max_length=MAX_LABEL)]
 Patterns = Annotated[tuple[Annotated[str, Field(min_length=1, max_length=64)], ...], Field(max_length=1_000)]
 Seconds = Annotated[float, Field(ge=0, le=86_400 * 30)]

@@ -1,22 +1,27 @@
-"""What a rule names that nobody is called: misspelt, or not there yet. Pure."""
+"""What in a rule is called as nobody and nothing is: misspelt, or not there yet. Pure."""
 
+import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from fnmatch import fnmatchcase
 from typing import Final
 
-from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule
+from services.monitor.rules.model import PLACEHOLDERS, AnyRule, DisagreeRule, RuleBook, SilentRule
 
 Classes = Sequence[Collection[str]]
 """The classes that each of some workers reports; none of one that does not say."""
 
 WILDCARDS: Final = frozenset("*?[")
+NAMED: Final = re.compile(r"\{\s*[^\W\d]\w*\s*\}")
+"""Something like a placeholder; what is in JSON's braces is in quotes, or nothing."""
+
+MAX_SHOWN: Final = 64
 
 
 def remarks(
     book: RuleBook, detectors: Classes, opinions: Classes, seen: Callable[[str], bool], robots: AbstractSet[str]
 ) -> Iterator[str]:
-    """Yield a line for each class and each pattern of robots that fits nothing.
+    """Yield a line for each class, each placeholder of a payload and each pattern of robots that fits nothing.
 
     detectors, opinions: the workers that are there. seen: whether a class was ever in view. robots: those ever heard
     of. Of classes it says nothing while no detector is there or one does not say what it reports.
@@ -27,9 +32,17 @@ def remarks(
         known = not name or not detectors or not all(workers) or any(name in classes for classes in workers)
         if not known and not seen(name):
             yield f"rule {rule.name!r}: no detector reports {name!r}"
+        for placeholder in _not_filled_in(rule):
+            filled_in = "{}, {} and {} are filled in".format(*PLACEHOLDERS)
+            yield f"rule {rule.name!r}: {placeholder!r} stays in its payload as it is: {filled_in}"
         for pattern in rule.robots if robots else ():
             if not _fits_any(pattern, robots):
                 yield f"rule {rule.name!r}: no robot is called {pattern!r}"
+
+
+def _not_filled_in(rule: AnyRule) -> list[str]:
+    payload = "" if rule.action is None else rule.action.payload
+    return [each[:MAX_SHOWN] for each in dict.fromkeys(NAMED.findall(payload)) if each not in PLACEHOLDERS]
 
 
 def _fits_any(pattern: str, robots: AbstractSet[str]) -> bool:

@@ -47,3 +47,16 @@ def test_a_pattern_that_fits_no_robot_is_remarked_once_there_are_robots() -> Non
     assert said(lost) == []
     assert said(lost, robots=("dock1", "r1")) == ["rule 'lost': no robot is called 'dokc*'"]
     assert said(lost, robots=("dokc1",)) == ["rule 'lost': no robot is called 'r1'"]
+
+
+def test_what_an_actions_payload_has_in_braces_and_is_not_filled_in_is_remarked() -> None:
+    def of(payload: str) -> list[str]:
+        return said({"when": "silent", "name": "lost", "action": {"name": "stop", "payload": payload}})
+
+    told = "stays in its payload as it is: {robot}, {camera} and {class} are filled in"
+    assert of("{class} at {robot}/{camera} {nope}") == [f"rule 'lost': '{{nope}}' {told}"]
+    assert of("{Robot} { camera } {nope} {nope}") == [
+        f"rule 'lost': '{each}' {told}" for each in ("{Robot}", "{ camera }", "{nope}")
+    ]
+    assert of('{"robot": "{robot}", "stop": {"after_s": 2}, "empty": {}, "at": [{"x": {}}]}') == []
+    assert of("") == said({"when": "silent", "name": "lost"}) == []
