@@ -1,13 +1,14 @@
 """Routes about alerts: which there are, and what people do with them."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Path, Request
 
-from schemas.alerts import Alert
+from schemas.alerts import Alert, AlertState
 from services.monitor.export.settings import moment
+from services.monitor.history.acts import Act
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.acting import operator_of
 from services.monitor.web.api.models import AlertAnswer, Page, alert_answer
@@ -32,26 +33,36 @@ def alert_routes(monitor: Monitor) -> APIRouter:
         items, mark = page_of(sorted(found, key=_place), _place, limit, after, 1)
         return Page(now=moment(time.time_ns()), items=[answer(alert) for alert in items], next=mark)
 
-    def act(do: Callable[[str, str], Alert], alert_id: str, request: Request) -> AlertAnswer:
-        return answer(do(alert_id, operator_of(request, monitor)))
+    def act(do: Callable[[str, str], Alert], state: AlertState, alert_id: str, request: Request) -> AlertAnswer:
+        who = operator_of(request, monitor)
+        as_it_is = next((alert for alert in monitor.alerts() if alert.id == alert_id), None)
+        if as_it_is is not None and _did(who, state, as_it_is, monitor.acts_of(alert_id)):
+            return answer(as_it_is)  # a program that got no answer asks again
+        return answer(do(alert_id, who))
 
     @router.post("/alerts/{alert_id}/acknowledge")
     async def acknowledge(alert_id: AlertId, request: Request) -> AlertAnswer:
         """Note that you look after an alert: it does not escalate by itself any more."""
-        return act(monitor.acknowledge, alert_id, request)
+        return act(monitor.acknowledge, AlertState.ACKNOWLEDGED, alert_id, request)
 
     @router.post("/alerts/{alert_id}/escalate")
     async def escalate(alert_id: AlertId, request: Request) -> AlertAnswer:
         """Have others look after an alert."""
-        return act(monitor.escalate, alert_id, request)
+        return act(monitor.escalate, AlertState.ESCALATED, alert_id, request)
 
     @router.post("/alerts/{alert_id}/resolve")
     async def resolve(alert_id: AlertId, request: Request) -> AlertAnswer:
         """Close an alert; it is raised again only after it was over."""
-        return act(monitor.resolve, alert_id, request)
+        return act(monitor.resolve, AlertState.RESOLVED, alert_id, request)
 
     return router
 
 
 def _place(alert: Alert) -> tuple[str, ...]:
     return (alert.id,)
+
+
+def _did(who: str, state: AlertState, alert: Alert, acts: Iterable[Act]) -> bool:
+    """Whether somebody did something with an alert since it is as it is."""
+    mine = (act for act in acts if (act.who, act.state) == (who, state))
+    return alert.state is state and any(act.at_ns >= alert.changed_ns for act in mine)

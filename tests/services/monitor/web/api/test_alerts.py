@@ -56,6 +56,27 @@ async def test_operators_act_and_who_did_what_is_told(web: Web) -> None:
         assert (await browser.get("/api/v1/alerts?robot=r2")).json()["items"] == []
 
 
+async def test_what_somebody_did_already_is_answered_and_not_noted_again(web: Web) -> None:
+    raise_alert(web.monitor, alert())
+    async with await web.browser() as browser:
+
+        async def done(what: str) -> list[tuple[str, str]]:
+            answer = (await browser.post(f"/api/v1/alerts/a1/{what}")).json()
+            return [(act["state"], act["who"]) for act in answer["acts"]]
+
+        mine = ("acknowledged", "operator")
+        assert await done("acknowledge") == [mine]
+        assert await done("acknowledge") == [mine]
+        web.monitor.acknowledge("a1", "bob")
+        assert await done("acknowledge") == [mine, ("acknowledged", "bob")]
+        assert (await done("escalate"))[2:] == [("escalated", "operator")]
+        assert (await done("escalate"))[2:] == [("escalated", "operator")]
+        assert (await done("acknowledge"))[3:] == [mine], "it had escalated meanwhile"
+        await done("resolve")
+        assert (await browser.post("/api/v1/alerts/a1/resolve")).status_code == 404
+        assert [act.state for act in web.monitor.acts_of("a1")].count(AlertState.RESOLVED) == 1
+
+
 async def test_until_when_it_was_known_is_told_of_an_alert_whose_camera_is_silent(web: Web) -> None:
     fill(web.monitor.fleet)
     about = msgspec.structs.replace(alert(), camera="front")
