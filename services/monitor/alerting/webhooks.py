@@ -113,7 +113,7 @@ class Webhooks:
                 self.counts[receiver.name, Outcome.DELIVERED] += 1
                 return
             self._failing[receiver] = reason
-            log.warning("webhook %s: alert %s not taken: %s", webhook.url.host, alert.id, reason)
+            log.warning("webhook %s: alert %s not taken: %s", receiver.name, alert.id, reason)
             if not again:
                 break
             if number + 1 < TRIES:
@@ -123,7 +123,7 @@ class Webhooks:
     def _gave_up(self, receiver: Receiver, first: bool) -> None:  # noqa: FBT001 - the lanes'
         self.counts[receiver.name, Outcome.DROPPED] += 1
         if first:
-            log.warning("webhook %s: %d alerts wait, the oldest are dropped", receiver.webhook.url.host, MAX_WAITING)
+            log.warning("webhook %s: %d alerts wait, the oldest are dropped", receiver.name, MAX_WAITING)
 
 
 def _is_in(receiver: Receiver, webhooks: Mapping[str, Webhook]) -> bool:
