@@ -58,7 +58,7 @@ class Feed:
         A topic is left out while it is not known what there is of it.
         """
         found = {topic: items for topic in topics if (items := await self._recent[topic].get()) is not None}
-        return moment(time.time_ns()).isoformat(), found
+        return moment(time.time_ns()).isoformat().replace("+00:00", "Z"), found
 
     async def _make(self, topic: Topic) -> Items | None:
         try:

@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 from typing import Never
 
@@ -17,7 +18,8 @@ async def test_nothing_is_made_that_nobody_asked_for() -> None:
     async with FakeNetwork().open_bus() as bus:
         monitor = monitor_on(bus)
         fill(monitor.fleet)
-        _, found = await Feed(monitor).current(["workers", "alerts"])
+        now, found = await Feed(monitor).current(["workers", "alerts"])
+        assert re.fullmatch(r"\d{4}-\d\d-\d\dT[\d:.]+Z", now), "as the other answers write it"
         assert {topic: list(items) for topic, items in found.items()} == {"workers": [("detector", "w1")], "alerts": []}
         assert monitor._snapshot._made is None
         assert monitor._inventory._made is None

@@ -18,6 +18,16 @@ async def test_a_parameter_that_a_route_does_not_have_is_refused_and_named(web: 
             assert (await program.get(f"/api/v1/{query}")).status_code == 422
 
 
+async def test_a_time_may_be_seconds_since_the_epoch_and_a_zone_other_than_utc(web: Web) -> None:
+    async with await web.program() as program:
+        for since in ("1763618400", "1763618400.5", "2026-11-20T06:00Z", "2026-11-20T07:00%2B01:00"):
+            answer = await program.get(f"/api/v1/history/sightings?since={since}")
+            assert answer.status_code == 503, "there is no history here, and nothing wrong with the question"
+        for since in ("2026-11-20T06:00", "2026-11-20T07:00+01:00"):  # a space, as a URL goes
+            answer = await program.get(f"/api/v1/history/sightings?since={since}")
+            assert answer.json() == {"error": "since: write a time like 2026-11-20T06:00Z"}
+
+
 async def test_a_refused_act_on_an_alert_is_not_done(web: Web) -> None:
     async with await web.program() as program:
         answer = await program.post("/api/v1/alerts/a1/resolve?robot=r1")
