@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from fastapi import APIRouter, Depends, FastAPI, HTTPException
+from fastapi import APIRouter, Depends, FastAPI, HTTPException, Security
 from pydantic import HttpUrl
 
 from bus.version import VERSION
@@ -19,6 +19,7 @@ from services.monitor.web.auth.access import Access
 from services.monitor.web.auth.gate import Place
 from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.routes import access_routes
+from services.monitor.web.auth.token import Token
 from services.monitor.web.methods import METHODS, OtherMethods
 from services.monitor.web.settings import WebSettings
 from services.monitor.web.watching import watching_routes
@@ -42,7 +43,7 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
         docs_url=None,
         redoc_url=None,
     )
-    api = APIRouter(prefix="/api/v1", responses=ERRORS, dependencies=[Depends(refuse_unknown)])
+    api = APIRouter(prefix="/api/v1", responses=ERRORS, dependencies=[Security(Token()), Depends(refuse_unknown)])
     for routes in (
         about_routes(monitor),
         fleet_routes(monitor),
