@@ -34,7 +34,7 @@ def users_url(history: str) -> str:
 class UserStore:
     """The users of a database. Every method raises HistoryError when it cannot be had.
 
-    create: make it where there is none.
+    create: make it where there is none; one that was there once is waited for, a new one would let nobody in.
     left_out: the users that were there at the last reading and are of a newer version: their role is not known here.
     """
 
@@ -118,6 +118,7 @@ class UserStore:
     async def _connected(self) -> AsyncIterator[AsyncConnection]:
         async with translating():
             connection = await connect(engine_of(self._url), create=self._create)
+            self._create = False
             try:
                 yield connection
             finally:

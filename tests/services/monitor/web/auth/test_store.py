@@ -4,9 +4,11 @@ from pathlib import Path
 import pytest
 
 from services.monitor.history.engine import engine_of
+from services.monitor.history.errors import HistoryError
 from services.monitor.history.tables import logins, users
-from services.monitor.web.auth.people import Kind
+from services.monitor.web.auth.people import Kind, User
 from services.monitor.web.auth.store import UserStore
+from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.web.auth.test_access import access_to
 from tests.services.monitor.web.serving import PASSWORD, access_in, users_in
 
@@ -57,3 +59,15 @@ async def test_a_user_who_is_left_out_is_there(tmp_path: Path) -> None:
     access = access_to(tmp_path)
     await access.look()
     assert (access.needs_setup, access.invitation) == (False, "")
+
+
+async def test_a_file_is_made_once_and_waited_for_when_it_is_gone(tmp_path: Path) -> None:
+    store, file = UserStore(users_in(tmp_path)), tmp_path / "users.db"
+    assert await store.users() == []
+    file.unlink()
+    for _ in range(2):
+        with pytest.raises(HistoryError, match=r"users\.db: it does not exist"):
+            await store.add(User("ann", Role.VIEWER, "x", 1), first=True)
+    assert not file.exists()
+    assert await UserStore(users_in(tmp_path)).add(User("bob", Role.VIEWER, "x", 1))
+    assert [user.name for user in await store.users()] == ["bob"]
