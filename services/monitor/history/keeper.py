@@ -105,6 +105,7 @@ class HistoryKeeper:
         self._heeded_ns = time.time_ns()
         self._speaking = self._new_speaking()
         self._store: Store | None = None
+        self._had = False
         self._problem = ""
         self._writes = False
         self._leads = settings.history == NONE
@@ -206,7 +207,8 @@ class HistoryKeeper:
         """Write what there is to write; return after how many seconds to do so again."""
         try:
             if self._store is None:
-                self._store = await Store.open(self._settings.history)
+                # one that was there is waited for: whoever moved it may bring it back, and a new one has no users
+                self._store = await Store.open(self._settings.history, create=not self._had, complete=True)
                 if self._follows and self._problem:
                     self._may_lead_s = time.monotonic() + FIRST_GO_S
             self._heed(await self._store.forgotten(self._heeded_ns))
@@ -343,6 +345,7 @@ class HistoryKeeper:
     async def _close(self) -> None:
         store, self._store = self._store, None
         if store is not None:
+            self._had = True
             await store.close()
 
     async def _end(self) -> None:

@@ -28,8 +28,10 @@ PATIENCE_S: Final = 2.0
 RETRY_S: Final = 0.05
 
 
-async def connect(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
+async def connect(engine: AsyncEngine, *, create: bool, complete: bool = False) -> AsyncConnection:
     """Return a connection to a database. create: make it, and the tables, where there are none.
+
+    complete: make tables that came later, where the others are.
 
     Raises:
         OtherVersionError: the tables are those of another version.
@@ -42,7 +44,7 @@ async def connect(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
             connection = await _connected(engine)
         try:
             async with translating():
-                await connection.run_sync(_check_tables, create=create)
+                await connection.run_sync(_check_tables, create=create, complete=complete)
                 await connection.commit()
         except BaseException:
             await connection.close()
@@ -75,12 +77,13 @@ def begin_alone(connection: Connection) -> None:
     connection.exec_driver_sql(BEGIN_ALONE[connection.dialect.name])
 
 
-def _check_tables(connection: Connection, *, create: bool) -> None:
-    if _are_made(connection) and not (create and _missing(connection)):
+def _check_tables(connection: Connection, *, create: bool, complete: bool) -> None:
+    makes = create or complete
+    if _are_made(connection) and not (makes and _missing(connection)):
         return
-    if not create:
-        if not _missing(connection) <= {schema_version.name, forgotten.name}:
-            raise HistoryError("no monitor has kept anything there")
+    if not create and not _missing(connection) <= {schema_version.name, forgotten.name}:
+        raise HistoryError("no monitor has kept anything there")
+    if not makes:
         return
     begin_alone(connection)
     are_made = _are_made(connection)  # by somebody who was quicker

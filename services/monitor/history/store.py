@@ -4,10 +4,9 @@ import asyncio
 import fcntl
 import os
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
 from sqlalchemy import ColumnElement, Row, Table, delete, func, select, text
@@ -21,6 +20,7 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.leader import LEADER, TELL_NAME, lock_of, own_name, read_name
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.newest import newest_of_each
+from services.monitor.history.open_files import OpenFiles
 from services.monitor.history.opening import connect
 from services.monitor.history.presence import Place, Presence
 from services.monitor.history.rows import (
@@ -83,24 +83,34 @@ class Kept:
 class Store:
     """One connection to the database. Every method raises HistoryError, after which the store is to be closed."""
 
-    def __init__(self, engine: AsyncEngine, connection: AsyncConnection, file: Path | None) -> None:
+    def __init__(self, engine: AsyncEngine, connection: AsyncConnection, files: OpenFiles | None) -> None:
         self._engine = engine
         self._connection = connection
-        self._file = file
+        self._files = files
         self._lock: int | None = None
         self._upserts: dict[Table, Upsert] = {}
 
     @classmethod
-    async def open(cls, url: str, *, create: bool = True) -> Self:
+    async def open(cls, url: str, *, create: bool = True, complete: bool = False) -> Self:
         """Connect; see `connect`."""
         engine = engine_of(url)
-        return cls(engine, await connect(engine, create=create), file_of(engine))
+        async with translating():
+            files = None if (file := file_of(engine)) is None else await asyncio.to_thread(OpenFiles, file)
+        store = cls(engine, await connect(engine, create=create, complete=complete), files)
+        if files is not None:
+            try:
+                async with translating():
+                    await asyncio.to_thread(files.opened)
+            except BaseException:
+                await store.close()
+                raise
+        return store
 
     async def lead(self) -> bool:
         """Become the one that writes and raises alerts, for as long as this is open; False while another one is."""
-        async with translating():
-            if self._file is not None:
-                return self._lock is not None or self._lock_beside(self._file)
+        async with self._at_hand():
+            if self._files is not None:
+                return self._lock is not None or self._lock_beside(self._files)
             taken = bool(await self._connection.scalar(select(func.pg_try_advisory_lock(LOCK))))
             if taken:
                 await self._connection.execute(END_UNHEARD, {"after": f"{round(UNHEARD_S * 1_000)}ms"})
@@ -110,9 +120,9 @@ class Store:
 
     async def leader(self) -> str:
         """Return who leads, as host and process; empty if nobody does, or does not say."""
-        async with translating():
-            if self._file is not None:
-                return await asyncio.to_thread(read_name, lock_of(self._file))
+        async with self._at_hand():
+            if self._files is not None:
+                return await asyncio.to_thread(read_name, lock_of(self._files.file))
             found = await self._connection.scalar(LEADER, {"lock": LOCK})
             await self._connection.commit()
             return found or ""
@@ -121,7 +131,7 @@ class Store:
         """Return what goes on, and what ended since then."""
         at_ns = await self.heartbeat_ns()
         going_on: list[Lasting] = []
-        async with translating():
+        async with self._at_hand():
             for kind, table in TABLES.items():
                 are_open = table.select().where(table.c.open).order_by(table.c.since_ns).limit(MAX_LOADED)
                 going_on += [lasting_of_row(kind, row, at_ns) for row in await self._connection.execute(are_open)]
@@ -141,7 +151,7 @@ class Store:
     async def last_present(self) -> Mapping[Place, int]:
         """Return until when each robot and each camera was there, as far as that is kept."""
         at_ns = await self.heartbeat_ns()
-        async with translating():
+        async with self._at_hand():
             rows = (await self._connection.execute(newest_of_each(presence).limit(MAX_LOADED))).all()
             await self._connection.commit()
             every = [lasting_of_row(Presence, row, at_ns) for row in rows]
@@ -149,7 +159,7 @@ class Store:
 
     async def known_alerts(self, ids: Iterable[str]) -> set[str]:
         """Return which of some alerts are kept."""
-        async with translating():
+        async with self._at_hand():
             found = await self._connection.scalars(select(alerts.c.id).where(alerts.c.id.in_(list(ids))))
             known = set(found)
             await self._connection.commit()
@@ -157,7 +167,7 @@ class Store:
 
     async def heartbeat_ns(self) -> int:
         """Return when somebody wrote last; 0 if nobody did."""
-        async with translating():
+        async with self._at_hand():
             found = await self._connection.scalar(select(heartbeat.c.at_ns))
             await self._connection.commit()
             return found or 0
@@ -168,7 +178,7 @@ class Store:
         table = TABLES[kind]
         ended = table.c.open.is_(False) & (table.c.until_ns >= since_ns)
         rows: list[Row[Any]] = []
-        async with translating():  # the newest of either are found in an index of their own
+        async with self._at_hand():  # the newest of either are found in an index of their own
             for of, ends in ((table.c.open, table.c.since_ns), (ended, table.c.until_ns)):
                 query = table.select().where(*where, of).order_by(ends.desc()).limit(MAX_LOADED - len(rows))
                 rows += (await self._connection.execute(query)).all()
@@ -177,7 +187,7 @@ class Store:
 
     async def poses(self, since_ns: int) -> dict[str, Pose]:
         """Return where the robots were whose poses are of then, or newer."""
-        async with translating():
+        async with self._at_hand():
             newest = poses.select().where(poses.c.at_ns >= since_ns).order_by(poses.c.at_ns.desc()).limit(MAX_MEMBERS)
             rows = (await self._connection.execute(newest)).all()
             await self._connection.commit()
@@ -185,12 +195,12 @@ class Store:
 
     async def write_poses(self, some: Mapping[str, Pose]) -> None:
         """Write where robots are."""
-        async with translating(), self._connection.begin():
+        async with self._at_hand(), self._connection.begin():
             await self._put(poses, [row_of_pose(robot, pose) for robot, pose in some.items()])
 
     async def forgotten(self, since_ns: int = 0) -> dict[str, int]:
         """Return the robots that were forgotten after then, and when."""
-        async with translating():
+        async with self._at_hand():
             newest = forgotten.select().where(forgotten.c.at_ns > since_ns).order_by(forgotten.c.at_ns.desc())
             rows = (await self._connection.execute(newest.limit(MAX_MEMBERS))).all()
             await self._connection.commit()
@@ -198,7 +208,7 @@ class Store:
 
     async def forget(self, robots: Mapping[str, int]) -> None:
         """Write when robots were forgotten."""
-        async with translating(), self._connection.begin():
+        async with self._at_hand(), self._connection.begin():
             await self._put(forgotten, [{"robot": robot, "at_ns": at_ns} for robot, at_ns in robots.items()])
 
     async def write(
@@ -212,7 +222,7 @@ class Store:
         of_kind: dict[type[Lasting], list[Lasting]] = defaultdict(list)
         for each in some:
             of_kind[type(each)].append(each)
-        async with translating(), self._connection.begin():
+        async with self._at_hand(), self._connection.begin():
             for kind, those in of_kind.items():
                 await self._put(TABLES[kind], map(row_of_lasting, those))
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
@@ -221,7 +231,7 @@ class Store:
 
     async def prune(self, before_ns: int) -> bool:
         """Forget what ended before then, about SLICE rows of a kind at a time; return whether that was all."""
-        async with translating(), self._connection.begin():
+        async with self._at_hand(), self._connection.begin():
             of_each = [await self._prune(table, before_ns) for table in TABLES.values()]
             await self._connection.execute(
                 delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
@@ -251,15 +261,29 @@ class Store:
             os.close(self._lock)
             self._lock = None
 
-    def _lock_beside(self, file: Path) -> bool:
+    @asynccontextmanager
+    async def _at_hand(self) -> AsyncIterator[None]:
+        """Translate errors, and make one of it that the files were moved, before or just now: nothing is kept then."""
+        async with translating():
+            await self._check()
+            yield
+            await self._check()
+
+    async def _check(self) -> None:
+        if self._files is not None:
+            await asyncio.to_thread(self._files.check)
+
+    def _lock_beside(self, files: OpenFiles) -> bool:
         """Lock a file beside the database: whoever opens and closes the database itself undoes SQLite's own locks."""
-        descriptor = os.open(lock_of(file), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        lock = lock_of(files.file)
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             os.close(descriptor)
             return False
         self._lock = descriptor
+        files.locked(lock, descriptor)
         os.ftruncate(descriptor, 0)
         os.write(descriptor, own_name().encode())
         return True
