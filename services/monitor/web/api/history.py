@@ -27,6 +27,9 @@ from services.monitor.web.api.paging import After, ClassName, Limit, Name, first
 DEFAULT_LIMIT: Final = 200
 DAY_NS: Final = 86_400 * 1_000_000_000
 
+KINDS: Final = {"csv": "text/csv", "parquet": "application/vnd.apache.parquet"}
+FILES: Final[dict[int | str, dict[str, Any]]] = {200: {"content": {kind: {} for kind in KINDS.values()}}}
+
 Moment = Annotated[AwareDatetime, written_like("2026-11-20T06:00Z")]
 Since = Annotated[Moment | None, Query(description="what ended before is left out; a day ago unless given")]
 Until = Annotated[Moment | None, Query(description="what began later is left out")]
@@ -35,10 +38,18 @@ Until = Annotated[Moment | None, Query(description="what began later is left out
 def asked(
     *, since: Since = None, until: Until = None, robot: Name = "", camera: Name = "", name: ClassName = ""
 ) -> Asked:
-    """Return what the query of a URL asks for."""
+    """Return what the query of a URL asks for.
+
+    Raises:
+        HTTPException: it ends before it begins.
+    """
+    since_ns = time.time_ns() - DAY_NS if since is None else _bounded_ns(since)
+    until_ns = 2**63 - 1 if until is None else _bounded_ns(until)
+    if since_ns > until_ns:
+        raise HTTPException(422, "since is later than until" if since else "since, a day ago, is later than until")
     return Asked(
-        since_ns=time.time_ns() - DAY_NS if since is None else _bounded_ns(since),
-        until_ns=2**63 - 1 if until is None else _bounded_ns(until),
+        since_ns=since_ns,
+        until_ns=until_ns,
         robot=robot,
         camera=camera,
         name=name,
@@ -79,7 +90,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
         answers = [alert_answer(each, tuple(done[each.id]), monitor.known_until_ns(each)) for each in items]
         return Page(now=moment(time.time_ns()), items=answers, next=mark)
 
-    @router.get("/export", response_class=FileResponse)
+    @router.get("/export", response_class=FileResponse, responses=FILES)
     async def whole(
         wanted: FromQuery,
         what: Literal["sightings", "alerts"] = "sightings",
@@ -96,7 +107,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
             except BaseException:
                 await asyncio.to_thread(folder.cleanup)
                 raise
-        return FileResponse(file, filename=file.name, background=BackgroundTask(folder.cleanup))
+        return FileResponse(file, media_type=KINDS[kind], filename=file.name, background=BackgroundTask(folder.cleanup))
 
     return router
 

@@ -12,7 +12,7 @@ async def test_a_parameter_that_a_route_does_not_have_is_refused_and_named(web: 
         ):
             answer = await program.get(f"/api/v1/{query}")
             assert (answer.status_code, answer.json()) == (422, {"error": reason})
-        shared = await program.get("/api/v1/history/alerts?class=box&state=raised&until=2026-11-20T06:00Z")
+        shared = await program.get("/api/v1/history/alerts?class=box&state=raised&since=2026-11-20T06:00Z")
         assert shared.status_code == 503, "there is no history here, and nothing wrong with the question"
         for query in ("history/sightings?name=box", "history/export?since_ns=1"):
             assert (await program.get(f"/api/v1/{query}")).status_code == 422
