@@ -34,6 +34,7 @@ def engine_of(url: str) -> AsyncEngine:
     except (SQLAlchemyError, KeyError, ValueError) as error:
         raise HistoryError(f"not the URL of a database: {error}") from error
     if engine.dialect.name == "sqlite":
+        event.listen(engine.sync_engine, "do_connect", _make_no_file)
         event.listen(engine.sync_engine, "connect", _set_pragmas)
     return engine
 
@@ -54,11 +55,12 @@ def name_of(engine: AsyncEngine) -> str:
 def private_file(file: Path) -> None:
     """Make the file of an SQLite database where there is none; nobody else may read it: it holds passwords' hashes.
 
-    One that is there is not opened: closing it again would undo the locks of whoever uses it in this process.
+    One that is there is not opened: closing it again would undo the locks of whoever uses it in this process. A link
+    counts as the file that it leads to, and is no file itself.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     with suppress(FileExistsError):
-        os.close(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+        os.close(os.open(os.path.realpath(file), os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
 
 @asynccontextmanager
@@ -74,6 +76,16 @@ async def translating(timeout_s: float = TIMEOUT_S) -> AsyncIterator[None]:
     except Exception as error:  # drivers raise errors of their own beside SQLAlchemy's, and rows may be anybody's
         cause = getattr(error, "orig", None) or error
         raise HistoryError(" ".join(str(cause).split())[:300] or type(cause).__name__) from error
+
+
+def _make_no_file(_dialect: Any, _record: Any, where: list[Any], how: dict[str, Any]) -> None:
+    """Have SQLite open a file that is there, and not make one that is moved at that very moment.
+
+    It would be empty, anybody's to read, and SQLite would delete the `-wal` that it finds beside an empty file.
+    """
+    file = Path(where[0])
+    if not how.get("uri") and file.is_absolute():  # SQLAlchemy makes a file's name so; one in memory has none
+        where[0], how["uri"] = f"{file.as_uri()}?mode=rw", True
 
 
 def _set_pragmas(connection: Any, _: object) -> None:

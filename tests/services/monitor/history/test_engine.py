@@ -1,6 +1,8 @@
 from pathlib import Path
 
 import pytest
+from sqlalchemy.engine import URL
+from sqlalchemy.exc import OperationalError
 
 from services.monitor.history.engine import engine_of, file_of, name_of, private_file
 from services.monitor.history.errors import HistoryError
@@ -14,6 +16,27 @@ def test_a_new_database_is_nobody_elses_to_read_and_one_that_is_there_stays_as_i
     file.chmod(0o640)
     private_file(file)
     assert (file.stat().st_mode & 0o777, file.read_bytes()) == (0o640, b"kept")
+
+
+def test_a_link_to_a_file_that_is_not_there_yet_makes_it_nobody_elses_to_read(tmp_path: Path) -> None:
+    link, file = tmp_path / "link.db", tmp_path / "history.db"
+    link.symlink_to(file)
+    private_file(link)
+    assert (link.is_symlink(), file.stat().st_mode & 0o777) == (True, 0o600)
+
+
+@pytest.mark.parametrize("name", ["history.db", "50% of ö ?#&.db"])
+async def test_sqlite_makes_no_file_of_its_own(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    engine = engine_of(URL.create("sqlite", database=str(file)).render_as_string())
+    with pytest.raises(OperationalError, match="unable to open"):
+        async with engine.connect():
+            pass
+    assert not file.exists()
+    private_file(file)
+    async with engine.connect() as connection:
+        await connection.exec_driver_sql("CREATE TABLE any (id INTEGER)")
+    assert file.stat().st_size > 0
 
 
 def test_only_sqlite_has_a_file(tmp_path: Path) -> None:

@@ -96,6 +96,7 @@ async def test_a_link_that_is_moved_to_another_file_is_followed(tmp_path: Path) 
     async with monitoring(f"sqlite:///{link}") as monitor:
         monitor.see(1, box=1)
         await until(monitor.written)
+        assert one.stat().st_mode & 0o777 == 0o600
         async with opened(f"sqlite:///{other}") as store:
             await store.write([interval(1, 2)], [], 2 * S)
         (tmp_path / "new").symlink_to(other)
