@@ -123,6 +123,24 @@ async def test_what_is_deleted_beside_a_file_costs_nothing(tmp_path: Path, suffi
             assert not await other.lead()
 
 
+@pytest.mark.parametrize("which", ["*-lock", "*"])
+async def test_of_two_monitors_one_leads_whatever_was_moved(tmp_path: Path, which: str) -> None:
+    folder, aside = tmp_path / "state", tmp_path / "aside"
+    async with monitoring(users_in(folder)) as one:
+        await until(lambda: one.history.status.leads)
+        async with monitoring(users_in(folder)) as other:
+            await until(lambda: bool(other.history.status.leader))
+            both = [one, other]
+            move(folder.glob(which), aside)
+            await until(lambda: bool(one.history.status.problem))
+            if which == "*":
+                await until(lambda: bool(other.history.status.problem))
+                move(aside.iterdir(), folder)
+            await until(lambda: sum(each.history.status.leads and each.written() for each in both) == 1)
+            await until(lambda: sum(bool(each.history.status.leader) for each in both) == 1)
+            assert [each.history.status.leads for each in both].count(True) == 1
+
+
 async def test_what_is_written_as_the_file_is_moved_is_not_taken_for_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
