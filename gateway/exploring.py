@@ -96,7 +96,7 @@ class Explorer:
         if unused != self._said_unused:
             self._said_unused = unused
             if unused:
-                log.info("for no stream that there is yet: %s", ", ".join(unused))
+                log.info("for no stream that there is: %s", ", ".join(unused))
         await offers.change(now)
 
 

@@ -1,12 +1,17 @@
 """CameraInfo: what a camera's pixels mean in space."""
 
-from typing import Annotated, Final
+import math
+from typing import Annotated, Final, TypeGuard
 
 import msgspec
 
 from schemas.header import Header, Label
 
 MAX_DISTORTION: Final = 32
+
+SHORTEST: Final = 1e-3
+LONGEST: Final = 1e9
+"""Pixels that a focal length may have; what is beyond is no lens, but noughts and garbage."""
 
 Uint32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nine = Annotated[list[float], msgspec.Meta(min_length=9, max_length=9)]
@@ -41,3 +46,10 @@ class CameraInfo(msgspec.Struct, frozen=True, kw_only=True):
     binning_x: Uint32 = 0
     binning_y: Uint32 = 0
     roi: Region = Region()
+
+
+def is_calibrated(info: CameraInfo | None) -> TypeGuard[CameraInfo]:
+    """Return whether there is a camera info with a focal length; drivers send one without where no calibration is."""
+    if info is None or not all(map(math.isfinite, info.k)):
+        return False
+    return all(SHORTEST <= focal <= LONGEST for focal in (info.k[0], info.k[4])) and info.k[6:] == [0, 0, 1]

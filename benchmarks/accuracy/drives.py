@@ -30,6 +30,10 @@ METRES_PER_SECOND: Final = 1.0
 """What the simulated robots drive at, unless told otherwise: a round of about 60 m in 60 s."""
 
 
+SENSORS: Final = equipment(SimulatorSettings(ros_master=None))
+"""What simulated robots have, unless told otherwise."""
+
+
 class Seen(msgspec.Struct, frozen=True, kw_only=True):
     """One visible object. identity: the same in every frame of a drive. asked_for: as an average precision's are."""
 
@@ -62,22 +66,23 @@ def held_out_drives(
 ) -> Iterator[HeldOutDrive]:
     """Yield the first `frames` of the drive through each scene, rendered once; see `kept`."""
     sources = (Path(str(path)).read_bytes() for path in (__file__, film.__file__, shutter.__file__))
-    digest = hashlib.sha256(generator_digest().encode() + b"".join(sources)).hexdigest()
+    decisive = f"{generator_digest()} {SENSORS}".encode() + b"".join(sources)
+    digest = hashlib.sha256(decisive).hexdigest()
     draw = partial(drawn, count=frames)
     return kept(folder / f"drives-{digest[:12]}-{frames}", seeds, draw, HeldOutDrive, workers=workers, report=report)
 
 
 def drawn(seed: int, count: int) -> HeldOutDrive:
     """Film a drive through the scene of `seed` with a simulated robot's colour camera."""
-    scene, sensors = generate(seed), equipment(SimulatorSettings(ros_master=None))
+    scene = generate(seed)
     drive = Drive.plan(scene)
     instants = max(1, round(drive.length / METRES_PER_SECOND * HZ))
-    filmed = Film(seed, sensors, instants, HZ, Store(limit=0))
+    filmed = Film(seed, SENSORS, instants, HZ, Store(limit=0))
     frames = []
     for number in range(count):
         image = filmed.measure(number, [Part.COLOR])[Part.COLOR]
         pose = drive.pose(filmed.fraction(number))
-        seen = [_seen(each) for each in truth_of(scene, render(scene, pose, sensors.color), pose, sensors.color)]
+        seen = [_seen(each) for each in truth_of(scene, render(scene, pose, SENSORS.color), pose, SENSORS.color)]
         frames.append(DriveFrame(png=png_of(image), seen=seen))
     return HeldOutDrive(seed=seed, frames=frames)
 

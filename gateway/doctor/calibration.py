@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Stage, note, problem
-from schemas.camera_info import CameraInfo
+from schemas.camera_info import CameraInfo, is_calibrated
 from schemas.distortion import PLUMB_BOB, RATIONAL, coefficients_of
 from schemas.image import ImageFrame
 from schemas.keys import Stream
@@ -19,7 +19,7 @@ def info_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | Non
 def calibration_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
     """Return that one if it is one: drivers send a camera info without a focal length where they have none."""
     info = info_of(camera, stream, evidence)
-    return info if info and _is_calibrated(info) else None
+    return info if is_calibrated(info) else None
 
 
 def image_of(camera: str, stream: Stream, evidence: Evidence) -> ImageFrame | None:
@@ -35,7 +35,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield _without_calibration(camera, stream, evidence)
         return
     subject = f"{camera}/{stream}"
-    if not _is_calibrated(info):
+    if not is_calibrated(info):
         yield problem(
             Stage.CAMERAS,
             subject,
@@ -83,10 +83,6 @@ def _without_calibration(camera: str, stream: Stream, evidence: Evidence) -> Fin
         "no camera info: what a pixel of depth means in space is unknown",
         f"have the driver publish camera_info, and add --topics {subject}=TOPIC",
     )
-
-
-def _is_calibrated(info: CameraInfo) -> bool:
-    return info.k[0] > 0 and info.k[4] > 0
 
 
 def sent_pixels(info: CameraInfo) -> tuple[int, int]:

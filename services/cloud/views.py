@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.camera_info import CameraInfo
+from schemas.camera_info import CameraInfo, is_calibrated
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.space import MAX_COORDINATE_M
@@ -16,7 +16,7 @@ from services.cloud.outlines import RegisteredView, View, factor_of
 from services.cloud.points import Points, usable
 from services.cloud.projection import ProjectedView
 from services.cloud.sampling import some
-from services.geometry.camera import CameraModel, is_calibrated
+from services.geometry.camera import CameraModel
 from services.geometry.errors import GeometryError, TransformError
 from services.geometry.motion import between
 from services.geometry.transforms import TransformTree

@@ -6,11 +6,11 @@ from typing import Any, Final
 import msgspec
 from numpy.typing import NDArray
 
-from schemas.camera_info import CameraInfo
+from schemas.camera_info import CameraInfo, is_calibrated
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.image import ImageFrame
-from services.geometry.camera import CameraModel, is_calibrated
+from services.geometry.camera import CameraModel
 from services.geometry.depth import Depth, read_depth
 from services.geometry.errors import CalibrationError, GeometryError
 from services.geometry.registration import Registration, is_registered

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Self, TypeGuard
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.camera_info import CameraInfo
+from schemas.camera_info import CameraInfo, is_calibrated
 from services.geometry.distortion import Distortion, distortion_of
 from services.geometry.errors import CalibrationError
 
@@ -19,20 +19,6 @@ Points = Numbers | Sequence[Any]
 
 MAX_PIXELS: Final = 2**24
 """Of a picture whose every pixel gets a direction."""
-
-SHORTEST: Final = 1e-3
-LONGEST: Final = 1e9
-"""Pixels that a focal length may have; what is beyond is no lens, but noughts and garbage."""
-
-
-def is_calibrated(info: CameraInfo | None) -> TypeGuard[CameraInfo]:
-    """Return whether there is a camera info with a focal length; drivers send one without where no calibration is."""
-    if info is None:
-        return False
-    k = np.asarray(info.k, np.float64).reshape(3, 3)
-    focal = k[[0, 1], [0, 1]]
-    in_range = ((focal >= SHORTEST) & (focal <= LONGEST)).all()
-    return bool(np.isfinite(k).all() and in_range and (k[2] == (0, 0, 1)).all())
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,9 +3,12 @@
 import os
 import signal
 import sys
-from typing import NoReturn
+from typing import Final, NoReturn
 
 from services.toolbox import streams
+
+LASTING: Final = frozenset({"gateway", "detector", "distance", "cloud", "monitor", "simulate", "demo"})
+"""Commands that run until they are told to stop. The others are not done when they are; see `process.run`."""
 
 
 def console() -> NoReturn:
@@ -19,8 +22,8 @@ def console() -> NoReturn:
     process.leave(command_line.main(sys.argv[1:]))
 
 
-def _leave_at_once(_number: int, _frame: object) -> NoReturn:
-    os._exit(0)
+def _leave_at_once(number: int, _frame: object) -> NoReturn:
+    os._exit(0 if LASTING.intersection(sys.argv[1:2]) else 128 + number)
 
 
 if __name__ == "__main__":

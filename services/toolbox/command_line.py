@@ -118,7 +118,7 @@ def _run(command: Command, settings: BaseModel) -> int:
     """
     main_function = command.load_run()
     try:
-        return process.run(partial(main_function, settings), finite=command.finite)
+        return process.run(partial(main_function, settings), finite=command.ends(settings))
     except Exception as error:
         if isinstance(error, command.load_refusals()):
             raise UsageError(" ".join(str(error).split())) from error

@@ -21,7 +21,7 @@ class Command:
     wrong once used. extra: what must be installed beyond the base. positional: settings that the first arguments are
     for where they are no options. arguments: a function that turns arguments of other kinds into options. log_level:
     least severe events written unless told otherwise. finite: it has an end of its own, instead of running until it is
-    told to stop. examples: whole command lines, for the help.
+    told to stop; or the setting that gives it one. examples: whole command lines, for the help.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Command:
     positional: tuple[str, ...] = ()
     arguments: str | None = None
     log_level: LogLevel = "info"
-    finite: bool = False
+    finite: bool | str = False
     examples: tuple[str, ...] = ()
 
     def load_settings(self) -> type[BaseModel]:
@@ -48,6 +48,10 @@ class Command:
         options = [*named, *arguments[len(given) :]]
         found: Sequence[str] = options if self.arguments is None else _load(self.arguments)(options)
         return found
+
+    def ends(self, settings: BaseModel) -> bool:
+        """Return whether it has an end of its own with these settings."""
+        return self.finite if isinstance(self.finite, bool) else getattr(settings, self.finite) is not None
 
     def load_run(self) -> Run:
         """Import the coroutine function that runs the process."""
@@ -231,6 +235,7 @@ COMMANDS: Final = (
         "services.simulator.process:run",
         refusals=("services.simulator.errors:SimulatorError",),
         extra="simulator",
+        finite="bag",
         examples=(
             "fleetsight simulate --robots 5 --hz 5",
             "fleetsight simulate --robots 5 --bag '{robot}.bag'",

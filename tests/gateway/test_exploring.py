@@ -72,7 +72,7 @@ async def test_what_appears_is_offered_and_what_stays_away_withdrawn(
         async with camera.advertise(FRONT_TOPIC, TYPE_NAME):
             await rig.until_offered(FRONT_TOPIC)
             assert rig.explorer.waiting_for == ""
-            assert caplog.messages.count("for no stream that there is yet: --rectified rear/color") == 1
+            assert caplog.messages.count("for no stream that there is: --rectified rear/color") == 1
             async with camera.advertise(REAR_TOPIC, TYPE_NAME):
                 await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
             await rig.until_offered(FRONT_TOPIC)

@@ -57,7 +57,7 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
     app.include_router(watching_routes(monitor, access))
     app.router.routes.append(OtherMethods(app.router.routes))
     app.add_api_route("/api/{path:path}", _nothing_there, methods=list(METHODS), include_in_schema=False)
-    app.add_api_websocket_route("/api/{path:path}", _nothing_there)
+    app.add_api_websocket_route("/api/{path:path}", _no_socket_there)
     answer_errors(app)
     return app
 
@@ -96,3 +96,7 @@ def origin_of(url: HttpUrl) -> str:
 
 async def _nothing_there(path: str) -> None:
     raise HTTPException(404, f"there is no /api/{path[:200]}")
+
+
+async def _no_socket_there(path: str) -> None:
+    raise HTTPException(404, f"there is no WebSocket at /api/{path[:200]}")

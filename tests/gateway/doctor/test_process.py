@@ -4,6 +4,7 @@ import pytest
 
 from gateway.doctor.process import UNWELL, run
 from gateway.doctor.settings import DoctorSettings
+from gateway.ros1.rosmaster import RosMaster
 from services.toolbox.settings import load
 from tests.integration.ros import free_port
 
@@ -32,3 +33,10 @@ async def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     report = json.loads(capsys.readouterr().out)
     assert report["ok"] is False
     assert [each["severity"] for each in report["findings"]] == ["problem"] * 3
+
+
+async def test_what_is_asked_for_of_no_stream_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    async with RosMaster() as master:
+        await run(settings("--ros-master", master.uri, "--max-hz", "fornt/color=5", "--json"))
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert ("note", "--max-hz fornt/color") in [(each["severity"], each["subject"]) for each in findings]

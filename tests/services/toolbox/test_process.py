@@ -78,6 +78,28 @@ def test_what_has_an_end_of_its_own_was_interrupted_before_it(number: signal.Sig
     assert child.returncode == 128 + number
 
 
+@pytest.mark.parametrize(("command", "code"), [("doctor", 130), ("monitor", 0)])
+def test_so_was_what_is_interrupted_while_it_starts(command: str, code: int) -> None:
+    starts = f"""
+        import os, signal, sys
+        from services.toolbox import __main__, streams
+
+        sys.argv[1:] = ["{command}"]
+        streams.prepare = lambda: os.kill(os.getpid(), signal.SIGINT)
+        __main__.console()
+    """
+    assert subprocess.run([sys.executable, "-c", textwrap.dedent(starts)], check=False).returncode == code
+
+
+def test_a_command_says_that_it_was_interrupted(tmp_path: Path) -> None:
+    fleetsight = [sys.executable, "-m", "services.toolbox", "simulate", "--bag", str(tmp_path / "a.bag")]
+    with subprocess.Popen([*fleetsight, "--robots", "1"], stderr=subprocess.DEVNULL) as child:
+        while not any(tmp_path.iterdir()):
+            time.sleep(0.05)
+        child.send_signal(signal.SIGINT)
+    assert child.returncode == 130
+
+
 def test_who_told_it_to_outlive_the_terminal_has_it_outlive_the_terminal() -> None:
     with spawn("signal.signal(signal.SIGHUP, signal.SIG_IGN)\n" + textwrap.dedent(PATIENT)) as child:
         assert child.stdout is not None

@@ -115,7 +115,7 @@ async def refused(at: Served) -> None:
     for given, wanted in period.items():
         status, told = await refusal(at, path=f"/api/v1/live?period_s={given}")
         assert (status, told.startswith("period_s: Input should be"), wanted in told) == (422, True, True)
-    assert await refusal(at, path="/api/v1/life") == (404, "there is no /api/v1/life")
+    assert await refusal(at, path="/api/v1/life") == (404, "there is no WebSocket at /api/v1/life")
 
 
 async def refusal(at: Served, query: str = "", *, path: str = "", **headers: str) -> tuple[int, str]:
