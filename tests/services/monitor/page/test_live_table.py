@@ -1,9 +1,9 @@
 import asyncio
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
 from functools import partial
 
 import pytest
-from nicegui import Client, events, ui
+from nicegui import Client, core, events, ui
 
 from services.monitor.page.live_table import ROWS, Column, LiveTable, Loaded, Window
 
@@ -49,7 +49,8 @@ class Shown:
 
 
 @pytest.fixture
-def shown() -> Iterator[Shown]:
+async def shown(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Shown]:
+    monkeypatch.setattr(core, "loop", asyncio.get_running_loop())  # else what a client begins waits for the next server
     with Client(ui.page("/")) as client:
         made = Shown()
     yield made
