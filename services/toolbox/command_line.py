@@ -9,6 +9,7 @@ from functools import partial
 
 from pydantic import BaseModel
 
+from fleetsight.own_packages import ALL
 from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
@@ -19,7 +20,7 @@ from services.toolbox.misspelt import meant
 from services.toolbox.settings import load, names_of, variables
 from services.toolbox.streams import PrintError
 
-OURS = ("bus", "gateway", "schemas", "services")
+OURS = ("fleetsight", *ALL)
 HELP_OPTIONS = ("-h", "--help", "help")
 PROG = "fleetsight"
 WIDTH = 100

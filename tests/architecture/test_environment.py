@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("schemas", "bus", "gateway", "services")
+ROOMS = ("fleetsight", "schemas", "bus", "gateway", "services")
 READERS = ("settings.py", "__main__.py")
 MAY_ALSO = {
     "services/detector/runtime/offline.py": "tells Ultralytics, through its environment, to stay off the network",

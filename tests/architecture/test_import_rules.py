@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("schemas", "bus", "gateway", "services")
+PACKAGES = ("fleetsight", "schemas", "bus", "gateway", "services")
 IMPURE = {"asyncio", "socket", "time", "os"}
 LINT = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(no_cache=True, no_logo=True))"
 

@@ -9,6 +9,8 @@ from typing import TypeVar
 
 import cv2
 
+from fleetsight.spawned import begin
+
 Job = TypeVar("Job")
 
 
@@ -21,7 +23,7 @@ def run(work: Callable[[Job], None], jobs: Sequence[Job], workers: int, report: 
         _report_each(map(work, jobs), report)
         return
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool:
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=begin, initargs=(_begin,)) as pool:
         try:
             _report_each(pool.map(work, jobs), report)
         except BaseException:

@@ -57,7 +57,7 @@ async def child(name: str, arguments: Sequence[str], say: Callable[[str], None])
         *watchdog,
         sys.executable,
         "-m",
-        "services.toolbox",
+        "fleetsight",
         *arguments,
         stdin=DEVNULL,
         stdout=PIPE,
