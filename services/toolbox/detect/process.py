@@ -1,19 +1,16 @@
 """One image, and what is in it."""
 
 import asyncio
-import random
 import sys
 import tempfile
-from collections.abc import AsyncIterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
-from bus import MAX_REQUEST_BYTES, Bus, NotServedError, RefusedError, RequestError, RequestTimeoutError, open_bus
+from bus import MAX_REQUEST_BYTES, RefusedError, RequestError, open_bus
+from fleetsight.asking import ask_detectors
 from gateway.ros1.tasks import to_the_end
-from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
 from schemas.printing import printable
@@ -21,7 +18,6 @@ from services.detector.model import ModelError
 from services.detector.overlay import drawings, jpeg_of
 from services.detector.pixels import to_bgr
 from services.detector.requests import detect
-from services.detector.role import DETECTOR
 from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.detector.stills import StillError, frame_of
@@ -30,16 +26,6 @@ from services.toolbox.detect.settings import DetectSettings
 
 FAILED: Final = 1
 ANSWERED_BY: Final = "local"
-GATHER_S: Final = 0.2
-"""How long after the first worker is seen others are waited for."""
-
-BUSY: Final = "busy:"
-
-AGAIN_S: Final = (0.2, 0.8)
-"""How long workers that are all busy are left alone before they are asked again, by lot."""
-
-LITTLE_S: Final = 1.0
-"""Where no answer came in less than this, that says nothing of who was asked."""
 
 
 async def run(settings: DetectSettings) -> int:
@@ -82,11 +68,7 @@ async def _locally(settings: DetectSettings, image: bytes) -> Detections:
 
 
 async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
-    """Ask the workers in an order drawn by lot, so that nobody's requests all go to the same one, until one has time.
-
-    While all are busy they are asked again, for as long as `timeout_s` after the command began.
-
-    Zenoh (1.10) would always ask the same of several that serve one key, so each worker serves one of its own.
+    """Ask the fleet's workers, for as long as `timeout_s` after the command began.
 
     Raises:
         StillError: the image is too large to be sent.
@@ -98,66 +80,7 @@ async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
     loop = asyncio.get_running_loop()
     until_s = loop.time() + settings.timeout_s
     async with open_bus(settings) as bus:
-        workers = await _workers(bus, until_s)
-        reason = _unanswered(bus, settings, seen=bool(workers))
-        while workers:
-            for worker in random.sample(workers, len(workers)):
-                left_s = until_s - loop.time()
-                if left_s <= 0:
-                    raise reason
-                try:
-                    reply = await bus.request(worker_keys.infer(worker), image, timeout_s=left_s)
-                except RequestError as error:
-                    reason = _telling(reason, error, worker, left_s)
-                    if isinstance(error, NotServedError):
-                        workers.remove(worker)
-                    elif BUSY not in str(error):
-                        raise reason from error
-                else:
-                    return codec.decode(Detections, reply.payload, reply.encoding)
-            await asyncio.sleep(random.uniform(*AGAIN_S))  # noqa: S311 - no secret
-        raise reason
-
-
-def _unanswered(bus: Bus, settings: DetectSettings, *, seen: bool) -> RequestError:
-    """Return why there is no answer before anybody was asked. seen: whether there is a worker to ask."""
-    within = f"within {settings.timeout_s:g} s"
-    if seen:
-        return RequestTimeoutError(f"a detector worker was seen, but none answered {within}")
-    nobody = f"no detector worker was seen {within}"
-    return NotServedError(f"{nobody}: {bus.link_problem}" if bus.link_problem else nobody)
-
-
-def _telling(before: RequestError, error: RequestError, worker: str, left_s: float) -> RequestError:
-    """Return the reason that says more. error: what came of asking a worker while `left_s` were left.
-
-    That who was busy is gone, or is silent for the little time that is left, says less than what it said before.
-    """
-    gone = isinstance(error, NotServedError) and isinstance(before, RefusedError)
-    hurried = isinstance(error, RequestTimeoutError) and left_s < LITTLE_S
-    return before if gone or hurried else type(error)(f"worker {worker}: {error}")
-
-
-async def _workers(bus: Bus, until_s: float) -> list[str]:
-    """Return who is there: wait for the first one, and a moment for others."""
-    seen: set[str] = set()
-    try:
-        async with asyncio.timeout_at(until_s) as limit:
-            async for worker in _appearing(bus):
-                if not seen:
-                    limit.reschedule(min(until_s, asyncio.get_running_loop().time() + GATHER_S))
-                seen.add(worker)
-    except TimeoutError:
-        pass
-    return sorted(seen)
-
-
-async def _appearing(bus: Bus) -> AsyncIterator[str]:
-    async with bus.watch(worker_keys.every_worker_alive(DETECTOR.service)) as watch:
-        async for presence in watch:
-            with suppress(SchemaError):
-                if presence.alive:
-                    yield worker_keys.parse_worker_alive(presence.key).worker
+        return await ask_detectors(bus, image, settings.timeout_s, until_s=until_s)
 
 
 def _draw(found: Detections, image: bytes, output: Path) -> None:

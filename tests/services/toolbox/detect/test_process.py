@@ -15,6 +15,7 @@ import pytest
 import simplejpeg
 
 from bus import MAX_REQUEST_BYTES, BusSettings, RefusedError, Reply, open_bus
+from fleetsight import asking
 from schemas import worker_keys
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
@@ -194,7 +195,7 @@ class BusyModel(FakeModel):
 async def test_workers_that_are_busy_are_asked_again_until_the_time_is_up(
     image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process, "AGAIN_S", (0.01, 0.02))
+    monkeypatch.setattr(asking, "AGAIN_S", (0.01, 0.02))
     model = BusyModel(3)
     async with workers([model]) as endpoint:
         assert await run(settings(image, endpoint)) == 0
@@ -210,7 +211,7 @@ async def test_workers_that_are_busy_are_asked_again_until_the_time_is_up(
 async def test_a_worker_that_was_busy_is_no_slow_one_for_the_little_time_that_was_left(
     image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process, "AGAIN_S", (0.01, 0.02))
+    monkeypatch.setattr(asking, "AGAIN_S", (0.01, 0.02))
     model = BusyModel(1)
     model.may_answer.clear()
     async with workers([model]) as endpoint:
@@ -224,7 +225,7 @@ async def test_a_worker_that_was_busy_is_no_slow_one_for_the_little_time_that_wa
 async def test_a_worker_that_is_seen_when_the_time_is_up_was_seen(
     image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process, "GATHER_S", 60)
+    monkeypatch.setattr(asking, "GATHER_S", 60)
     async with workers([FakeModel()]) as endpoint:
         assert await run(settings(image, endpoint, timeout_s=1)) == 1
     said = "fleetsight detect: a detector worker was seen, but none answered within 1 s\n"

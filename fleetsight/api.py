@@ -1,0 +1,73 @@
+"""What `fleetsight` offers to programs, all in one place; `import fleetsight` loads it when it is used first."""
+
+from bus import LATEST, QUEUE, BusSettings
+from fleetsight.connecting import connect
+from fleetsight.errors import (
+    AnswerTimeoutError,
+    CertificateError,
+    ClosedError,
+    ConnectError,
+    FleetsightError,
+    MessageError,
+    NoMonitorError,
+    NoWorkerError,
+    RefusedError,
+    SettingsError,
+)
+from fleetsight.fleet import Fleet
+from fleetsight.own_model import Find
+from fleetsight.presence import Change, Roster, WorkerName
+from fleetsight.results import Results
+from fleetsight.streams import Stream, StreamCounts
+from schemas.alerts import Alert, AlertState, Severity
+from schemas.detections import Box, ClassCount, ClassList, Detection, Detections, Mask
+from schemas.distances import Distances, Measured, ObjectDistance
+from schemas.header import Header
+from schemas.image import ImageFrame
+from schemas.inventory import ClassSighting, InventoryAnswer
+from schemas.keys import CameraKey
+from schemas.objects import ObjectCloud, ObjectClouds
+
+__all__ = [
+    "LATEST",
+    "QUEUE",
+    "Alert",
+    "AlertState",
+    "AnswerTimeoutError",
+    "Box",
+    "BusSettings",
+    "CameraKey",
+    "CertificateError",
+    "Change",
+    "ClassCount",
+    "ClassList",
+    "ClassSighting",
+    "ClosedError",
+    "ConnectError",
+    "Detection",
+    "Detections",
+    "Distances",
+    "Find",
+    "Fleet",
+    "FleetsightError",
+    "Header",
+    "ImageFrame",
+    "InventoryAnswer",
+    "Mask",
+    "Measured",
+    "MessageError",
+    "NoMonitorError",
+    "NoWorkerError",
+    "ObjectCloud",
+    "ObjectClouds",
+    "ObjectDistance",
+    "RefusedError",
+    "Results",
+    "Roster",
+    "SettingsError",
+    "Severity",
+    "Stream",
+    "StreamCounts",
+    "WorkerName",
+    "connect",
+]

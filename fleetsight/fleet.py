@@ -1,0 +1,168 @@
+"""A program's place in the fleet: what it can subscribe to, ask and publish."""
+
+from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
+
+from pydantic import ValidationError
+
+from bus import MAX_REQUEST_BYTES, MAX_TIMEOUT_S
+from bus.sharing import SharingSettings
+from fleetsight.asking import ask_detectors, ask_inventory
+from fleetsight.errors import NoMonitorError, NoWorkerError, SettingsError, translated
+from fleetsight.listening import Listening
+from fleetsight.own_model import Find, OwnModel
+from fleetsight.patterns import one_camera
+from fleetsight.results import Results, publishing
+from schemas import keys
+from schemas.detections import Detections
+from schemas.errors import SchemaError
+from schemas.inventory import InventoryAnswer, InventoryRequest
+
+
+class Fleet(Listening):
+    """The fleet, as `fleetsight.connect` gives it. To be used on the event loop's thread.
+
+    Where methods take a `robot` and a `camera`, those are names in which `*` stands for any number of characters, such
+    as `r*`; one that cannot be raises SettingsError at once. `keep` says what is kept of what the program has not
+    taken yet: `fleetsight.LATEST` the newest of each camera, `fleetsight.QUEUE(100)` the newest 100 of all cameras, in
+    order. Links that break are made again, and subscriptions with them, without an error: `problem` says so meanwhile.
+
+    >>> async def main():
+    ...     async with fleetsight.connect(endpoint) as fleet:
+    ...         return fleet.problem
+    >>> asyncio.run(main())
+    ''
+    """
+
+    @property
+    def problem(self) -> str:
+        """Why nobody can be heard now, in words; empty while there is a link."""
+        return self._bus.link_problem
+
+    async def detect(self, image: bytes, *, timeout_s: float = 10.0) -> Detections:
+        """Have one of the fleet's detector workers, any that is not busy, say what is in an image file.
+
+        image: the file's content, JPEG, PNG or another format that Pillow reads, of 16 MiB at most.
+
+        Raises:
+            NoWorkerError: no worker is there.
+            AnswerTimeoutError: one is, but did not answer within `timeout_s` seconds (60 at most).
+            RefusedError: it is no image, or all workers were busy all the time.
+            SettingsError: it is too large, or the time is.
+
+        >>> async def main():
+        ...     async with fleetsight.connect(endpoint) as fleet:
+        ...         found = await fleet.detect(b"an image file")
+        ...         return found.objects[0].name, found.objects[0].score
+        >>> asyncio.run(main())
+        ('box', 0.75)
+        """
+        _check_time(timeout_s)
+        if len(image) > MAX_REQUEST_BYTES:
+            raise SettingsError(
+                f"an image of {len(image)} bytes: at most {MAX_REQUEST_BYTES} are sent; make it smaller"
+            )
+        cure = "start one with `fleetsight detector`"
+        with translated("an image for a detector worker", absent=NoWorkerError, cure=cure):
+            return await ask_detectors(self._bus, image, timeout_s)
+
+    async def inventory(
+        self, *, robot: str = "", camera: str = "", name: str = "", in_view: bool = False, timeout_s: float = 5.0
+    ) -> InventoryAnswer:
+        """Ask the monitor what was seen where, which makes nobody work. All of it, unless told otherwise.
+
+        robot, camera, name: of one robot, camera or class of objects, in full. in_view: what is in view now alone.
+
+        Raises:
+            NoMonitorError: no monitor is there.
+            AnswerTimeoutError: no answer within `timeout_s` seconds (60 at most).
+            SettingsError: a name that cannot be.
+
+        >>> async def main():
+        ...     async with fleetsight.connect(endpoint) as fleet:
+        ...         answer = await fleet.inventory(robot="r1", in_view=True)
+        ...         return [(each.name, each.count) for each in answer.sightings]
+        >>> asyncio.run(main())
+        [('box', 2)]
+        """
+        _check_time(timeout_s)
+        for what, given in (("robot", robot), ("camera", camera)):
+            if given:
+                _check_name(what, given)
+        question = InventoryRequest(robot=robot, camera=camera, name=name, in_view=in_view)
+        cure = "start one with `fleetsight monitor`"
+        with translated("the inventory", absent=NoMonitorError, cure=cure):
+            return await ask_inventory(self._bus, question, timeout_s)
+
+    def results(self, robot: str, camera: str, *, opinion: bool = False) -> AbstractAsyncContextManager[Results]:
+        """Publish what a model of one's own found in the images of one camera, for as long as the context lasts.
+
+        For programs that have the images by other means; `serve_model` takes them from the fleet, and shares the
+        cameras with the fleet's detectors. opinion: as a second opinion, which nobody counts.
+
+        >>> async def main():
+        ...     async with fleetsight.connect(endpoint) as fleet, fleet.results("r7", "rear") as results:
+        ...         return results.wanted
+        >>> asyncio.run(main())
+        False
+        """
+        return publishing(self._bus, one_camera(robot, camera), opinion=opinion)
+
+    async def serve_model(
+        self,
+        find: Find,
+        *,
+        model: str,
+        classes: Sequence[str] = (),
+        robots: Sequence[str] = (),
+        opinion: bool = False,
+        most_hz: float | None = None,
+        worker: str | None = None,
+    ) -> None:
+        """Be a detector worker with a model of one's own, until cancelled.
+
+        It shares the fleet's cameras with other detector workers, takes images only while somebody wants results, and
+        publishes what `find` returns for each image as detections and class lists.
+
+        find: called for one image at a time; of those that come meanwhile the newest of each camera waits. It must not
+        block the event loop: `await asyncio.to_thread(...)` what computes. What it raises ends the service.
+        model: its name, for people. classes: what it can find, for people. robots: work for these alone, before all
+        workers that are for any. opinion: give a second opinion, which nobody counts. most_hz: images a second of each
+        camera that are asked for; all of them unless given. worker: its name; one that nobody has unless given.
+
+        Raises:
+            SettingsError: a name that cannot be.
+            ClosedError: the fleet was left before.
+
+        >>> async def find(image):
+        ...     return [fleetsight.Detection(name="crate", score=0.9, box=fleetsight.Box(0, 0, 2, 2))]
+        >>> async def main():
+        ...     async with fleetsight.connect(endpoint) as fleet, asyncio.TaskGroup() as group:
+        ...         serving = group.create_task(fleet.serve_model(find, model="crates", opinion=True, worker="mine"))
+        ...         async for change in fleet.workers("opinion"):
+        ...             print(change.who.worker)
+        ...             break
+        ...         serving.cancel()
+        >>> asyncio.run(main())
+        mine
+        """
+        given = {} if worker is None else {"worker": worker}
+        try:
+            sharing = SharingSettings.model_validate({"robots": list(robots), **given})
+        except ValidationError as error:
+            raise SettingsError(error.errors()[0]["msg"].removeprefix("Value error, ")) from error
+        with translated(f"model {model}"):
+            own = OwnModel(self._bus, find, model, sharing, classes=classes, opinion=opinion, most_hz=most_hz)
+            await own.run()
+
+
+def _check_time(timeout_s: float) -> None:
+    if not 0 < timeout_s <= MAX_TIMEOUT_S:
+        raise SettingsError(f"a time of {timeout_s:g} s: nobody can be given that; use up to {MAX_TIMEOUT_S:g} s")
+
+
+def _check_name(what: str, name: str) -> None:
+    try:
+        keys.check_name(what, name)
+    except SchemaError as error:
+        raise SettingsError(str(error)) from error

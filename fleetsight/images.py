@@ -1,0 +1,16 @@
+"""A camera's colour images, with the word to its gateway of who takes them and where."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from bus import Bus, Latest, Queue, Subscription
+from bus.clock import clock_id
+from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+
+
+@asynccontextmanager
+async def images_of(bus: Bus, camera: CameraKey, keep: Latest | Queue) -> AsyncIterator[Subscription]:
+    """Subscribe to the images. The gateway sends them raw to a program beside it, and as JPEG to others."""
+    color = StreamKey(camera, Stream.COLOR)
+    async with bus.announce(str(Wanted(color, clock_id()))), bus.subscribe(str(color), keep, history=False) as frames:
+        yield frames

@@ -1,0 +1,154 @@
+"""A model of one's own as a worker of the fleet: it shares the cameras with the fleet's detectors."""
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Final
+
+from bus import LATEST, Bus, BusClosedError, Sample
+from bus.clock import clock_id
+from bus.inbox import Inbox
+from bus.mailbox import PerKey
+from bus.reporting import report
+from bus.shared_demand import while_wanted
+from bus.sharing import Sharing, SharingSettings
+from bus.sharing.asking import Asked
+from bus.sharing.sharing import say_unwanted
+from bus.sharing.tally import Tallies, Tally
+from bus.version import VERSION
+from fleetsight.results import Results, publishing
+from schemas import codec, worker_keys
+from schemas.detections import Detection, Detections
+from schemas.errors import SchemaError
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.status import WorkerStatus
+
+Find = Callable[[ImageFrame], Awaitable[Sequence[Detection]]]
+
+REPLACED: Final = "replaced by a newer frame"
+MALFORMED: Final = "malformed"
+UNWANTED: Final = "no longer wanted"
+
+
+class OwnModel:
+    """Has `find` look at the images of the cameras that fall to it, one image at a time, while results are wanted.
+
+    Of the images that come meanwhile the newest of each camera waits; the camera looked at longest ago is next.
+    sharing: under which name it works, for which robots. most_hz: images a second of one camera that are asked for.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        find: Find,
+        model: str,
+        sharing: SharingSettings,
+        *,
+        classes: Sequence[str] = (),
+        opinion: bool = False,
+        most_hz: float | None = None,
+    ) -> None:
+        self._bus = bus
+        self._find = find
+        self._model = model
+        self._worker = sharing.worker
+        self._service = worker_keys.OPINION if opinion else worker_keys.DETECTOR
+        self._tokens = sharing.tokens(self._service)
+        self._classes = classes
+        self._opinion = opinion
+        self._most_hz = most_hz
+        self._images: Inbox[ImageFrame] = Inbox(PerKey(), asyncio.get_running_loop())
+        self._served: dict[str, tuple[Results, Tally, Callable[[], None]]] = {}
+        self._tallies = Tallies(Tally)
+        self._failure: Exception | None = None
+
+    async def run(self) -> None:
+        """Work until cancelled, then leave the cameras to others. What `find` raises ends it and is raised."""
+        sharing = Sharing(self._bus, self._tokens, Stream.COLOR, self._serve)
+        status = worker_keys.worker_status(self._service, self._worker)
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(report(self._bus, status, WorkerStatus, self._status))
+                group.create_task(self._look())
+                await sharing.run()
+        except BaseExceptionGroup as group:
+            if self._failure is not None:
+                raise self._failure from None
+            if group.subgroup(BusClosedError):
+                raise BusClosedError("the bus is closed") from group
+            raise
+
+    async def _serve(self, camera: CameraKey, took_over: Callable[[], None]) -> None:
+        with self._tallies.serving(camera) as tally:
+            async with publishing(self._bus, camera, opinion=self._opinion) as results, asyncio.TaskGroup() as group:
+                self._served[str(camera)] = (results, tally, took_over)
+                group.create_task(say_unwanted(results.demand, took_over))
+                try:
+                    await while_wanted(results.demand, lambda: self._receive(camera, tally.dropped))
+                finally:
+                    del self._served[str(camera)]
+
+    async def _receive(self, camera: CameraKey, dropped: Counter[str]) -> None:
+        color, asked = StreamKey(camera, Stream.COLOR), Asked()
+        asked.ask(self._most_hz)
+        async with (
+            self._bus.announce(str(Wanted(color, clock_id(), self._worker))),
+            asyncio.TaskGroup() as group,
+            self._bus.subscribe(str(color), LATEST, history=False) as frames,
+        ):
+            telling = group.create_task(asked.tell(self._bus, color, self._worker))
+            async for sample in frames:
+                dropped[REPLACED] += sample.replaced
+                self._accept(camera, sample, dropped)
+            telling.cancel()
+
+    def _accept(self, camera: CameraKey, sample: Sample, dropped: Counter[str]) -> None:
+        try:
+            frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
+            codec.check_identity(frame.header, camera)
+        except SchemaError:
+            dropped[MALFORMED] += 1
+        else:
+            self._images.offer(str(camera), frame)
+
+    async def _look(self) -> None:
+        while True:
+            taken = await self._images.take()
+            if taken.key not in self._served:
+                continue
+            results, tally, took_over = self._served[taken.key]
+            tally.dropped[REPLACED] += taken.dropped
+            if not results.wanted:
+                tally.dropped[UNWANTED] += 1
+                continue
+            try:
+                objects = await self._find(taken.item)
+                results.publish(self._detections(taken.item, objects))
+            except Exception as error:
+                self._failure = error
+                raise
+            tally.done += 1
+            took_over()
+
+    def _detections(self, frame: ImageFrame, objects: Sequence[Detection]) -> Detections:
+        return Detections(
+            header=frame.header,
+            height=frame.height,
+            width=frame.width,
+            objects=sorted(objects, key=lambda each: -each.score),
+            model=self._model,
+            worker=self._worker,
+        )
+
+    def _status(self) -> WorkerStatus:
+        return WorkerStatus(
+            service=self._service,
+            worker=self._worker,
+            model=self._model,
+            sent_ns=time.time_ns(),
+            classes=list(self._classes),
+            cameras=self._tallies.loads(),
+            version=VERSION,
+        )

@@ -1,0 +1,105 @@
+"""Who is there: robots, cameras and workers, and who comes and goes."""
+
+import asyncio
+from collections.abc import AsyncGenerator, Callable
+from contextlib import AbstractAsyncContextManager, aclosing, suppress
+from dataclasses import dataclass
+from typing import Final, Generic, TypeVar
+
+from bus import BusClosedError, Watch
+from fleetsight.errors import ClosedError
+from schemas.errors import SchemaError
+
+SETTLE_S: Final = 0.5
+"""After so long without news, all who are there are known."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Change(Generic[T]):
+    """Somebody is there now, or is there no longer.
+
+    >>> fleetsight.Change("r1", here=True)
+    Change(who='r1', here=True)
+    """
+
+    who: T
+    here: bool
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class WorkerName:
+    """One worker. service: what it does, such as `detector`, `distance` or `cloud`.
+
+    >>> fleetsight.WorkerName("detector", "w1").service
+    'detector'
+    """
+
+    service: str
+    worker: str
+
+
+class Roster(Generic[T]):
+    """Who of one kind is there. Watching makes nobody work.
+
+    Each `async for` begins with those who are there already, and ends when the fleet is left. Changes that the program
+    has not taken yet are merged: nobody is reported here, or gone, twice in a row.
+
+    >>> async def main():
+    ...     async with fleetsight.connect(endpoint) as fleet:
+    ...         async for change in fleet.robots():
+    ...             return change
+    >>> asyncio.run(main())
+    Change(who='r1', here=True)
+    """
+
+    def __init__(
+        self, what: str, watch: Callable[[], AbstractAsyncContextManager[Watch]], parse: Callable[[str], T]
+    ) -> None:
+        self._what = what
+        self._watch = watch
+        self._parse = parse
+
+    async def __aiter__(self) -> AsyncGenerator[Change[T], None]:
+        """Iterate over who comes and goes.
+
+        Raises:
+            ClosedError: the fleet was left before.
+        """
+        tokens: dict[T, set[str]] = {}  # a worker that is for several robots has one for each
+        try:
+            async with self._watch() as watch:
+                async for presence in watch:
+                    with suppress(SchemaError):
+                        who = self._parse(presence.key)
+                        shown = tokens.setdefault(who, set())
+                        before = bool(shown)
+                        (shown.add if presence.alive else shown.discard)(presence.key)
+                        if not shown:
+                            del tokens[who]
+                        if before != bool(shown):
+                            yield Change(who, here=bool(shown))
+        except BusClosedError as error:
+            raise ClosedError(f"{self._what}: the fleet was left before; ask within `async with`") from error
+
+    async def present(self, *, settle_s: float = SETTLE_S) -> frozenset[T]:
+        """Return who is there now: all who were heard of until nothing new came for `settle_s` seconds.
+
+        Raises:
+            ClosedError: the fleet was left before.
+
+        >>> async def main():
+        ...     async with fleetsight.connect(endpoint) as fleet:
+        ...         return await fleet.cameras().present()
+        >>> sorted(map(str, asyncio.run(main())))
+        ['r1/front']
+        """
+        here: set[T] = set()
+        loop = asyncio.get_running_loop()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(settle_s) as limit, aclosing(aiter(self)) as changes:
+                async for change in changes:
+                    (here.add if change.here else here.discard)(change.who)
+                    limit.reschedule(loop.time() + settle_s)
+        return frozenset(here)

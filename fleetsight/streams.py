@@ -1,0 +1,98 @@
+"""Messages as they come: an async iterator that says how many it had to leave out."""
+
+from collections.abc import AsyncGenerator, Callable
+from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
+from typing import Generic
+
+from bus import BusClosedError, Subscription
+from fleetsight.errors import ClosedError
+from schemas import codec
+from schemas.codec import M
+from schemas.errors import SchemaError
+
+Subscribe = Callable[[], AbstractAsyncContextManager[Subscription]]
+Check = Callable[[str, M], None]
+"""Holds a message to the key that it came under, and raises SchemaError where it speaks of another robot."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamCounts:
+    """Messages of a stream since it was made.
+
+    received: arrived here. dropped: of those, replaced by newer ones before the program took them. missed: never
+    arrived, by their publishers' numbers. invalid: taken, but not what the contract says, and so left out.
+
+    >>> fleetsight.StreamCounts(received=10, dropped=2)
+    StreamCounts(received=10, dropped=2, missed=0, invalid=0)
+    """
+
+    received: int = 0
+    dropped: int = 0
+    missed: int = 0
+    invalid: int = 0
+
+
+class Stream(Generic[M]):
+    """Messages of one kind, for as long as something iterates over them.
+
+    Each `async for` subscribes when it begins and unsubscribes when it ends, by `break`, an error or cancellation. It
+    ends by itself when the fleet is left. Memory is bounded: a program that is slow loses messages, the oldest first,
+    and `counts` says how many.
+
+    >>> async def main():
+    ...     async with fleetsight.connect(endpoint) as fleet:
+    ...         lists = fleet.class_lists(robot="r1")
+    ...         async for seen in lists:
+    ...             print([(each.name, each.count) for each in seen.classes])
+    ...             break
+    ...         print(lists.counts.dropped)
+    >>> asyncio.run(main())
+    [('box', 2)]
+    0
+    """
+
+    def __init__(self, what: str, schema: type[M], subscribe: Subscribe, check: Check[M]) -> None:
+        self._what = what
+        self._schema = schema
+        self._subscribe = subscribe
+        self._check = check
+        self._ended = StreamCounts()
+        self._running: set[Subscription] = set()
+        self._invalid = 0
+
+    @property
+    def counts(self) -> StreamCounts:
+        """What became of the messages so far, those of iterations that have ended included."""
+        return self._with(*self._running)
+
+    def _with(self, *subscriptions: Subscription) -> StreamCounts:
+        received, dropped, missed = self._ended.received, self._ended.dropped, self._ended.missed
+        for subscription in subscriptions:
+            counts = subscription.counts
+            received, dropped, missed = received + counts.received, dropped + counts.dropped, missed + counts.missed
+        return StreamCounts(received, dropped, missed, self._invalid)
+
+    async def __aiter__(self) -> AsyncGenerator[M, None]:
+        """Iterate over the messages as they come.
+
+        Raises:
+            ClosedError: the fleet was left before.
+        """
+        try:
+            async with self._subscribe() as subscription:
+                self._running.add(subscription)
+                try:
+                    async for sample in subscription:
+                        try:
+                            message = codec.decode(self._schema, sample.payload, sample.encoding)
+                            self._check(sample.key, message)
+                        except SchemaError:
+                            self._invalid += 1
+                        else:
+                            yield message
+                finally:
+                    self._ended = self._with(subscription)
+                    self._running.discard(subscription)
+        except BusClosedError as error:
+            raise ClosedError(f"{self._what}: the fleet was left before; iterate within `async with`") from error

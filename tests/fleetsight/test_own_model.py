@@ -1,0 +1,177 @@
+"""A model of one's own, and results of one's own, over real sessions."""
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+
+import msgspec
+import pytest
+
+import fleetsight
+from fleetsight import Box, Detection, Fleet, ImageFrame
+from schemas import codec, worker_keys
+from schemas.detections import ClassList, Detections, class_list
+from schemas.keys import Stream
+from schemas.status import WorkerStatus
+from tests.contract.waiting import next_of, receive, until
+from tests.fleetsight.stand_in import FOUND, FRONT, StandIn, stand_in
+
+CRATE = Detection(name="crate", score=0.9, box=Box(0, 0, 2, 2))
+POST = Detection(name="post", score=0.4, box=Box(2, 0, 3, 4))
+
+
+@asynccontextmanager
+async def two() -> AsyncIterator[tuple[StandIn, Fleet, Fleet]]:
+    """A fleet without a detector, a program that has a model and one that wants results."""
+    async with (
+        stand_in(worker=False) as there,
+        fleetsight.connect(there.endpoint) as own,
+        fleetsight.connect(there.endpoint) as other,
+    ):
+        yield there, own, other
+
+
+@asynccontextmanager
+async def serving(fleet: Fleet, find: fleetsight.Find, **given: object) -> AsyncIterator[None]:
+    async with asyncio.TaskGroup() as group:
+        running = group.create_task(fleet.serve_model(find, model="crates", worker="mine", **given))  # type: ignore[arg-type]
+        yield
+        running.cancel()
+
+
+async def crates(_: ImageFrame) -> Sequence[Detection]:
+    return [POST, CRATE]
+
+
+async def test_images_are_taken_while_somebody_wants_results_and_those_are_published() -> None:
+    async with two() as (there, own, other), serving(own, crates):
+        assert await next_of(aiter(other.workers())) == fleetsight.Change(
+            fleetsight.WorkerName("detector", "mine"), here=True
+        )
+        assert not there.wanted(Stream.COLOR)
+        found = await next_of(aiter(other.detections()))
+        assert (found.objects, found.model, found.worker) == ([CRATE, POST], "crates", "mine")
+        assert (found.width, found.height, found.header.robot) == (6, 4, "r1")
+        await until(lambda: not there.wanted(Stream.COLOR))
+        async for seen in other.class_lists("r1"):
+            assert [(each.name, each.count) for each in seen.classes] == [("crate", 1), ("post", 1)]
+            break
+    await until(lambda: asyncio.all_tasks() == {asyncio.current_task()})
+
+
+async def test_a_second_opinion_is_published_as_one() -> None:
+    async with (
+        two() as (there, own, _),
+        there.bus.subscribe(FRONT.stream(Stream.OPINION), fleetsight.LATEST) as opinions,
+        serving(own, crates, opinion=True, most_hz=5.0),
+    ):
+        assert (await next_of(opinions)).encoding == codec.encoding(ClassList)
+        assert fleetsight.WorkerName("opinion", "mine") in await own.workers().present()
+
+
+async def test_it_says_of_itself_what_it_did() -> None:
+    async with (
+        two() as (there, own, other),
+        there.bus.subscribe(worker_keys.worker_status("detector", "mine"), fleetsight.LATEST) as statuses,
+        serving(own, crates, classes=["crate", "post"]),
+    ):
+        async for _ in other.detections():
+            break
+        status = await receive(statuses, WorkerStatus)
+        while not (status.cameras and status.cameras[0].inferred):
+            status = await receive(statuses, WorkerStatus)
+        assert (status.model, status.classes) == ("crates", ["crate", "post"])
+        assert (status.cameras[0].robot, status.cameras[0].serving) == ("r1", True)
+
+
+async def test_while_it_looks_the_newest_image_waits_and_the_others_are_counted() -> None:
+    looked: list[int] = []
+    may_go_on = asyncio.Event()
+
+    async def find(image: ImageFrame) -> Sequence[Detection]:
+        looked.append(image.header.seq)
+        await may_go_on.wait()
+        return []
+
+    async with two() as (_, own, other), serving(own, find):
+        coming = asyncio.create_task(next_of(aiter(other.detections())))
+        await until(lambda: looked)
+        await asyncio.sleep(0.5)
+        may_go_on.set()
+        await coming
+        await until(lambda: len(looked) > 1)
+    assert looked[1] > looked[0] + 2
+
+
+async def test_what_it_raises_ends_it_and_is_raised() -> None:
+    async def find(_: ImageFrame) -> Sequence[Detection]:
+        raise ZeroDivisionError("mine")
+
+    async with two() as (_, own, other):
+        wanting = asyncio.create_task(next_of(aiter(other.class_lists())))
+        with pytest.raises(ZeroDivisionError, match="mine"):
+            await own.serve_model(find, model="crates")
+        wanting.cancel()
+        await asyncio.wait([wanting])
+
+
+async def test_what_nobody_could_read_ends_it_too() -> None:
+    async def find(_: ImageFrame) -> Sequence[Detection]:
+        return [Detection(name="crate", score=90.0, box=Box(0, 0, 2, 2))]
+
+    async with two() as (_, own, other):
+        wanting = asyncio.create_task(next_of(aiter(other.class_lists())))
+        with pytest.raises(fleetsight.MessageError, match=r"results of r1/front: .*score.*; nobody could read that"):
+            await own.serve_model(find, model="crates")
+        wanting.cancel()
+        await asyncio.wait([wanting])
+
+
+async def test_names_that_cannot_be_are_refused_at_once(fleet: Fleet) -> None:
+    with pytest.raises(fleetsight.SettingsError, match="worker name 'a/b'"):
+        await fleet.serve_model(crates, model="crates", worker="a/b")
+    with pytest.raises(fleetsight.SettingsError, match=r"robot name 'r\*'"):
+        await fleet.serve_model(crates, model="crates", robots=["r*"])
+
+
+async def test_leaving_the_fleet_ends_it() -> None:
+    async with stand_in(worker=False) as there:
+        async with fleetsight.connect(there.endpoint) as fleet:
+            running = asyncio.create_task(fleet.serve_model(crates, model="crates"))
+            await fleet.workers("detector").present()
+        with pytest.raises(fleetsight.ClosedError, match="model crates: the fleet was left before"):
+            await running
+
+
+async def test_results_of_ones_own_are_published_while_they_are_wanted() -> None:
+    async with two() as (_, own, other), own.results("r1", "front") as results:
+        results.publish(FOUND)  # to nobody
+        coming = asyncio.create_task(next_of(aiter(other.detections())))
+        lists = asyncio.create_task(next_of(aiter(other.class_lists())))
+        await results.until_wanted()
+        while not (coming.done() and lists.done()):
+            results.publish(FOUND)
+            await asyncio.sleep(0.02)
+        assert await coming == FOUND
+        assert await lists == class_list(FOUND)
+        await results.until_unwanted()
+        assert not results.wanted
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"header": msgspec.structs.replace(FOUND.header, camera="rear")}, "header says r1/rear"),
+        ({"objects": [msgspec.structs.replace(CRATE, score=2.0)]}, "Expected `float` <= 1.0"),
+        ({"objects": [msgspec.structs.replace(CRATE, box=Box(-1, 0, 2, 2))]}, "Expected `float` >= 0"),
+    ],
+)
+async def test_results_that_nobody_could_read_are_refused(change: dict[str, object], said: str) -> None:
+    found: Detections = msgspec.structs.replace(FOUND, **change)
+    async with two() as (_, own, other), own.results("r1", "front") as results:
+        wanting = asyncio.create_task(next_of(aiter(other.detections())))
+        await results.until_wanted()
+        with pytest.raises(fleetsight.MessageError, match=f"results of r1/front: .*{said}"):
+            results.publish(found)
+        wanting.cancel()
+        await asyncio.wait([wanting])
