@@ -67,6 +67,12 @@ def test_what_measures_needs_no_torch(statement: str) -> None:
     assert not [name for name in NO_TORCH if name in found]
 
 
+def test_a_program_against_the_fleet_loads_the_bus_and_the_contract_alone() -> None:
+    found = imported_by("import fleetsight.api")
+    assert {"bus", "schemas", "zenoh"} <= found
+    assert not {*HEAVY, *NO_TORCH, "numpy", "services"} & found
+
+
 def test_a_detector_can_still_say_how_ultralytics_is_to_behave() -> None:
     assert not {"torch", "ultralytics", "onnxruntime", "openvino"} & imported_by("import services.detector.process")
 
