@@ -10,6 +10,7 @@ from bus import Bus, BusError, BusSettings, open_bus
 from bus.unreached import why_unreached
 from fleetsight.errors import CertificateError, ConnectError, FleetsightError, SettingsError
 from fleetsight.fleet import Fleet
+from fleetsight.iterations import Iterations
 from fleetsight.settings import settings_of
 
 LOOK_S: Final = 0.02
@@ -45,13 +46,16 @@ async def connect(
     frozenset({'r1'})
     """
     chosen = _chosen(endpoints, {"tls_ca": tls_ca, "tls_certificate": tls_certificate, "tls_key": tls_key}, settings)
+    iterations = Iterations()
     async with AsyncExitStack() as stack:
+        stack.push_async_callback(iterations.ended)
         try:
             bus = await stack.enter_async_context(open_bus(chosen))
         except BusError as error:
             raise _refusal(error, chosen) from error
+        stack.push_async_callback(iterations.end)
         await _linked(bus, chosen, within_s)
-        yield Fleet(bus)
+        yield Fleet(bus, iterations)
 
 
 def _chosen(

@@ -4,6 +4,7 @@ from typing import Final, TypeVar
 
 from bus import LATEST, QUEUE, Bus, Latest, Queue
 from fleetsight.images import images_of
+from fleetsight.iterations import Iterations
 from fleetsight.patterns import chunk, one_camera
 from fleetsight.presence import Roster, WorkerName
 from fleetsight.streams import Stream
@@ -24,8 +25,9 @@ R = TypeVar("R", ClassList, Detections, Distances, ObjectClouds)
 class Listening:
     """The part of `fleetsight.Fleet` that listens."""
 
-    def __init__(self, bus: Bus) -> None:
+    def __init__(self, bus: Bus, iterations: Iterations) -> None:
         self._bus = bus
+        self._iterations = iterations
 
     def class_lists(self, robot: str = "*", camera: str = "*", *, keep: Latest | Queue = LATEST) -> Stream[ClassList]:
         """Return which classes are in view of cameras, frame by frame; first what was last known of each.
@@ -98,7 +100,7 @@ class Listening:
         def check(key: str, alert: Alert) -> None:
             codec.check_robot(alert.robot, RobotStreamKey(keys.parse_robot(key), keys.ALERTS))
 
-        return Stream("alerts", Alert, lambda: self._bus.subscribe(key, keep), check)
+        return Stream(self._iterations, "alerts", Alert, lambda: self._bus.subscribe(key, keep), check)
 
     def images(self, robot: str, camera: str, *, keep: Latest | Queue = LATEST) -> Stream[ImageFrame]:
         """Return the colour images of one camera, named in full, as its gateway sends them: see `ImageFrame.format`.
@@ -117,7 +119,7 @@ class Listening:
         def check(_: str, frame: ImageFrame) -> None:
             codec.check_identity(frame.header, of)
 
-        return Stream(f"images of {of}", ImageFrame, lambda: images_of(self._bus, of, keep), check)
+        return Stream(self._iterations, f"images of {of}", ImageFrame, lambda: images_of(self._bus, of, keep), check)
 
     def robots(self) -> Roster[str]:
         """Return which robots are there, by name.
@@ -128,7 +130,7 @@ class Listening:
         >>> asyncio.run(main())
         frozenset({'r1'})
         """
-        return Roster("robots", lambda: self._bus.watch(keys.EVERY_ROBOT_ALIVE), keys.parse_robot)
+        return Roster(self._iterations, "robots", lambda: self._bus.watch(keys.EVERY_ROBOT_ALIVE), keys.parse_robot)
 
     def cameras(self, robot: str = "*", camera: str = "*") -> Roster[CameraKey]:
         """Return which cameras with colour images are there; each has a `robot` and a `camera`.
@@ -141,7 +143,9 @@ class Listening:
         ('r1', 'front', True)
         """
         key = f"fleet/{chunk('robot', robot)}/{chunk('camera', camera)}/{keys.Stream.COLOR}/{keys.ALIVE}"
-        return Roster("cameras", lambda: self._bus.watch(key), lambda token: keys.parse_stream(token).camera)
+        return Roster(
+            self._iterations, "cameras", lambda: self._bus.watch(key), lambda token: keys.parse_stream(token).camera
+        )
 
     def workers(self, service: str = "*") -> Roster[WorkerName]:
         """Return which workers are there. service: what they do, such as `detector`, `distance` or `cloud`.
@@ -157,7 +161,7 @@ class Listening:
         def named(token: str) -> WorkerName:
             return WorkerName(*worker_keys.parse_worker(token))
 
-        return Roster("workers", lambda: self._bus.watch(key), named)
+        return Roster(self._iterations, "workers", lambda: self._bus.watch(key), named)
 
     def _results(
         self, schema: type[R], stream: keys.Stream, robot: str, camera: str, keep: Latest | Queue
@@ -168,4 +172,6 @@ class Listening:
         def check(key: str, message: R) -> None:
             codec.check_identity(message.header, keys.parse_stream(key).camera)
 
-        return Stream(str(stream), schema, lambda: self._bus.subscribe(key, keep, history=history), check)
+        return Stream(
+            self._iterations, str(stream), schema, lambda: self._bus.subscribe(key, keep, history=history), check
+        )

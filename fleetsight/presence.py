@@ -6,8 +6,9 @@ from contextlib import AbstractAsyncContextManager, aclosing, suppress
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
-from bus import BusClosedError, Watch
+from bus import BusClosedError, Presence, Watch
 from fleetsight.errors import ClosedError
+from fleetsight.iterations import Iterations
 from schemas.errors import SchemaError
 
 SETTLE_S: Final = 0.5
@@ -55,33 +56,48 @@ class Roster(Generic[T]):
     """
 
     def __init__(
-        self, what: str, watch: Callable[[], AbstractAsyncContextManager[Watch]], parse: Callable[[str], T]
+        self,
+        iterations: Iterations,
+        what: str,
+        watch: Callable[[], AbstractAsyncContextManager[Watch]],
+        parse: Callable[[str], T],
     ) -> None:
+        self._iterations = iterations
         self._what = what
         self._watch = watch
         self._parse = parse
 
-    async def __aiter__(self) -> AsyncGenerator[Change[T], None]:
+    def __aiter__(self) -> AsyncGenerator[Change[T], None]:  # noqa: PYI058 - it can be closed
         """Iterate over who comes and goes.
 
         Raises:
             ClosedError: the fleet was left before.
         """
+        return self._iterations.add(self._iterate())
+
+    async def _iterate(self) -> AsyncGenerator[Change[T], None]:
         tokens: dict[T, set[str]] = {}  # a worker that is for several robots has one for each
+        with self._iterations.lasting():
+            try:
+                async with self._watch() as watch:
+                    async for presence in watch:
+                        change = self._change(presence, tokens)
+                        if change is not None:
+                            yield change
+            except BusClosedError as error:
+                raise ClosedError(f"{self._what}: the fleet was left before; ask within `async with`") from error
+
+    def _change(self, presence: Presence, tokens: dict[T, set[str]]) -> Change[T] | None:
         try:
-            async with self._watch() as watch:
-                async for presence in watch:
-                    with suppress(SchemaError):
-                        who = self._parse(presence.key)
-                        shown = tokens.setdefault(who, set())
-                        before = bool(shown)
-                        (shown.add if presence.alive else shown.discard)(presence.key)
-                        if not shown:
-                            del tokens[who]
-                        if before != bool(shown):
-                            yield Change(who, here=bool(shown))
-        except BusClosedError as error:
-            raise ClosedError(f"{self._what}: the fleet was left before; ask within `async with`") from error
+            who = self._parse(presence.key)
+        except SchemaError:  # not of this fleet
+            return None
+        shown = tokens.setdefault(who, set())
+        before = bool(shown)
+        (shown.add if presence.alive else shown.discard)(presence.key)
+        if not shown:
+            del tokens[who]
+        return Change(who, here=bool(shown)) if before != bool(shown) else None
 
     async def present(self, *, settle_s: float = SETTLE_S) -> frozenset[T]:
         """Return who is there now: all who were heard of until nothing new came for `settle_s` seconds.

@@ -1,12 +1,13 @@
 """Messages as they come: an async iterator that says how many it had to leave out."""
 
 from collections.abc import AsyncGenerator, Callable
-from contextlib import AbstractAsyncContextManager
+from contextlib import AbstractAsyncContextManager, aclosing
 from dataclasses import dataclass
 from typing import Generic
 
 from bus import BusClosedError, Subscription
 from fleetsight.errors import ClosedError
+from fleetsight.iterations import Iterations
 from schemas import codec
 from schemas.codec import M
 from schemas.errors import SchemaError
@@ -52,7 +53,10 @@ class Stream(Generic[M]):
     0
     """
 
-    def __init__(self, what: str, schema: type[M], subscribe: Subscribe, check: Check[M]) -> None:
+    def __init__(
+        self, iterations: Iterations, what: str, schema: type[M], subscribe: Subscribe, check: Check[M]
+    ) -> None:
+        self._iterations = iterations
         self._what = what
         self._schema = schema
         self._subscribe = subscribe
@@ -73,26 +77,34 @@ class Stream(Generic[M]):
             received, dropped, missed = received + counts.received, dropped + counts.dropped, missed + counts.missed
         return StreamCounts(received, dropped, missed, self._invalid)
 
-    async def __aiter__(self) -> AsyncGenerator[M, None]:
+    def __aiter__(self) -> AsyncGenerator[M, None]:  # noqa: PYI058 - it can be closed
         """Iterate over the messages as they come.
 
         Raises:
             ClosedError: the fleet was left before.
         """
+        return self._iterations.add(self._iterate())
+
+    async def _iterate(self) -> AsyncGenerator[M, None]:
+        with self._iterations.lasting():
+            try:
+                async with self._subscribe() as subscription, aclosing(self._taken(subscription)) as messages:
+                    async for message in messages:
+                        yield message
+            except BusClosedError as error:
+                raise ClosedError(f"{self._what}: the fleet was left before; iterate within `async with`") from error
+
+    async def _taken(self, subscription: Subscription) -> AsyncGenerator[M, None]:
+        self._running.add(subscription)
         try:
-            async with self._subscribe() as subscription:
-                self._running.add(subscription)
+            async for sample in subscription:
                 try:
-                    async for sample in subscription:
-                        try:
-                            message = codec.decode(self._schema, sample.payload, sample.encoding)
-                            self._check(sample.key, message)
-                        except SchemaError:
-                            self._invalid += 1
-                        else:
-                            yield message
-                finally:
-                    self._ended = self._with(subscription)
-                    self._running.discard(subscription)
-        except BusClosedError as error:
-            raise ClosedError(f"{self._what}: the fleet was left before; iterate within `async with`") from error
+                    message = codec.decode(self._schema, sample.payload, sample.encoding)
+                    self._check(sample.key, message)
+                except SchemaError:
+                    self._invalid += 1
+                else:
+                    yield message
+        finally:
+            self._ended = self._with(subscription)
+            self._running.discard(subscription)

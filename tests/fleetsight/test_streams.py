@@ -120,6 +120,39 @@ async def test_a_task_that_is_cancelled_leaves_no_subscriber(there: StandIn, fle
     await until(lambda: not there.wanted(Stream.COLOR))
 
 
+@pytest.mark.parametrize("times", range(5))
+async def test_leaving_the_fleet_leaves_no_task_of_an_iteration_behind(there: StandIn, times: int) -> None:
+    before = asyncio.all_tasks()
+    async with fleetsight.connect(there.endpoint) as fleet:
+        for _ in range(times):
+            async for _ in fleet.class_lists():
+                break
+            async for _ in fleet.robots():
+                break
+        kept = aiter(fleet.class_lists())
+        await next_of(kept)
+    assert asyncio.all_tasks() == before
+    with pytest.raises(StopAsyncIteration):
+        await anext(kept)
+    await until(lambda: not there.wanted(Stream.CLASSES))
+
+
+async def test_a_task_that_is_at_work_on_a_message_ends_with_the_fleet(there: StandIn) -> None:
+    may_go_on, taken = asyncio.Event(), list[object]()
+
+    async def work(fleet: Fleet) -> None:
+        async for each in fleet.class_lists():
+            taken.append(each)
+            await may_go_on.wait()
+
+    async with fleetsight.connect(there.endpoint) as fleet:
+        working = asyncio.create_task(work(fleet))
+        await until(lambda: taken)
+    may_go_on.set()
+    await working
+    assert len(taken) == 1
+
+
 async def test_leaving_the_fleet_ends_what_still_iterates(there: StandIn) -> None:
     ended = []
 
