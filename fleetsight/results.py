@@ -39,11 +39,11 @@ class Results:
         return self.demand.wanted
 
     async def until_wanted(self) -> None:
-        """Wait until somebody wants what is found."""
+        """Wait until somebody wants what is found; see `publish`."""
         await self.demand.until(wanted=True)
 
     async def until_unwanted(self) -> None:
-        """Wait until nobody wants what is found."""
+        """Wait until nobody wants what is found any more."""
         await self.demand.until(wanted=False)
 
     def publish(self, found: Detections) -> None:
@@ -53,6 +53,19 @@ class Results:
 
         Raises:
             MessageError: the header is of another camera, or a value is out of its bounds: nobody could read it.
+
+        >>> header = fleetsight.Header(
+        ...     robot="r7", camera="rear", boot_id="mine", seq=0, stamp_ns=0, frame_id="rear", received_ns=0
+        ... )
+        >>> found = fleetsight.Detections(header=header, height=4, width=6, objects=[], model="mine", worker="me")
+        >>> async def main():
+        ...     async with fleetsight.connect(endpoint) as fleet, fleet.results("r7", "rear") as results:
+        ...         listening = asyncio.ensure_future(anext(aiter(fleet.class_lists("r7"))))
+        ...         await results.until_wanted()
+        ...         results.publish(found)
+        ...         return (await listening).classes
+        >>> asyncio.run(main())
+        []
         """
         if not self.wanted:
             return

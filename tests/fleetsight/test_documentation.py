@@ -25,7 +25,7 @@ def documented() -> Iterator[tuple[str, object]]:
 
 
 PUBLIC = {name: each for name, each in documented() if "Error" not in name}
-WITHOUT_EXAMPLE = {"Results.publish", "Results.until_wanted", "Results.until_unwanted"}
+WITHOUT_EXAMPLE = {"Results.until_wanted", "Results.until_unwanted"}
 
 
 @pytest.fixture(scope="module")
