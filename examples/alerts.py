@@ -16,7 +16,7 @@ async def print_alerts(fleet: fleetsight.Fleet) -> None:
 
 
 async def print_robots(fleet: fleetsight.Fleet) -> None:
-    """Print which robots are there, and who comes and goes."""
+    """Print which robots are there, and which come and go."""
     async for change in fleet.robots():
         print(f"{change.who}: {'here' if change.here else 'gone'}", flush=True)
 

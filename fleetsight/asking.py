@@ -21,7 +21,7 @@ AGAIN_S: Final = (0.2, 0.8)
 """How long workers that are all busy are left alone before they are asked again, by lot."""
 
 LITTLE_S: Final = 1.0
-"""Where no answer came in less than this, that says nothing of who was asked."""
+"""Silence for less time than this says nothing of the worker that was asked."""
 
 
 async def ask_detectors(bus: Bus, image: bytes, timeout_s: float, *, until_s: float | None = None) -> Detections:
@@ -83,7 +83,7 @@ def _unanswered(bus: Bus, timeout_s: float, *, seen: bool) -> RequestError:
 def _telling(before: RequestError, error: RequestError, worker: str, left_s: float) -> RequestError:
     """Return the reason that says more. error: what came of asking a worker while `left_s` were left.
 
-    That who was busy is gone, or is silent for the little time that is left, says less than what it said before.
+    A worker that was busy and is now gone, or is silent for the little time that is left, said more before.
     """
     gone = isinstance(error, NotServedError) and isinstance(before, RefusedError)
     hurried = isinstance(error, RequestTimeoutError) and left_s < LITTLE_S
@@ -91,7 +91,7 @@ def _telling(before: RequestError, error: RequestError, worker: str, left_s: flo
 
 
 async def _workers(bus: Bus, until_s: float) -> list[str]:
-    """Return who is there: wait for the first one, and a moment for others."""
+    """Return the workers that are there: wait for the first one, and a moment for others."""
     seen: set[str] = set()
     try:
         async with asyncio.timeout_at(until_s) as limit:

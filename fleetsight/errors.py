@@ -8,8 +8,8 @@ FleetsightError
 ├── NoWorkerError        no detector worker is there to answer
 ├── NoMonitorError       no monitor is there to answer
 ├── AnswerTimeoutError   no answer in time
-├── RefusedError         whoever was asked answers with an error
-└── MessageError         a message that is not what the contract says
+├── RefusedError         the worker or monitor that was asked answers with an error
+└── MessageError         a message that breaks the contract
 """
 
 from collections.abc import Iterator
@@ -63,11 +63,11 @@ class AnswerTimeoutError(FleetsightError):
 
 
 class RefusedError(FleetsightError):
-    """Whoever was asked answers with an error, such as a file that is no image."""
+    """The worker or monitor that was asked answers with an error, such as that a file is no image."""
 
 
 class MessageError(FleetsightError):
-    """A message is not what the contract says; whoever sent it is of another version, or is mistaken."""
+    """A message breaks the contract: its sender is of another version, or is mistaken."""
 
 
 @contextmanager

@@ -125,7 +125,7 @@ class Fleet(Listening):
         publishes what `find` returns for each image as detections and class lists.
 
         find: called for one image at a time; of those that come meanwhile the newest of each camera waits. It must not
-        block the event loop: `await asyncio.to_thread(...)` what computes. What it raises ends the service.
+        block the event loop: compute with `await asyncio.to_thread(...)`. Its errors end the service and are raised.
         model: its name, for people. classes: what it can find, for people. robots: work for these alone, before all
         workers that are for any. opinion: give a second opinion, which nobody counts. most_hz: images a second of each
         camera that are asked for; all of them unless given. worker: its name; one that nobody has unless given.

@@ -1,4 +1,4 @@
-"""A camera's colour images, with the word to its gateway of who takes them and where."""
+"""A camera's colour images; its gateway is told on which machine they are taken."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

@@ -1,4 +1,4 @@
-"""What a program can listen to: what is found, images, and who is there."""
+"""Listening to the fleet: results, images and presence."""
 
 from typing import Final, TypeVar
 

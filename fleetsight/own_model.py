@@ -65,7 +65,7 @@ class OwnModel:
         self._failure: Exception | None = None
 
     async def run(self) -> None:
-        """Work until cancelled, then leave the cameras to others. What `find` raises ends it and is raised."""
+        """Work until cancelled, then leave the cameras to others. An error in `find` ends it and is raised."""
         sharing = Sharing(self._bus, self._tokens, Stream.COLOR, self._serve)
         status = worker_keys.worker_status(self._service, self._worker)
         try:

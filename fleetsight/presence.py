@@ -1,4 +1,4 @@
-"""Who is there: robots, cameras and workers, and who comes and goes."""
+"""Presence: which robots, cameras and workers are there, and which come and go."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
@@ -12,7 +12,7 @@ from fleetsight.iterations import Iterations
 from schemas.errors import SchemaError
 
 SETTLE_S: Final = 0.5
-"""After so long without news, all who are there are known."""
+"""After so long without news all of them are known."""
 
 T = TypeVar("T")
 
@@ -42,9 +42,9 @@ class WorkerName:
 
 
 class Roster(Generic[T]):
-    """Who of one kind is there. Watching makes nobody work.
+    """The robots, the cameras or the workers that are there. Watching makes nobody work.
 
-    Each `async for` begins with those who are there already, and ends when the fleet is left. Changes that the program
+    Each `async for` begins with those that are there already, and ends when the fleet is left. Changes that the program
     has not taken yet are merged: nobody is reported here, or gone, twice in a row.
 
     >>> async def main():
@@ -68,7 +68,7 @@ class Roster(Generic[T]):
         self._parse = parse
 
     def __aiter__(self) -> AsyncGenerator[Change[T], None]:  # noqa: PYI058 - it can be closed
-        """Iterate over who comes and goes.
+        """Iterate over those that come and go.
 
         Raises:
             ClosedError: the fleet was left before.
@@ -100,7 +100,7 @@ class Roster(Generic[T]):
         return Change(who, here=bool(shown)) if before != bool(shown) else None
 
     async def present(self, *, settle_s: float = SETTLE_S) -> frozenset[T]:
-        """Return who is there now: all who were heard of until nothing new came for `settle_s` seconds.
+        """Return those that are there now: all that were heard of until nothing new came for `settle_s` seconds.
 
         Raises:
             ClosedError: the fleet was left before.

@@ -1,4 +1,4 @@
-"""What one's own model found in a camera's images, for whoever wants it."""
+"""Results of one's own model for a camera's images, published while somebody wants them."""
 
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager

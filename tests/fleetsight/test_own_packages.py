@@ -59,6 +59,14 @@ def test_what_every_command_runs_is_ours(command: Path, workspace: Path) -> None
     assert {Path(line).resolve().parents[1] for line in ended.stdout.splitlines()} == {ROOT}
 
 
+def test_an_editable_install_finds_its_own_too(workspace: Path, tmp_path: Path) -> None:
+    command = install(tmp_path / "editable", editable=True)
+    assert run([command, "users", "list", "--history", "sqlite:////nowhere"], workspace).stderr == (
+        "fleetsight users: /nowhere: it does not exist\n"
+    )
+    assert run([command.parent / "python", "-c", LOADING], workspace).stderr == ""
+
+
 def test_as_a_module_it_is_the_same(command: Path, workspace: Path) -> None:
     ended = run([command.parent / "python", "-m", "fleetsight", "--help"], workspace)
     assert (ended.returncode, ended.stderr) == (0, "")

@@ -20,15 +20,17 @@ if __name__ == "__main__":
 """
 
 
-def install(folder: Path) -> Path:
-    """Make an environment with what a wheel of ours has in it; return its `fleetsight` command.
+def install(folder: Path, *, editable: bool = False) -> Path:
+    """Make an environment with what a wheel of ours has in it, or an editable install; return its `fleetsight` command.
 
-    What we depend on comes from the environment of the tests.
+    Dependencies come from the environment of the tests.
     """
     venv.create(folder, symlinks=True)
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     (site,) = folder.glob("lib/python*/site-packages")
-    for package in declared["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]:
+    if editable:
+        (site / "editable.pth").write_text(str(ROOT))
+    for package in [] if editable else declared["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]:
         (site / package).symlink_to(ROOT / package)
     (site / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
     module, _, function = declared["project"]["scripts"]["fleetsight"].partition(":")
