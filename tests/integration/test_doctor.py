@@ -21,6 +21,7 @@ from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment, free_port, require_ros
 
 SCRIPT = Path(__file__).with_name("rospy_doctored.py").read_text(encoding="utf-8")
+CLOUD = Path(__file__).with_name("rospy_cloud.py").read_text(encoding="utf-8")
 ROOT = Path(__file__).parents[2]
 CAMERAS = {"front": "/front/color/image_raw"}
 DEPTH = ("--topics", "front/depth=/front/depth/image_raw")
@@ -131,6 +132,21 @@ async def test_a_healthy_robot_whose_streams_somebody_wants(ros: RosEnvironment,
     assert report.said("front/color", "ok").endswith("messages/s")
     assert "nobody subscribes" in report.said("front/depth", "ok")
     assert report.said("r1", "ok") == "its gateway is on the bus and waits for nothing"
+
+
+@pytest.mark.timeout(120)
+async def test_topics_that_two_streams_are_made_of(ros: RosEnvironment, rig: FleetRig) -> None:
+    """Of two connections of one node to one topic rospy ends the older one."""
+    camera = await ros.script(CLOUD)
+    await camera.until_output("publishers up")
+    named = ("--discover", "--topics", "ros/static=/tf_static")
+    await rig.gateway("r1", ros.master_uri, {}, *named)
+    await rig.gateway_status("r1", lambda status: len(status.streams) == 3)
+    report = await doctor(ros.master_uri, {}, rig.endpoint, *named)
+    assert (report.code, report.problems) == (0, [])
+    for stream in ("front/color", "front/points"):
+        assert "messages/s, 0.05 MB each" in report.said(stream, "ok")
+    assert "one latched message" in report.said("ros/static", "ok")
 
 
 @pytest.mark.timeout(120)
