@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+from gateway.discovery import topics
+from gateway.doctor import advice
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Stage, note, problem
 from schemas.camera_info import CameraInfo, is_calibrated
@@ -32,7 +34,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
     """Say what the calibration on `stream` is good for, which is that of the images on `of`."""
     info, image = info_of(camera, stream, evidence), image_of(camera, of, evidence)
     if info is None:
-        yield _without_calibration(camera, stream, evidence)
+        yield _without_calibration(camera, of, stream, evidence)
         return
     subject = f"{camera}/{stream}"
     if not is_calibrated(info):
@@ -41,7 +43,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
             subject,
             "the camera info has no focal length: the camera is not calibrated, and as without one it is unknown what "
             "its pixels mean in space",
-            "calibrate it (`rosrun camera_calibration cameracalibrator.py`) or have the driver load its calibration",
+            f"calibrate it (`{_calibrator(camera, of, evidence)}`), or have the driver load its calibration",
         )
         return
     if isinstance(lens := coefficients_of(info.distortion_model, info.d), str):
@@ -57,7 +59,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
             Stage.CAMERAS,
             subject,
             f"{topic} has the calibration but is no stream, so distances cannot be measured off the robot",
-            f"add --topics {subject}={topic}",
+            advice.taking(subject, topic, evidence),
         )
     if image is not None and sent_pixels(info) != pixels(image):
         yield problem(
@@ -68,7 +70,15 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         )
 
 
-def _without_calibration(camera: str, stream: Stream, evidence: Evidence) -> Finding:
+def _calibrator(camera: str, of: Stream, evidence: Evidence) -> str:
+    """Return the command that calibrates a camera with a chessboard of 9 x 7 squares of 2.5 cm."""
+    look = evidence.of(camera, of)
+    topic = topics.image_of(look.topic) if look else "TOPIC"
+    board, space = "--size 8x6 --square 0.025", topic.rpartition("/")[0] or "/"
+    return f"rosrun camera_calibration cameracalibrator.py {board} image:={topic} camera:={space}"
+
+
+def _without_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidence) -> Finding:
     subject, look = f"{camera}/{stream}", evidence.of(camera, stream)
     if look is not None and look.publishers:
         return problem(
@@ -81,7 +91,7 @@ def _without_calibration(camera: str, stream: Stream, evidence: Evidence) -> Fin
         Stage.CAMERAS,
         subject,
         "no camera info: what a pixel of depth means in space is unknown",
-        f"have the driver publish camera_info, and add --topics {subject}=TOPIC",
+        advice.calibration_of(camera, of, stream, evidence),
     )
 
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
+from gateway.doctor import advice
 from gateway.doctor.calibration import by, calibration_of, check_calibration, image_of, pixels, sent_pixels
 from gateway.doctor.edges import Placement, placement
 from gateway.doctor.evidence import Evidence, StreamLook
@@ -57,7 +58,7 @@ def _check_alignment(camera: str, evidence: Evidence) -> Iterator[Finding]:
     if apart or elsewhere:
         yield _not_aligned(camera, apart or elsewhere, known=known)
     else:
-        yield _aligned(camera, known=known, seen=seen is not None)
+        yield _aligned(camera, evidence, known=known, seen=seen is not None)
 
 
 def _not_aligned(camera: str, how: str, *, known: bool) -> Finding:
@@ -70,7 +71,7 @@ def _not_aligned(camera: str, how: str, *, known: bool) -> Finding:
     )
 
 
-def _aligned(camera: str, *, known: bool, seen: bool) -> Finding:
+def _aligned(camera: str, evidence: Evidence, *, known: bool, seen: bool) -> Finding:
     if known:
         shown = ", and its edges lie on colour's" if seen else "; whether its edges lie on colour's is not clear here"
         what = f"registered to colour by camera infos, sizes and frames{shown}"
@@ -80,7 +81,7 @@ def _aligned(camera: str, *, known: bool, seen: bool) -> Finding:
         f"{camera}/depth",
         "sizes and frames are those of colour"
         + (", and so are its edges" if seen else "; without both camera infos it is unknown whether they are aligned"),
-        f"publish depth's camera info, and add --topics {camera}/depth_info=TOPIC",
+        advice.calibration_of(camera, Stream.DEPTH, Stream.DEPTH_INFO, evidence),
     )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from itertools import combinations
 from typing import Final
 
+from bus.settings import port_of
 from gateway.doctor.evidence import Account, BusLook, Evidence, Failure, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 
@@ -86,9 +87,10 @@ def _router_trouble(endpoint: str, trouble: Trouble) -> tuple[str, str]:
                 "add it to /etc/hosts here, or give its IP address with --connect",
             )
         case Failure.DEAD:
+            everywhere = f"{endpoint.partition('/')[0]}/0.0.0.0:{port_of(endpoint)}"
             return (
                 "no router listens there",
-                "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
+                f"start it (for other machines: `fleetsight monitor --listen {everywhere}`), or correct --connect",
             )
         case Failure.REFUSED:
             return (
@@ -115,8 +117,7 @@ def _absent(robot: str, robots: frozenset[str]) -> Finding:
             Stage.GATEWAY,
             robot,
             "no gateway of any robot is on this bus",
-            f"start `fleetsight gateway --robot {robot}`; if it runs, do its --connect and the doctor's name the same "
-            "router?",
+            f"start {_gateway(robot)}; if it runs, do its --connect and the doctor's name the same router?",
         )
     close = difflib.get_close_matches(robot, sorted(robots), n=1, cutoff=0.5)
     others = ", ".join(sorted(robots)[:10])
@@ -124,5 +125,9 @@ def _absent(robot: str, robots: frozenset[str]) -> Finding:
         Stage.GATEWAY,
         robot,
         f"no gateway of this name is on the bus; there are those of {others}",
-        f"did you mean --robot {close[0]}?" if close else f"start `fleetsight gateway --robot {robot}`",
+        f"did you mean --robot {close[0]}?" if close else f"start {_gateway(robot)}",
     )
+
+
+def _gateway(robot: str) -> str:
+    return f"`fleetsight gateway --robot {robot}` with the other options that a gateway has and that are given here"

@@ -17,7 +17,7 @@ from gateway.doctor.reaching import look_at_host
 from gateway.doctor.report import as_json, as_text
 from gateway.doctor.robot import RobotVisit
 from gateway.doctor.settings import DoctorSettings
-from gateway.doctor.topics import beside, left_out, planned
+from gateway.doctor.topics import beside, left_out, planned, undiscovered
 
 MAX_WIDTH: Final = 120
 UNWELL: Final = 1
@@ -63,7 +63,15 @@ async def _visit(settings: DoctorSettings) -> Evidence:
     async with PoliteClient(timeout=settings.patience_s) as client:
         visit = RobotVisit(client, seconds=settings.seconds, patience_s=settings.patience_s)
         master = await visit.look_at_master(settings.ros_master)
-        evidence = Evidence(settings.robot, settings.seconds, master, HostLook(settings.ros_host), BusLook())
+        evidence = Evidence(
+            settings.robot,
+            settings.seconds,
+            master,
+            HostLook(settings.ros_host),
+            BusLook(),
+            discover=settings.discover,
+            by_hand=frozenset(settings.streams()),
+        )
         if master.graph is None:
             named = tuple(StreamLook(key, topic) for key, topic in settings.streams().items())
             return replace(evidence, streams=named)
@@ -77,4 +85,5 @@ async def _visit(settings: DoctorSettings) -> Evidence:
             beside=looks[len(streams) :],
             left_out=left_out(found, master.graph),
             unused=settings.unused([key.name for key in found.streams]),
+            undiscovered=undiscovered(settings, master.graph),
         )

@@ -17,8 +17,11 @@ from tests.gateway.doctor.seeing import (
 )
 
 
-def said(subject: str, *streams: StreamLook, beside: tuple[StreamLook, ...] = ()) -> list[Finding]:
-    return [each for each in check_cameras(evidence(*streams, beside=beside)) if each.subject == subject]
+def said(
+    subject: str, *streams: StreamLook, beside: tuple[StreamLook, ...] = (), discover: bool = True
+) -> list[Finding]:
+    seen = evidence(*streams, beside=beside, discover=discover)
+    return [each for each in check_cameras(seen) if each.subject == subject]
 
 
 def test_a_calibrated_camera_needs_no_word() -> None:
@@ -59,6 +62,7 @@ def test_a_camera_without_focal_length(f: float) -> None:
 def test_a_depth_camera_without_focal_length() -> None:
     (finding,) = said("front/depth_info", color(), depth(), depth_info(f=0.0))
     assert "no focal length" in finding.what
+    assert "image:=/front/depth/image_raw camera:=/front/depth" in finding.advice
 
 
 @pytest.mark.parametrize(
@@ -80,7 +84,7 @@ def test_a_lens_whose_coefficients_are_written_another_way(model: str, d: list[f
 
 
 def test_a_calibration_that_is_there_but_no_stream() -> None:
-    (finding,) = said("front/info", color(), depth(), beside=(color_info(),))
+    (finding,) = said("front/info", color(), depth(), beside=(color_info(),), discover=False)
     assert finding.severity is Severity.NOTE
     assert finding.advice == "add --topics front/info=/front/color/camera_info"
 

@@ -49,6 +49,11 @@ def test_no_router(failure: Failure, what: str, advice: str) -> None:
     assert advice in finding.advice
 
 
+def test_a_router_is_started_where_the_endpoint_says() -> None:
+    (finding,) = said(routers=(router(Failure.DEAD, "tls/central:7448#x=1"),), robots=frozenset())
+    assert "`fleetsight monitor --listen tls/0.0.0.0:7448`" in finding.advice
+
+
 def test_a_router_that_is_not_joined_by_tls() -> None:
     (finding,) = said(routers=(router(Failure.FOREIGN, "tls/central:7447"),), robots=frozenset())
     assert (finding.severity, finding.subject) == (Severity.PROBLEM, "tls/central:7447")
