@@ -1,6 +1,7 @@
 """Camera infos: whether a pixel means something in space. Pure."""
 
 from collections.abc import Iterator
+from typing import Final
 
 from gateway.discovery import topics
 from gateway.doctor import advice
@@ -10,6 +11,9 @@ from schemas.camera_info import CameraInfo, is_calibrated
 from schemas.distortion import PLUMB_BOB, RATIONAL, coefficients_of
 from schemas.image import ImageFrame
 from schemas.keys import Stream
+
+OFF_CENTRE: Final = 1 / 3
+"""How much of its width or height a picture's principal point may be off its centre: lenses sit within a tenth."""
 
 
 def info_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
@@ -53,6 +57,14 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
             f"{lens}: what the camera's pixels mean in space cannot be worked out",
             f"have the driver publish a calibration with {PLUMB_BOB}, {RATIONAL} or equidistant distortion",
         )
+    if where := _off_centre(info, image):
+        yield problem(
+            Stage.CAMERAS,
+            subject,
+            f"the calibration cannot be of these pictures: its principal point {where}",
+            "have the driver load this camera's calibration at the resolution that it sends: distances and places are "
+            "wrong until then",
+        )
     if not evidence.is_mapped(camera, stream):
         topic = getattr(evidence.of(camera, stream), "topic", "")
         yield note(
@@ -68,6 +80,16 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
             f"the camera info is for {by(sent_pixels(info))} pixels, {of} has {by(pixels(image))}",
             "have the driver publish the calibration of the resolution it sends",
         )
+
+
+def _off_centre(info: CameraInfo, image: ImageFrame | None) -> str:
+    """Return where the principal point is if it is outside the full picture or a third of it off its centre."""
+    size = (info.width, info.height) if info.width and info.height else pixels(image) if image else (0, 0)
+    at = info.k[2], info.k[5]
+    if not all(size) or all(abs(each - side / 2) <= side * OFF_CENTRE for each, side in zip(at, size, strict=True)):
+        return ""
+    inside = all(0 <= each <= side for each, side in zip(at, size, strict=True))
+    return f"({at[0]:.0f}, {at[1]:.0f}) is {'far off the centre' if inside else 'outside'} of {by(size)} pixels"
 
 
 def _calibrator(camera: str, of: Stream, evidence: Evidence) -> str:

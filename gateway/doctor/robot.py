@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
-from gateway.doctor.listening import Ear, listen
+from gateway.doctor.listening import FEW, TRANSFORMS, Ear, Enough, listen
 from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.errors import (
@@ -24,7 +24,7 @@ from gateway.ros1.errors import (
 from gateway.ros1.master import MasterClient
 from gateway.ros1.wire.tcpros import PublisherAccepted
 from gateway.translators import StreamKind, kind_of
-from schemas.keys import SensorKey
+from schemas.keys import ROBOT_STREAMS, SensorKey
 
 MAX_PUBLISHERS: Final = 16
 """How many publishers of one topic are looked at."""
@@ -84,7 +84,8 @@ class RobotVisit:
     async def _look_at_topic(self, topic: str, kinds: Mapping[SensorKey, StreamKind], graph: Graph) -> list[StreamLook]:
         """Return what each of the streams that are made of the topic would get; kinds: what they carry."""
         nodes = graph.publishers.get(topic, ())[:MAX_PUBLISHERS]
-        seen = await asyncio.gather(*(self._look_at_publisher(topic, node) for node in nodes))
+        enough = TRANSFORMS if any(key.name in ROBOT_STREAMS for key in kinds) else FEW
+        seen = await asyncio.gather(*(self._look_at_publisher(topic, node, enough) for node in nodes))
         now_ns = time.time_ns()
         return [
             StreamLook(
@@ -97,7 +98,7 @@ class RobotVisit:
             for key, kind in kinds.items()
         ]
 
-    async def _look_at_publisher(self, topic: str, node: str) -> tuple[PublisherLook, Ear | None]:
+    async def _look_at_publisher(self, topic: str, node: str, enough: Enough) -> tuple[PublisherLook, Ear | None]:
         """Return the publisher, and what was heard where it let us listen."""
         try:
             host, port = _host_and_port(await self._registered(node))
@@ -105,7 +106,7 @@ class RobotVisit:
             return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error))), None
         async with self._room:
             try:
-                heard: tuple[Ear, PublisherAccepted] | Trouble = await self._listen(topic, (host, port))
+                heard: tuple[Ear, PublisherAccepted] | Trouble = await self._listen(topic, (host, port), enough)
             except Ros1Error as error:
                 heard = _trouble(error, host, port)
         if isinstance(heard, Trouble):
@@ -118,7 +119,9 @@ class RobotVisit:
             raise RuntimeError("the master is looked at first")
         return await self._master.lookup_node(node)
 
-    async def _listen(self, topic: str, slave: tuple[str, int]) -> tuple[Ear, PublisherAccepted] | Trouble:
+    async def _listen(
+        self, topic: str, slave: tuple[str, int], enough: Enough
+    ) -> tuple[Ear, PublisherAccepted] | Trouble:
         address = await self._reached(*slave)
         if isinstance(address, Trouble):
             return address
@@ -128,7 +131,7 @@ class RobotVisit:
         if not found:
             return Trouble(Failure.UNRESOLVED, host, port)
         target = address if address in found else found[0]  # a name such as localhost has several
-        ear = Ear(uri)
+        ear = Ear(uri, enough)
         try:
             await listen(
                 (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s

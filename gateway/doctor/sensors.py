@@ -8,6 +8,7 @@ from gateway.discovery.report import MAX_LISTED
 from gateway.doctor.advice import untranslated
 from gateway.doctor.evidence import Evidence, Failure, Graph, PublisherLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.doctor.sources import check_sources
 from gateway.doctor.stamps import check_sim_clock, check_stamps
 from gateway.ros1.errors import UnknownTypeError
 from gateway.ros1.messages import message_type
@@ -61,6 +62,7 @@ def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterat
     else:
         for publisher in stream.publishers:
             yield from _check_publisher(stream, publisher, evidence)
+        yield from check_sources(stream)
 
 
 def _unpublished(stream: StreamLook, graph: Graph) -> Finding:

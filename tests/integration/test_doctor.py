@@ -150,6 +150,28 @@ async def test_topics_that_two_streams_are_made_of(ros: RosEnvironment, rig: Fle
 
 
 @pytest.mark.timeout(120)
+async def test_what_makes_places_wrong(ros: RosEnvironment, rig: FleetRig) -> None:
+    topics = ("/front/color/image_raw=color", "/front/color/camera_info=doubled", "/front/depth/image_raw=depth")
+    cameras = [
+        await ros.script(SCRIPT, "front", *topics, "/tf_static=base"),
+        await ros.script(SCRIPT, "rear", "/front/color/image_raw=rear"),
+    ]
+    for camera in cameras:
+        await camera.until_output("publishers up")
+    await rig.gateway("r1", ros.master_uri, {})
+    await rig.gateway_status("r1", lambda status: len(status.streams) == 4)
+    report = await doctor(ros.master_uri, {}, rig.endpoint)
+    assert report.code == 1
+    mixed = report.said("front/color")
+    assert mixed.startswith("it mixes what is not of one sensor: ")
+    assert "/front sends frame 'color_lens'" in mixed
+    assert "/rear sends frame 'rear_lens'" in mixed
+    assert "its principal point (64, 48) is far off the centre of 64x48 pixels" in report.said("front/info")
+    for frame in ("color_lens", "rear_lens", "depth_lens"):
+        assert f"its frame '{frame}' is in no transform that came in 1.5 s" in report.said("front", "note")
+
+
+@pytest.mark.timeout(120)
 async def test_depth_that_is_not_aligned_and_a_gateway_too_many(ros: RosEnvironment, rig: FleetRig) -> None:
     infos = ("/front/color/camera_info=info", "/front/depth/camera_info=info")
     camera = await ros.script(SCRIPT, "camera", *infos, "/front/color/image_raw=color", "/front/depth/image_raw=depth")
