@@ -63,7 +63,8 @@ def _remaps(remaps: dict[str, str]) -> dict[str, str]:
     return remaps
 
 
-def _robot(name: str) -> str:
+def robot_name(name: str) -> str:
+    """Return a robot's name; raise ValueError unless it can be one."""
     try:
         robot_alive(name)
     except SchemaError as error:
@@ -247,7 +248,7 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
     published, now and later, and says what it takes and what not; --cameras and --topics name streams instead.
     """
 
-    robot: Annotated[str, AfterValidator(_robot), Field(description="this robot's name, unique in the fleet")]
+    robot: Annotated[str, AfterValidator(robot_name), Field(description="this robot's name, unique in the fleet")]
 
     @model_validator(mode="after")
     def _one_use_for_each_topic(self) -> Self:

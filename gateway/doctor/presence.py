@@ -1,7 +1,8 @@
 """The bus: routers, the robot's gateway, and what it says of itself. Pure."""
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Final
 
@@ -28,25 +29,62 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
             "its gateway runs here, but has no link to what it connects to: nobody elsewhere sees the robot",
             "see what is said of those endpoints; where nothing is, do its --connect and the doctor's name the same?",
         )
-    if any(one.overlaps(other) for one, other in combinations(bus.accounts, 2)):
+    yield from _check_gateways(robot, bus.accounts, evidence.seconds)
+    for account in bus.accounts:
+        yield from _check_account(robot, account, "is on the bus and waits for nothing")
+
+
+def check_fleet(bus: BusLook, seconds: float) -> Iterator[Finding]:
+    """Say which robots are on the bus, and how the gateway of each one is; seconds: how long it was listened to."""
+    yield from _check_routers(bus)
+    if _cut_off(bus):
+        return
+    accounts: dict[str, list[Account]] = {robot: [] for robot in bus.robots}
+    for account in bus.accounts:
+        accounts.setdefault(account.last.robot, []).append(account)
+    if not accounts:
+        yield replace(_absent("NAME", bus.robots), subject="the fleet")
+        return
+    yield note(
+        Stage.GATEWAY,
+        "--robot",
+        f"is not given: these are the {len(accounts)} robots on the bus",
+        "to have one examined, run `fleetsight doctor --robot NAME` on it, with its gateway's options",
+    )
+    for robot, of_robot in sorted(accounts.items()):
+        yield from _check_gateways(robot, of_robot, seconds)
+        for account in of_robot:
+            yield from _check_account(robot, account, _offered(account))
+
+
+def _offered(account: Account) -> str:
+    streams = account.last.streams
+    version = f" {account.last.version}" if account.last.version else ""
+    return (
+        f"{version} offers {len(streams)} streams, of which {sum(each.wanted for each in streams)} are wanted".strip()
+    )
+
+
+def _check_gateways(robot: str, accounts: Sequence[Account], seconds: float) -> Iterator[Finding]:
+    """Say whether a robot has one gateway that speaks."""
+    if any(one.overlaps(other) for one, other in combinations(accounts, 2)):
         yield problem(
             Stage.GATEWAY,
             robot,
             "more than one gateway runs under this name: their frames get mixed up",
             "give each robot's gateway its own --robot, or end the one that is too many",
         )
-    if not bus.accounts:
+    if not accounts:
         yield problem(
             Stage.GATEWAY,
             robot,
-            f"its gateway is present but said nothing of itself in {evidence.seconds:g} s",
+            f"its gateway is present but said nothing of itself in {seconds:g} s",
             "restart the gateway; if the network has access rules, they must let fleet/*/status through",
         )
-    for account in bus.accounts:
-        yield from _check_account(robot, account)
 
 
-def _check_account(robot: str, account: Account) -> Iterator[Finding]:
+def _check_account(robot: str, account: Account, well: str) -> Iterator[Finding]:
+    """Say how a gateway is; well: what it does if all is well."""
     if account.last.waiting_for:
         yield problem(
             Stage.GATEWAY,
@@ -55,7 +93,7 @@ def _check_account(robot: str, account: Account) -> Iterator[Finding]:
             "start what it waits for, or restart the gateway with the right --ros-master",
         )
     else:
-        yield fine(Stage.GATEWAY, robot, "its gateway is on the bus and waits for nothing")
+        yield fine(Stage.GATEWAY, robot, f"its gateway {well}")
     if abs(account.skew_s) > SKEW_S:
         way = "ahead of" if account.skew_s > 0 else "behind"
         yield note(

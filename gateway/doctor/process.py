@@ -12,7 +12,9 @@ from typing import Final
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.diagnosis import diagnose, healthy
 from gateway.doctor.evidence import BusLook, Evidence, HostLook, StreamLook
+from gateway.doctor.finding import Finding
 from gateway.doctor.fleet import look_at_bus
+from gateway.doctor.presence import check_fleet
 from gateway.doctor.reaching import look_at_host
 from gateway.doctor.report import as_json, as_text
 from gateway.doctor.robot import RobotVisit
@@ -30,7 +32,7 @@ async def run(settings: DoctorSettings) -> int:
         The exit code: 0 when all is well.
     """
     with _quiet("bus", "gateway.ros1"):  # what they would say is in the report
-        findings = diagnose(await examine(settings))
+        findings = diagnose(await examine(settings)) if settings.robot else await survey(settings)
     width = min(shutil.get_terminal_size().columns, MAX_WIDTH)
     sys.stdout.write((as_json(findings) if settings.as_json else as_text(findings, width)) + "\n")
     return 0 if healthy(findings) else UNWELL
@@ -47,6 +49,12 @@ def _quiet(*packages: str) -> Iterator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
+
+
+async def survey(settings: DoctorSettings) -> list[Finding]:
+    """Look at the whole fleet's gateways for as long as the settings say."""
+    bus = await look_at_bus(settings, seconds=settings.seconds, patience_s=settings.patience_s)
+    return list(check_fleet(bus, settings.seconds))
 
 
 async def examine(settings: DoctorSettings) -> Evidence:

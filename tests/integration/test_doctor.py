@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from gateway.ros1.messages import message_type
+from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.wire.header import encode_header
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from schemas.keys import CameraKey, Stream
@@ -54,13 +55,22 @@ class Report:
         return [each["subject"] for each in self.findings if each["severity"] == "problem"]
 
 
+async def fleet(endpoint: str) -> Report:
+    """Run `fleetsight doctor` as a person who wants to know which robots there are."""
+    return await _report("--connect", endpoint, "--seconds", "2.5", "--json")
+
+
 async def doctor(master: str, cameras: Mapping[str, str], endpoint: str, *options: str) -> Report:
     """Run `fleetsight doctor` as a person would."""
     names = [option for camera, topic in cameras.items() for option in ("--cameras", f"{camera}={topic}")]
     where = ["--ros-master", master, "--ros-host", "127.0.0.1", "--connect", endpoint]
     bounds = ["--seconds", "1.5", "--json"]
+    return await _report("--robot", "r1", *where, *names, *bounds, *options)
+
+
+async def _report(*options: str) -> Report:
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "services.toolbox", "doctor", "--robot", "r1", *where, *names, *bounds, *options),
+        *(sys.executable, "-m", "services.toolbox", "doctor", *options),
         cwd=ROOT,
         env={name: value for name, value in os.environ.items() if not name.startswith(("ROS_", "FLEETSIGHT_"))},
         stdout=asyncio.subprocess.PIPE,
@@ -183,6 +193,21 @@ async def test_depth_that_is_not_aligned_and_a_gateway_too_many(ros: RosEnvironm
     assert report.code == 1
     assert "not aligned with colour though their camera infos say so" in report.said("front/depth")
     assert "more than one gateway runs under this name" in report.said("r1")
+
+
+@pytest.mark.timeout(120)
+async def test_the_fleets_robots_are_listed(rig: FleetRig) -> None:
+    async with RosMaster() as master:
+        for robot in ("r1", "r2"):
+            await rig.gateway(robot, master.uri, CAMERAS)
+            await rig.gateway_status(robot)
+        report = await fleet(rig.endpoint)
+        assert (report.code, report.problems) == (0, [])
+        for robot in ("r1", "r2"):
+            assert report.said(robot, "ok").endswith(" offers 1 streams, of which 0 are wanted")
+    await rig.gateway_status("r2", lambda status: status.waiting_for != "")
+    report = await fleet(rig.endpoint)
+    assert (report.code, report.problems) == (1, ["r1", "r2"])
 
 
 @pytest.mark.timeout(120)
