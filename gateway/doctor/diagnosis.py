@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from gateway.doctor.cameras import check_cameras
-from gateway.doctor.demand import check_demand
+from gateway.doctor.demand import check_demand, check_recorders
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Severity
 from gateway.doctor.frames import check_frames
@@ -30,3 +30,4 @@ def _findings(evidence: Evidence) -> Iterator[Finding]:
     yield from check_frames(evidence)
     yield from check_presence(evidence)
     yield from check_demand(evidence)
+    yield from check_recorders(evidence)

@@ -79,6 +79,7 @@ async def _visit(settings: DoctorSettings) -> Evidence:
             BusLook(),
             discover=settings.discover,
             by_hand=frozenset(settings.streams()),
+            passive=settings.passive_subscribers,
         )
         if master.graph is None:
             named = tuple(StreamLook(key, topic) for key, topic in settings.streams().items())
