@@ -52,6 +52,8 @@ class Explorer:
 
     async def begin(self, offers: Offers) -> None:
         """Offer what the settings name, whether there is a master or not."""
+        if not self._wishes.discover:
+            log.info("only the streams that the settings name are offered; --discover finds others as well")
         await self._follow(self.plan, offers, changes(self.plan))
 
     async def run(self, offers: Offers) -> None:

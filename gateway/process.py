@@ -14,6 +14,7 @@ from gateway.account import Account
 from gateway.exploring import Explorer
 from gateway.nodes import node_name
 from gateway.offers import Offers
+from gateway.outgoing.recorders import warn_of_recorders
 from gateway.outgoing.returned import actions_return, alerts_return, camera_returns
 from gateway.outgoing.returning import Return
 from gateway.outgoing.stream import StreamReturn
@@ -77,6 +78,7 @@ async def _run(settings: GatewaySettings) -> int:
             work = (
                 warn_of_own_host(settings),
                 clear_predecessors(node, settings.robot),
+                warn_of_recorders(node, settings.is_passive),
                 explorer.run(offers),
                 shaping.run(bus),
                 follow_sim_time(node, clock),
@@ -95,7 +97,8 @@ async def _node(settings: GatewaySettings, boot_id: str) -> AsyncIterator[Node]:
     name = settings.names(node_name(settings.robot, boot_id)).node
     async with AsyncExitStack() as stack:
         try:
-            node = await stack.enter_async_context(Node(name, master_uri=settings.ros_master, host=settings.ros_host))
+            node = Node(name, master_uri=settings.ros_master, host=settings.ros_host, passive=settings.is_passive)
+            await stack.enter_async_context(node)
         except OSError as error:
             raise HostError(f"{settings.host_given_by()} {settings.ros_host}: cannot listen there: {error}") from error
         yield node

@@ -63,7 +63,8 @@ def _remaps(remaps: dict[str, str]) -> dict[str, str]:
     return remaps
 
 
-def _robot(name: str) -> str:
+def robot_name(name: str) -> str:
+    """Return a robot's name; raise ValueError unless it can be one."""
     try:
         robot_alive(name)
     except SchemaError as error:
@@ -230,6 +231,11 @@ class ReturnSettings(BaseModel):
             "every other action is refused"
         ),
     ] = {}
+    passive_subscribers: Annotated[str, AfterValidator(_pattern)] = Field(
+        default="",
+        description="ROS nodes for which no result is made, by a regular expression for their whole names, like "
+        "/record_.* for rosbag's recorders; they get what others want",
+    )
     services: Annotated[
         list[str],
         AfterValidator(_services),
@@ -247,7 +253,7 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
     published, now and later, and says what it takes and what not; --cameras and --topics name streams instead.
     """
 
-    robot: Annotated[str, AfterValidator(_robot), Field(description="this robot's name, unique in the fleet")]
+    robot: Annotated[str, AfterValidator(robot_name), Field(description="this robot's name, unique in the fleet")]
 
     @model_validator(mode="after")
     def _one_use_for_each_topic(self) -> Self:
@@ -280,6 +286,10 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
                 for stream, topic in RESULTS.items():
                     yield resolve(f"{root}/{topic}"), f"{stream} of {camera}"
         yield CLOCK, "the time that the gateway itself follows (ros_time_ns in its status)"
+
+    def is_passive(self, node: str) -> bool:
+        """Return whether a ROS node's subscriptions make no result wanted."""
+        return re.fullmatch(self.passive_subscribers, node) is not None
 
     def listed_services(self) -> dict[str, str]:
         """Return the type that each listed service must have, or `*`."""

@@ -84,7 +84,8 @@ class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):
     """One stream of results on its way to ROS. Counts are messages since the gateway started.
 
     camera: empty for what belongs to the whole robot. topic: where it goes; several are separated by commas.
-    wanted: a ROS subscriber is connected, so the gateway subscribes on Zenoh. subscribers: how many are connected now.
+    wanted: a ROS subscriber that is not passive is connected, so the gateway subscribes on Zenoh. subscribers: how many
+    are connected now, passive ones too.
     received: what arrived on Zenoh. dropped: by reason; a message that one of several subscribers was too slow for is
     among `published` too.
     """

@@ -18,7 +18,8 @@ from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, SensorKey, St
 from schemas.status import MAX_STREAMS
 
 UNNAMED: Final = (
-    "not named like a camera's image or points; --cameras NAME=TOPIC or --topics NAME/STREAM=TOPIC takes it"
+    "not named like a camera's image or points; --discover --cameras NAME=TOPIC or --discover --topics "
+    "NAME/STREAM=TOPIC takes it as well"
 )
 NOBODYS: Final = "a calibration or transforms of nothing that is taken"
 TOO_MANY: Final = f"over {MAX_STREAMS} streams, which is the most a gateway offers"

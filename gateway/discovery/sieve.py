@@ -13,8 +13,8 @@ from gateway.translators.raw import STRING
 NOT_A_NAME: Final = "no name that a stream's topic can have"
 OF_GATEWAYS: Final = "published by gateways"
 UNKNOWN_TYPE: Final = "of a type that the master does not know yet"
-TEXT: Final = "a text; --topics text/NAME=TOPIC takes it"
-NO_SENSOR: Final = "of no type that sensors have; --topics ros/NAME=TOPIC takes it as it is"
+TEXT: Final = "a text; --discover --topics text/NAME=TOPIC takes it as well"
+NO_SENSOR: Final = "of no type that sensors have; --discover --topics ros/NAME=TOPIC takes it as well, as it is"
 
 TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, *transforms.TYPE_NAMES}
 

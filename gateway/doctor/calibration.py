@@ -1,13 +1,19 @@
 """Camera infos: whether a pixel means something in space. Pure."""
 
 from collections.abc import Iterator
+from typing import Final
 
+from gateway.discovery import topics
+from gateway.doctor import advice
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Stage, note, problem
 from schemas.camera_info import CameraInfo, is_calibrated
 from schemas.distortion import PLUMB_BOB, RATIONAL, coefficients_of
 from schemas.image import ImageFrame
 from schemas.keys import Stream
+
+OFF_CENTRE: Final = 1 / 3
+"""How much of its width or height a picture's principal point may be off its centre: lenses sit within a tenth."""
 
 
 def info_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
@@ -32,7 +38,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
     """Say what the calibration on `stream` is good for, which is that of the images on `of`."""
     info, image = info_of(camera, stream, evidence), image_of(camera, of, evidence)
     if info is None:
-        yield _without_calibration(camera, stream, evidence)
+        yield _without_calibration(camera, of, stream, evidence)
         return
     subject = f"{camera}/{stream}"
     if not is_calibrated(info):
@@ -41,7 +47,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
             subject,
             "the camera info has no focal length: the camera is not calibrated, and as without one it is unknown what "
             "its pixels mean in space",
-            "calibrate it (`rosrun camera_calibration cameracalibrator.py`) or have the driver load its calibration",
+            f"calibrate it (`{_calibrator(camera, of, evidence)}`), or have the driver load its calibration",
         )
         return
     if isinstance(lens := coefficients_of(info.distortion_model, info.d), str):
@@ -51,13 +57,21 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
             f"{lens}: what the camera's pixels mean in space cannot be worked out",
             f"have the driver publish a calibration with {PLUMB_BOB}, {RATIONAL} or equidistant distortion",
         )
+    if where := _off_centre(info, image):
+        yield problem(
+            Stage.CAMERAS,
+            subject,
+            f"the calibration cannot be of these pictures: its principal point {where}",
+            "have the driver load this camera's calibration at the resolution that it sends: distances and places are "
+            "wrong until then",
+        )
     if not evidence.is_mapped(camera, stream):
         topic = getattr(evidence.of(camera, stream), "topic", "")
         yield note(
             Stage.CAMERAS,
             subject,
             f"{topic} has the calibration but is no stream, so distances cannot be measured off the robot",
-            f"add --topics {subject}={topic}",
+            advice.taking(subject, topic, evidence),
         )
     if image is not None and sent_pixels(info) != pixels(image):
         yield problem(
@@ -68,7 +82,25 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         )
 
 
-def _without_calibration(camera: str, stream: Stream, evidence: Evidence) -> Finding:
+def _off_centre(info: CameraInfo, image: ImageFrame | None) -> str:
+    """Return where the principal point is if it is outside the full picture or a third of it off its centre."""
+    size = (info.width, info.height) if info.width and info.height else pixels(image) if image else (0, 0)
+    at = info.k[2], info.k[5]
+    if not all(size) or all(abs(each - side / 2) <= side * OFF_CENTRE for each, side in zip(at, size, strict=True)):
+        return ""
+    inside = all(0 <= each <= side for each, side in zip(at, size, strict=True))
+    return f"({at[0]:.0f}, {at[1]:.0f}) is {'far off the centre' if inside else 'outside'} of {by(size)} pixels"
+
+
+def _calibrator(camera: str, of: Stream, evidence: Evidence) -> str:
+    """Return the command that calibrates a camera with a chessboard of 9 x 7 squares of 2.5 cm."""
+    look = evidence.of(camera, of)
+    topic = topics.image_of(look.topic) if look else "TOPIC"
+    board, space = "--size 8x6 --square 0.025", topic.rpartition("/")[0] or "/"
+    return f"rosrun camera_calibration cameracalibrator.py {board} image:={topic} camera:={space}"
+
+
+def _without_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidence) -> Finding:
     subject, look = f"{camera}/{stream}", evidence.of(camera, stream)
     if look is not None and look.publishers:
         return problem(
@@ -81,7 +113,7 @@ def _without_calibration(camera: str, stream: Stream, evidence: Evidence) -> Fin
         Stage.CAMERAS,
         subject,
         "no camera info: what a pixel of depth means in space is unknown",
-        f"have the driver publish camera_info, and add --topics {subject}=TOPIC",
+        advice.calibration_of(camera, of, stream, evidence),
     )
 
 

@@ -8,15 +8,15 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
+from gateway.doctor import advice
 from gateway.doctor.calibration import by, calibration_of, check_calibration, image_of, pixels, sent_pixels
 from gateway.doctor.edges import Placement, placement
 from gateway.doctor.evidence import Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
-from gateway.doctor.frames import connected
+from gateway.doctor.frames import connected, links
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
-from schemas.keys import TF, TF_STATIC, Stream, StreamKey
-from schemas.transforms import Transforms
+from schemas.keys import TF, Stream, StreamKey
 
 SAME_K: Final = 1e-3
 """Focal lengths and centres, in pixels, that differ by less are equal."""
@@ -57,7 +57,7 @@ def _check_alignment(camera: str, evidence: Evidence) -> Iterator[Finding]:
     if apart or elsewhere:
         yield _not_aligned(camera, apart or elsewhere, known=known)
     else:
-        yield _aligned(camera, known=known, seen=seen is not None)
+        yield _aligned(camera, evidence, known=known, seen=seen is not None)
 
 
 def _not_aligned(camera: str, how: str, *, known: bool) -> Finding:
@@ -70,7 +70,7 @@ def _not_aligned(camera: str, how: str, *, known: bool) -> Finding:
     )
 
 
-def _aligned(camera: str, *, known: bool, seen: bool) -> Finding:
+def _aligned(camera: str, evidence: Evidence, *, known: bool, seen: bool) -> Finding:
     if known:
         shown = ", and its edges lie on colour's" if seen else "; whether its edges lie on colour's is not clear here"
         what = f"registered to colour by camera infos, sizes and frames{shown}"
@@ -80,7 +80,7 @@ def _aligned(camera: str, *, known: bool, seen: bool) -> Finding:
         f"{camera}/depth",
         "sizes and frames are those of colour"
         + (", and so are its edges" if seen else "; without both camera infos it is unknown whether they are aligned"),
-        f"publish depth's camera info, and add --topics {camera}/depth_info=TOPIC",
+        advice.calibration_of(camera, Stream.DEPTH, Stream.DEPTH_INFO, evidence),
     )
 
 
@@ -126,7 +126,7 @@ def _infos_differ(info: CameraInfo, depth_info: CameraInfo) -> str:
 def _unregistered(camera: str, what: str, frames: tuple[str, str], evidence: Evidence) -> Iterator[Finding]:
     """Depth has a view of its own: whoever measures with it has to turn it into colour's."""
     subject = f"{camera}/depth"
-    if frames[0] == frames[1] or connected(_links(evidence), *frames):
+    if frames[0] == frames[1] or connected(links(evidence), *frames):
         yield note(
             Stage.CAMERAS,
             subject,
@@ -149,13 +149,6 @@ def _unregistered(camera: str, what: str, frames: tuple[str, str], evidence: Evi
             "depth cannot be laid over colour",
             "have the driver register depth to colour, or publish the static transform between the two frames",
         )
-
-
-def _links(evidence: Evidence) -> Iterator[tuple[str, str]]:
-    looks = [look for name in (TF, TF_STATIC) if (look := evidence.named(name))]
-    for message in (message for look in looks for each in look.publishers for message in each.heard.messages):
-        if isinstance(message, Transforms):
-            yield from ((each.frame_id, each.child_frame_id) for each in message.transforms)
 
 
 def _check_instants(camera: str, evidence: Evidence) -> Iterator[Finding]:

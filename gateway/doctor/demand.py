@@ -1,10 +1,13 @@
 """Who wants a stream, and whether the running gateway gets it through. Pure."""
 
+import re
 from collections.abc import Iterator
 from typing import Final
 
 from gateway.doctor.evidence import Account, Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.nodes import is_gateway
+from gateway.outgoing.topics import cure, recorders, results_of
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH
 from schemas.status import (
@@ -64,6 +67,25 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
             )
         else:
             yield from _check_stream(stream, account, before or now, now)
+
+
+def check_recorders(evidence: Evidence) -> Iterator[Finding]:
+    """Say of the ROS nodes that subscribe to all of a gateway's results that they make all of them wanted."""
+    graph = evidence.master.graph
+    if graph is None:
+        return
+    gateways = {node for nodes in graph.publishers.values() for node in nodes if is_gateway(node)}
+    for gateway in sorted(gateways):
+        topics = results_of(gateway, graph.publishers)
+        for recorder in recorders(topics, graph.subscribers):
+            if not re.fullmatch(evidence.passive, recorder):
+                yield note(
+                    Stage.DEMAND,
+                    recorder,
+                    f"subscribes to all {len(topics)} results of {gateway}, as `rosbag record -a` does: workers make "
+                    "all of them of every camera",
+                    cure(recorder),
+                )
 
 
 def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:

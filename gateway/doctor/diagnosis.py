@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Sequence
 
 from gateway.doctor.cameras import check_cameras
-from gateway.doctor.demand import check_demand
+from gateway.doctor.demand import check_demand, check_recorders
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Severity
+from gateway.doctor.frames import check_frames
 from gateway.doctor.master import check_host, check_master
 from gateway.doctor.presence import check_presence
 from gateway.doctor.sensors import check_sensors
@@ -26,5 +27,7 @@ def _findings(evidence: Evidence) -> Iterator[Finding]:
     yield from check_host(evidence.host, remote_master=evidence.master.remote)
     yield from check_sensors(evidence)
     yield from check_cameras(evidence)
+    yield from check_frames(evidence)
     yield from check_presence(evidence)
     yield from check_demand(evidence)
+    yield from check_recorders(evidence)

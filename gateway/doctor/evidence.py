@@ -190,7 +190,9 @@ class Evidence:
     """All that was seen.
 
     beside: topics that no stream is made of but that tell about the others. left_out: why, by topic, of those of a type
-    that sensors have. unused: options that are for none of the streams.
+    that sensors have. unused: options that are for none of the streams. discover: whether streams are found besides
+    those that the settings name, which are `by_hand`. undiscovered: topics that would be streams if they were.
+    passive: a pattern of the ROS nodes whose subscriptions make no result wanted.
     """
 
     robot: str
@@ -202,6 +204,10 @@ class Evidence:
     beside: tuple[StreamLook, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     unused: Sequence[str] = ()
+    discover: bool = True
+    by_hand: frozenset[SensorKey] = frozenset()
+    undiscovered: Sequence[str] = ()
+    passive: str = ""
 
     def of(self, camera: str, stream: Stream) -> StreamLook | None:
         """Return what was seen of a camera's stream; one that is mapped comes first."""

@@ -19,6 +19,7 @@ from schemas.status import GatewayStatus
 
 MAX_ACCOUNTS: Final = 16
 MAX_ROBOTS: Final = 10_000
+STATUSES_WAITING: Final = 1_000
 
 
 Join = Callable[[BusSettings], AbstractAsyncContextManager[Bus]]
@@ -29,7 +30,8 @@ async def look_at_bus(
 ) -> BusLook:
     """Look at the bus for so many seconds; joining it may take twice the patience.
 
-    A gateway that is a router connected to others is looked for among those, and at home.
+    Without a robot's name the whole fleet is looked at. A gateway that is a router connected to others is looked for
+    among those, and at home.
     """
     looks = await asyncio.gather(
         *(
@@ -38,9 +40,14 @@ async def look_at_bus(
         )
     )
     first = looks[0] if looks else BusLook()
-    seen = next((look for look in looks if settings.robot in look.robots or look.accounts), first)
+    seen = next((look for look in looks if _has(look, settings.robot)), first)
     routers = tuple(router for look in looks for router in look.routers)
     return replace(seen, routers=routers, at_home_only=seen is not first)
+
+
+def _has(look: BusLook, robot: str) -> bool:
+    """Return whether the robot was seen, or without a name any."""
+    return bool(look.accounts) or (robot in look.robots if robot else bool(look.robots))
 
 
 async def _look(robot: str, joining: BusSettings, *, seconds: float, patience_s: float, join: Join) -> BusLook:
@@ -66,7 +73,7 @@ def _unlinked(router: Router) -> Trouble:
 
 
 async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
-    """Return who is present on the bus, and what the robot's gateways say of themselves meanwhile."""
+    """Return who is present on the bus, and what the robot's gateways, or all, say of themselves meanwhile."""
     robots: set[str] = set()
     accounts: dict[str, Account] = {}
     with suppress(TimeoutError):
@@ -116,17 +123,21 @@ async def _watch(bus: Bus, robots: set[str]) -> None:
 
 async def _read(bus: Bus, robot: str, accounts: dict[str, Account]) -> None:
     same_clock = clock_id()
-    async with bus.subscribe(keys.gateway_status(robot), QUEUE(100)) as samples:
+    key = keys.gateway_status(robot) if robot else keys.EVERY_GATEWAY_STATUS
+    most = MAX_ACCOUNTS if robot else MAX_ROBOTS
+    async with bus.subscribe(key, QUEUE(STATUSES_WAITING)) as samples:
         async for sample in samples:
             with suppress(SchemaError):
                 status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
+                if status.robot != keys.parse_robot(sample.key):
+                    continue
                 skew_s = 0.0 if status.clock_id == same_clock else (status.sent_ns - sample.received_ns) / 1e9
-                _note(accounts, status, skew_s, time.monotonic())
+                _note(accounts, most, status, skew_s, time.monotonic())
 
 
-def _note(accounts: dict[str, Account], status: GatewayStatus, skew_s: float, now_s: float) -> None:
+def _note(accounts: dict[str, Account], most: int, status: GatewayStatus, skew_s: float, now_s: float) -> None:
     known = accounts.get(status.boot_id)
     if known is not None:
         accounts[status.boot_id] = replace(known, last=status, count=known.count + 1, skew_s=skew_s, until_s=now_s)
-    elif len(accounts) < MAX_ACCOUNTS:
+    elif len(accounts) < most:
         accounts[status.boot_id] = Account(status, status, 1, skew_s, since_s=now_s, until_s=now_s)

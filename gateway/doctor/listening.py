@@ -23,17 +23,30 @@ from gateway.translators import StreamKind
 from schemas.keys import SensorKey
 
 MAX_MESSAGES: Final = 200
-"""How many messages of one publisher are enough."""
 KEPT: Final = 4
 KEPT_BYTES: Final = 32 << 20
-"""How many of the first messages are kept, so that those of two cameras can be matched; the very first always is."""
+"""The first messages are kept so that those of two cameras can be matched, up to so many bytes; the first always is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Enough:
+    """How many messages of one publisher are listened to, and how many of the first ones are kept."""
+
+    heard: int
+    kept: int
+
+
+FEW: Final = Enough(MAX_MESSAGES, KEPT)
+TRANSFORMS: Final = Enough(1_000, 1_000)
+"""Each message may have a frame that no other one has."""
 
 
 @dataclass(slots=True)
 class Ear:
-    """Takes in what one connection brings; only the first few messages are kept."""
+    """Takes in what one connection brings."""
 
     uri: str
+    enough: Enough = FEW
     publisher: PublisherAccepted | None = None
     kept: list[Message] = field(default_factory=list)
     arrivals_s: list[float] = field(default_factory=list)
@@ -41,14 +54,11 @@ class Ear:
     lags_ns: list[int] = field(default_factory=list)
     size: int = 0
     _offset: int | None = None
+    _kept_bytes: int = 0
 
     @property
     def full(self) -> bool:
-        return len(self.arrivals_s) >= MAX_MESSAGES
-
-    @property
-    def _kept_bytes(self) -> int:
-        return sum(len(message.data) for message in self.kept)
+        return len(self.arrivals_s) >= self.enough.heard
 
     def accepted(self, publisher: PublisherAccepted) -> None:
         self.publisher = publisher
@@ -58,8 +68,9 @@ class Ear:
         """Note a message's arrival, on a steady clock and on the system's."""
         if self.publisher is None or self.full:
             return
-        if not self.kept or (len(self.kept) < KEPT and self._kept_bytes + len(data) <= KEPT_BYTES):
+        if not self.kept or (len(self.kept) < self.enough.kept and self._kept_bytes + len(data) <= KEPT_BYTES):
             self.kept.append(Message(data, self.uri, self.publisher))
+            self._kept_bytes += len(data)
         self.arrivals_s.append(now_s)
         self.size = max(self.size, len(data))
         stamp_ns = None if self._offset is None else stamp_at(data, self._offset)

@@ -1,10 +1,12 @@
 """The bus: routers, the robot's gateway, and what it says of itself. Pure."""
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Final
 
+from bus.settings import port_of
 from gateway.doctor.evidence import Account, BusLook, Evidence, Failure, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 
@@ -27,25 +29,62 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
             "its gateway runs here, but has no link to what it connects to: nobody elsewhere sees the robot",
             "see what is said of those endpoints; where nothing is, do its --connect and the doctor's name the same?",
         )
-    if any(one.overlaps(other) for one, other in combinations(bus.accounts, 2)):
+    yield from _check_gateways(robot, bus.accounts, evidence.seconds)
+    for account in bus.accounts:
+        yield from _check_account(robot, account, "is on the bus and waits for nothing")
+
+
+def check_fleet(bus: BusLook, seconds: float) -> Iterator[Finding]:
+    """Say which robots are on the bus, and how the gateway of each one is; seconds: how long it was listened to."""
+    yield from _check_routers(bus)
+    if _cut_off(bus):
+        return
+    accounts: dict[str, list[Account]] = {robot: [] for robot in bus.robots}
+    for account in bus.accounts:
+        accounts.setdefault(account.last.robot, []).append(account)
+    if not accounts:
+        yield replace(_absent("NAME", bus.robots), subject="the fleet")
+        return
+    yield note(
+        Stage.GATEWAY,
+        "--robot",
+        f"is not given: these are the {len(accounts)} robots on the bus",
+        "to have one examined, run `fleetsight doctor --robot NAME` on it, with its gateway's options",
+    )
+    for robot, of_robot in sorted(accounts.items()):
+        yield from _check_gateways(robot, of_robot, seconds)
+        for account in of_robot:
+            yield from _check_account(robot, account, _offered(account))
+
+
+def _offered(account: Account) -> str:
+    streams = account.last.streams
+    version = f" {account.last.version}" if account.last.version else ""
+    return (
+        f"{version} offers {len(streams)} streams, of which {sum(each.wanted for each in streams)} are wanted".strip()
+    )
+
+
+def _check_gateways(robot: str, accounts: Sequence[Account], seconds: float) -> Iterator[Finding]:
+    """Say whether a robot has one gateway that speaks."""
+    if any(one.overlaps(other) for one, other in combinations(accounts, 2)):
         yield problem(
             Stage.GATEWAY,
             robot,
             "more than one gateway runs under this name: their frames get mixed up",
             "give each robot's gateway its own --robot, or end the one that is too many",
         )
-    if not bus.accounts:
+    if not accounts:
         yield problem(
             Stage.GATEWAY,
             robot,
-            f"its gateway is present but said nothing of itself in {evidence.seconds:g} s",
+            f"its gateway is present but said nothing of itself in {seconds:g} s",
             "restart the gateway; if the network has access rules, they must let fleet/*/status through",
         )
-    for account in bus.accounts:
-        yield from _check_account(robot, account)
 
 
-def _check_account(robot: str, account: Account) -> Iterator[Finding]:
+def _check_account(robot: str, account: Account, well: str) -> Iterator[Finding]:
+    """Say how a gateway is; well: what it does if all is well."""
     if account.last.waiting_for:
         yield problem(
             Stage.GATEWAY,
@@ -54,7 +93,7 @@ def _check_account(robot: str, account: Account) -> Iterator[Finding]:
             "start what it waits for, or restart the gateway with the right --ros-master",
         )
     else:
-        yield fine(Stage.GATEWAY, robot, "its gateway is on the bus and waits for nothing")
+        yield fine(Stage.GATEWAY, robot, f"its gateway {well}")
     if abs(account.skew_s) > SKEW_S:
         way = "ahead of" if account.skew_s > 0 else "behind"
         yield note(
@@ -86,9 +125,10 @@ def _router_trouble(endpoint: str, trouble: Trouble) -> tuple[str, str]:
                 "add it to /etc/hosts here, or give its IP address with --connect",
             )
         case Failure.DEAD:
+            everywhere = f"{endpoint.partition('/')[0]}/0.0.0.0:{port_of(endpoint)}"
             return (
                 "no router listens there",
-                "start it (for other machines: `fleetsight monitor --listen tcp/0.0.0.0:7447`), or correct --connect",
+                f"start it (for other machines: `fleetsight monitor --listen {everywhere}`), or correct --connect",
             )
         case Failure.REFUSED:
             return (
@@ -115,8 +155,7 @@ def _absent(robot: str, robots: frozenset[str]) -> Finding:
             Stage.GATEWAY,
             robot,
             "no gateway of any robot is on this bus",
-            f"start `fleetsight gateway --robot {robot}`; if it runs, do its --connect and the doctor's name the same "
-            "router?",
+            f"start {_gateway(robot)}; if it runs, do its --connect and the doctor's name the same router?",
         )
     close = difflib.get_close_matches(robot, sorted(robots), n=1, cutoff=0.5)
     others = ", ".join(sorted(robots)[:10])
@@ -124,5 +163,9 @@ def _absent(robot: str, robots: frozenset[str]) -> Finding:
         Stage.GATEWAY,
         robot,
         f"no gateway of this name is on the bus; there are those of {others}",
-        f"did you mean --robot {close[0]}?" if close else f"start `fleetsight gateway --robot {robot}`",
+        f"did you mean --robot {close[0]}?" if close else f"start {_gateway(robot)}",
     )
+
+
+def _gateway(robot: str) -> str:
+    return f"`fleetsight gateway --robot {robot}` with the other options that a gateway has and that are given here"

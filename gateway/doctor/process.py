@@ -12,12 +12,14 @@ from typing import Final
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.diagnosis import diagnose, healthy
 from gateway.doctor.evidence import BusLook, Evidence, HostLook, StreamLook
+from gateway.doctor.finding import Finding
 from gateway.doctor.fleet import look_at_bus
+from gateway.doctor.presence import check_fleet
 from gateway.doctor.reaching import look_at_host
 from gateway.doctor.report import as_json, as_text
 from gateway.doctor.robot import RobotVisit
 from gateway.doctor.settings import DoctorSettings
-from gateway.doctor.topics import beside, left_out, planned
+from gateway.doctor.topics import beside, left_out, planned, undiscovered
 
 MAX_WIDTH: Final = 120
 UNWELL: Final = 1
@@ -30,7 +32,7 @@ async def run(settings: DoctorSettings) -> int:
         The exit code: 0 when all is well.
     """
     with _quiet("bus", "gateway.ros1"):  # what they would say is in the report
-        findings = diagnose(await examine(settings))
+        findings = diagnose(await examine(settings)) if settings.robot else await survey(settings)
     width = min(shutil.get_terminal_size().columns, MAX_WIDTH)
     sys.stdout.write((as_json(findings) if settings.as_json else as_text(findings, width)) + "\n")
     return 0 if healthy(findings) else UNWELL
@@ -49,6 +51,12 @@ def _quiet(*packages: str) -> Iterator[None]:
             logger.setLevel(level)
 
 
+async def survey(settings: DoctorSettings) -> list[Finding]:
+    """Look at the whole fleet's gateways for as long as the settings say."""
+    bus = await look_at_bus(settings, seconds=settings.seconds, patience_s=settings.patience_s)
+    return list(check_fleet(bus, settings.seconds))
+
+
 async def examine(settings: DoctorSettings) -> Evidence:
     """Look at everything at the same time, for as long as the settings say."""
     async with asyncio.TaskGroup() as group:
@@ -63,7 +71,16 @@ async def _visit(settings: DoctorSettings) -> Evidence:
     async with PoliteClient(timeout=settings.patience_s) as client:
         visit = RobotVisit(client, seconds=settings.seconds, patience_s=settings.patience_s)
         master = await visit.look_at_master(settings.ros_master)
-        evidence = Evidence(settings.robot, settings.seconds, master, HostLook(settings.ros_host), BusLook())
+        evidence = Evidence(
+            settings.robot,
+            settings.seconds,
+            master,
+            HostLook(settings.ros_host),
+            BusLook(),
+            discover=settings.discover,
+            by_hand=frozenset(settings.streams()),
+            passive=settings.passive_subscribers,
+        )
         if master.graph is None:
             named = tuple(StreamLook(key, topic) for key, topic in settings.streams().items())
             return replace(evidence, streams=named)
@@ -77,4 +94,5 @@ async def _visit(settings: DoctorSettings) -> Evidence:
             beside=looks[len(streams) :],
             left_out=left_out(found, master.graph),
             unused=settings.unused([key.name for key in found.streams]),
+            undiscovered=undiscovered(settings, master.graph),
         )

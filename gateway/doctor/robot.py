@@ -4,12 +4,13 @@ import asyncio
 import time
 import uuid
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Final
 from urllib.parse import urlsplit
 
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
-from gateway.doctor.listening import Ear, listen
+from gateway.doctor.listening import FEW, TRANSFORMS, Ear, Enough, listen
 from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.errors import (
@@ -21,8 +22,9 @@ from gateway.ros1.errors import (
     UnreachableError,
 )
 from gateway.ros1.master import MasterClient
+from gateway.ros1.wire.tcpros import PublisherAccepted
 from gateway.translators import StreamKind, kind_of
-from schemas.keys import SensorKey
+from schemas.keys import ROBOT_STREAMS, SensorKey
 
 MAX_PUBLISHERS: Final = 16
 """How many publishers of one topic are looked at."""
@@ -68,25 +70,49 @@ class RobotVisit:
         graph: Graph,
         carried: Callable[[SensorKey], StreamKind] = kind_of,
     ) -> tuple[StreamLook, ...]:
-        """Look at all publishers of all these topics. carried: tells what a stream carries."""
-        looks = (self._look_at_stream(key, topic, graph, carried(key)) for key, topic in streams.items())
-        return tuple(await asyncio.gather(*looks))
+        """Look at all publishers of all these topics. carried: tells what a stream carries.
 
-    async def _look_at_stream(self, key: SensorKey, topic: str, graph: Graph, kind: StreamKind) -> StreamLook:
+        Streams of one topic share its connections: a rospy node ends the older of two from one subscriber.
+        """
+        by_topic: dict[str, dict[SensorKey, StreamKind]] = {}
+        for key, topic in streams.items():
+            by_topic.setdefault(topic, {})[key] = carried(key)
+        looks = await asyncio.gather(*(self._look_at_topic(*each, graph) for each in by_topic.items()))
+        found = {look.key: look for each in looks for look in each}
+        return tuple(found[key] for key in streams)
+
+    async def _look_at_topic(self, topic: str, kinds: Mapping[SensorKey, StreamKind], graph: Graph) -> list[StreamLook]:
+        """Return what each of the streams that are made of the topic would get; kinds: what they carry."""
         nodes = graph.publishers.get(topic, ())[:MAX_PUBLISHERS]
-        publishers = await asyncio.gather(*(self._look_at_publisher(key, kind, topic, node) for node in nodes))
-        return StreamLook(key, topic, graph.types.get(topic, ""), tuple(publishers), kind)
+        enough = TRANSFORMS if any(key.name in ROBOT_STREAMS for key in kinds) else FEW
+        seen = await asyncio.gather(*(self._look_at_publisher(topic, node, enough) for node in nodes))
+        now_ns = time.time_ns()
+        return [
+            StreamLook(
+                key,
+                topic,
+                graph.types.get(topic, ""),
+                tuple(replace(look, heard=ear.heard(key, kind, now_ns)) if ear else look for look, ear in seen),
+                kind,
+            )
+            for key, kind in kinds.items()
+        ]
 
-    async def _look_at_publisher(self, key: SensorKey, kind: StreamKind, topic: str, node: str) -> PublisherLook:
+    async def _look_at_publisher(self, topic: str, node: str, enough: Enough) -> tuple[PublisherLook, Ear | None]:
+        """Return the publisher, and what was heard where it let us listen."""
         try:
             host, port = _host_and_port(await self._registered(node))
         except (Ros1Error, ValueError) as error:
-            return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error)))
+            return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error))), None
         async with self._room:
             try:
-                return await self._listen(key, kind, topic, node, (host, port))
+                heard: tuple[Ear, PublisherAccepted] | Trouble = await self._listen(topic, (host, port), enough)
             except Ros1Error as error:
-                return PublisherLook(node, _trouble(error, host, port))
+                heard = _trouble(error, host, port)
+        if isinstance(heard, Trouble):
+            return PublisherLook(node, heard), None
+        ear, publisher = heard
+        return PublisherLook(node, None, publisher.type, publisher.latching), ear
 
     async def _registered(self, node: str) -> str:
         if self._master is None:
@@ -94,28 +120,25 @@ class RobotVisit:
         return await self._master.lookup_node(node)
 
     async def _listen(
-        self, key: SensorKey, kind: StreamKind, topic: str, node: str, slave: tuple[str, int]
-    ) -> PublisherLook:
+        self, topic: str, slave: tuple[str, int], enough: Enough
+    ) -> tuple[Ear, PublisherAccepted] | Trouble:
         address = await self._reached(*slave)
         if isinstance(address, Trouble):
-            return PublisherLook(node, address)
+            return address
         uri = uri_of(address, slave[1])
         host, port = parse_offer(await self._client.call(uri, "requestTopic", self._name, topic, [["TCPROS"]]))
         found = await resolve(host, self._patience_s)
         if not found:
-            return PublisherLook(node, Trouble(Failure.UNRESOLVED, host, port))
+            return Trouble(Failure.UNRESOLVED, host, port)
         target = address if address in found else found[0]  # a name such as localhost has several
-        ear = Ear(uri)
+        ear = Ear(uri, enough)
         try:
             await listen(
                 (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
             )
         except Ros1Error as error:
-            return PublisherLook(node, _trouble(error, host, port, silence=_NO_HEADER))
-        if ear.publisher is None:
-            return PublisherLook(node, Trouble(Failure.SILENT, host, port, _NO_HEADER))
-        heard = ear.heard(key, kind, time.time_ns())
-        return PublisherLook(node, None, ear.publisher.type, ear.publisher.latching, heard)
+            return _trouble(error, host, port, silence=_NO_HEADER)
+        return (ear, ear.publisher) if ear.publisher else Trouble(Failure.SILENT, host, port, _NO_HEADER)
 
     async def _reached(self, host: str, port: int) -> str | Trouble:
         """Return where a node answers; it is tried once, however many topics it publishes."""

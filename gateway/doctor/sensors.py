@@ -1,11 +1,14 @@
 """Topics and their publishers, each seen as a subscriber would see it. Pure."""
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
+from gateway.discovery.report import MAX_LISTED
+from gateway.doctor.advice import untranslated
 from gateway.doctor.evidence import Evidence, Failure, Graph, PublisherLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
+from gateway.doctor.sources import check_sources
 from gateway.doctor.stamps import check_sim_clock, check_stamps
 from gateway.ros1.errors import UnknownTypeError
 from gateway.ros1.messages import message_type
@@ -28,14 +31,26 @@ def check_sensors(evidence: Evidence) -> Iterator[Finding]:
             Stage.SENSORS,
             evidence.robot,
             "no topic becomes a stream",
-            "start the sensors' drivers, or name topics with --cameras and --topics",
+            "start the sensors' drivers, or name their topics: --discover --cameras NAME=TOPIC",
         )
     for stream in evidence.streams:
         yield from check_stream(stream, graph, evidence)
     for topic, why in sorted(evidence.left_out.items()):
         yield note(Stage.SENSORS, topic, f"not taken: {why}")
+    if evidence.undiscovered:
+        yield note(
+            Stage.SENSORS,
+            _some(evidence.undiscovered),
+            "not taken: only the streams that --cameras and --topics name are",
+            "--discover takes what is found as well",
+        )
     for option in evidence.unused:
         yield note(Stage.SENSORS, option, "there is no such stream", "is its name misspelt, or its driver not started?")
+
+
+def _some(topics: Sequence[str]) -> str:
+    more = len(topics) - MAX_LISTED
+    return ", ".join(topics[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterator[Finding]:
@@ -43,10 +58,11 @@ def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterat
     if not stream.publishers:
         yield _unpublished(stream, graph)
     elif not _carries(stream, stream.type):
-        yield _wrong_type(stream, stream.type)
+        yield _wrong_type(stream, stream.type, evidence)
     else:
         for publisher in stream.publishers:
             yield from _check_publisher(stream, publisher, evidence)
+        yield from check_sources(stream)
 
 
 def _unpublished(stream: StreamLook, graph: Graph) -> Finding:
@@ -64,13 +80,13 @@ def _carries(stream: StreamLook, type_name: str) -> bool:
     return type_name in {"", ANY} or ANY in translators or type_name in translators
 
 
-def _wrong_type(stream: StreamLook, type_name: str) -> Finding:
+def _wrong_type(stream: StreamLook, type_name: str, evidence: Evidence) -> Finding:
     carried = " or ".join(stream.kind.translators)
     return problem(
         Stage.SENSORS,
         stream.subject,
         f"is a {type_name}, which the stream cannot carry: it carries {carried}",
-        f"name a topic of such a type, or forward this one untranslated as ros{stream.topic}={stream.topic}",
+        f"name a topic of such a type, or forward this one untranslated: {untranslated(stream, evidence)}",
     )
 
 
@@ -80,15 +96,15 @@ def _check_publisher(stream: StreamLook, publisher: PublisherLook, evidence: Evi
         say = note if stream.heard.arrivals_s else problem  # another publisher is enough
         yield say(Stage.SENSORS, stream.subject, what, advice)
     elif publisher.type is not None and not _carries(stream, publisher.type.name):
-        yield _wrong_type(stream, publisher.type.name)
+        yield _wrong_type(stream, publisher.type.name, evidence)
     elif publisher.type is not None and (ours := _other_version(stream, publisher.type)):
         yield problem(
             Stage.SENSORS,
             stream.subject,
             f"{publisher.node} has another version of {publisher.type.name}: md5sum {publisher.type.md5sum}, "
             f"ours is {ours}",
-            "build its package against the standard message, or forward it untranslated as "
-            f"ros{stream.topic}={stream.topic}",
+            f"build its package against the standard message, or forward it untranslated: "
+            f"{untranslated(stream, evidence)}",
         )
     else:
         yield from _check_heard(stream, publisher, evidence)
@@ -140,7 +156,7 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
             Stage.SENSORS,
             subject,
             f"{publisher.node} sends what cannot be forwarded: {heard.unreadable}",
-            f"correct the driver's settings, or forward it untranslated as ros{stream.topic}={stream.topic}",
+            f"correct the driver's settings, or forward it untranslated: {untranslated(stream, evidence)}",
         )
     else:
         yield fine(Stage.SENSORS, subject, f"{publisher.node} sends {_pace(publisher)}, {_size(heard.size)} each")

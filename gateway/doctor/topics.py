@@ -1,6 +1,7 @@
 """Which topics the doctor looks at. Pure."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from gateway.discovery import Plan, plan
 from gateway.discovery.plan import INFOS
@@ -17,6 +18,15 @@ from schemas.keys import TF, TF_STATIC, SensorKey, StreamKey, owner_of, sensor_k
 def planned(settings: GatewaySettings, graph: Graph) -> Plan:
     """Return what a gateway with the settings would take, were it started now."""
     return plan(topics_of(graph.publishers, graph.types), settings.wishes())
+
+
+def undiscovered(settings: GatewaySettings, graph: Graph) -> list[str]:
+    """Return the topics that a gateway would take as well if it discovered streams beside those that are named."""
+    if settings.discover:
+        return []
+    wishes = replace(settings.wishes(), discover=True)
+    found = plan(topics_of(graph.publishers, graph.types), wishes).streams
+    return sorted({source.topic for source in found.values()} - set(wishes.named.values()))
 
 
 def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:

@@ -80,7 +80,7 @@ class Return(Generic[R]):
         if result is None:
             return
         publication = self.publications[self.stream.topic_of(result)]
-        if self.stream.translator.unasked and not publication.subscriber_count:
+        if self.stream.translator.unasked and not publication.wanted:
             self.stream.unheard(result)
             return
         try:

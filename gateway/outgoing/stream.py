@@ -57,7 +57,9 @@ class StreamReturn(Generic[R]):
             self._dropped[DOUBLED] += 1
         elif (route := self.translator.route(result)) not in self.topics:
             self._dropped[REFUSED] += 1
-            log.warning("%s: %r refused: the gateway's settings do not allow it", self.key, route)
+            log.warning(
+                "%s: %r refused: the gateway's settings do not allow it; --actions NAME=TOPIC would", self.key, route
+            )
         else:
             return result
         return None

@@ -44,6 +44,7 @@ class Node:
         poll_interval: seconds between looks at the master.
         timeout: seconds for each call, connection and handshake.
         exit_timeout: seconds for unregistering everything when the node is left.
+        passive: tells of a node's name whether its subscriptions make none of the publications wanted.
 
     Raises:
         InvalidNameError: the name is not global and legal.
@@ -59,11 +60,13 @@ class Node:
         poll_interval: float = 3.0,
         timeout: float = 5.0,
         exit_timeout: float = 1.0,
+        passive: Callable[[str], bool] | None = None,
     ) -> None:
         self.name = validate_global(name)
         self.shutdown_requested = asyncio.Event()
         self._timeout = timeout
         self._exit_timeout = exit_timeout
+        self._passive = passive
         self._rng = Random()  # noqa: S311 - jitter, no secret
         self._client = XmlRpcClient(timeout=timeout)
         self.master = MasterClient(self._client, uri=master_uri, caller_id=name)
@@ -200,7 +203,7 @@ class Node:
             raise Ros1Error(f"{self.name} publishes {topic} already")
         kind = message_type(validate_type(type_name))
         offer = Offer(topic, kind.topic_type, kind.definition, latch)
-        publication = Publication(offer, queue_size=queue_size, on_demand=on_demand)
+        publication = Publication(offer, queue_size=queue_size, on_demand=on_demand, passive=self._passive)
         registration = Registration(Role.PUBLISHER, topic, type_name)
         self._publications[topic] = publication
         self._want(registration)

@@ -36,9 +36,17 @@ class Publication:
     """Publishes serialised messages to whoever is connected; with `latch`, the last one to newcomers too.
 
     `on_demand` is called on the event loop when the first subscriber comes and when the last one goes, until closing.
+    Subscribers whose nodes' names are `passive` do not count for that; they get what is published as all others do.
     """
 
-    def __init__(self, offer: Offer, *, queue_size: int, on_demand: Callable[[bool], None] | None = None) -> None:
+    def __init__(
+        self,
+        offer: Offer,
+        *,
+        queue_size: int,
+        on_demand: Callable[[bool], None] | None = None,
+        passive: Callable[[str], bool] | None = None,
+    ) -> None:
         if queue_size < 1:
             raise ValueError(f"queue_size must be at least 1, not {queue_size}")
         self.offer = offer
@@ -47,6 +55,7 @@ class Publication:
         self._last: bytes | None = None
         self._outgoing: set[_Outgoing] = set()
         self._on_demand = on_demand
+        self._passive = passive
         self._wanted = False
 
     @property
@@ -56,6 +65,11 @@ class Publication:
     @property
     def subscriber_count(self) -> int:
         return len(self._outgoing)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a subscriber that is not passive is connected."""
+        return any(not (self._passive and self._passive(outgoing.callerid)) for outgoing in self._outgoing)
 
     def publish(self, message: bytes) -> None:
         """Queue a message for every subscriber; where the queue is full, its oldest message is replaced."""
@@ -97,7 +111,7 @@ class Publication:
         return [[i, o.callerid, "o", "TCPROS", self.topic, True] for i, o in enumerate(self._outgoing)]
 
     def _tell_demand(self) -> None:
-        wanted = bool(self._outgoing)
+        wanted = self.wanted
         if self._on_demand is not None and wanted != self._wanted:
             self._wanted = wanted
             self._on_demand(wanted)

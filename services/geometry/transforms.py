@@ -47,21 +47,33 @@ TOO_FAR: Final = "farther away than any place"
 OF_ITSELF: Final = "a frame seen from itself"
 NAMELESS: Final = "a frame without a name"
 TOO_MANY: Final = "too many frames"
+OUTDATED: Final = "static, of a frame that has moved since"
 
 
 @dataclass(slots=True)
-class _Edge:
-    """A frame's transforms to its parent, ascending by stamp; of a `static` one `fixed` holds at any time."""
+class _Moving:
+    """A frame's transforms to its parent, ascending by stamp; there is always one."""
 
     parent: str
-    static: bool
     stamps: list[int] = field(default_factory=list)
     poses: list[tuple[Numbers, Numbers]] = field(default_factory=list)
-    fixed: Numbers = field(default_factory=lambda: np.identity(4))
+
+
+@dataclass(frozen=True, slots=True)
+class _Static:
+    """A frame's transform to its parent at any time, as a 4 x 4 matrix. stamp_ns: when it was said."""
+
+    parent: str
+    stamp_ns: int
+    matrix: Numbers
 
 
 class TransformTree:
     """One robot's frames of reference. A frame has one parent, the one that was said last, as in ROS.
+
+    Static transforms are sent again whenever one is added. Of a frame that is said to be static and to move, the later
+    stamp counts, whatever arrives first: a static transform that is no newer than the moving ones is left out; a newer
+    one counts at stamps at which the frame moves no more (see SILENT_NS).
 
     keep_ns: how far back transforms are kept. budget: what it may share with others. rejected: transforms that were not
     taken, or gave way to something else, by reason.
@@ -71,7 +83,8 @@ class TransformTree:
         self._keep_ns = keep_ns
         self._budget = budget or MemoryBudget()
         self._samples = 0
-        self._edges: dict[str, _Edge] = {}
+        self._moving: dict[str, _Moving] = {}
+        self._static: dict[str, _Static] = {}
         self.rejected: Counter[str] = Counter()
 
     def take(self, transforms: Transforms, *, static: bool) -> None:
@@ -85,27 +98,33 @@ class TransformTree:
         """Take one transform; one that means nothing is counted in `rejected`."""
         parent, child = frame_name(transform.frame_id), frame_name(transform.child_frame_id)
         reason = _fault(parent, child, transform)
-        if reason is None and child not in self._edges and len(self._edges) >= MAX_FRAMES:
+        if reason is None and self._is_one_too_many(child):
             reason = TOO_MANY
+        if reason is None and static and self._has_moved(child, transform.stamp_ns):
+            reason = OUTDATED
         if reason is not None:
             self.rejected[reason] += 1
             return
         translation = np.array(transform.translation, np.float64)
         rotation = np.array(transform.rotation, np.float64)
-        self._insert(self._edge(parent, child, static=static), transform.stamp_ns, translation, rotation)
+        rotation /= np.linalg.norm(rotation)
+        if static:
+            self._fix(child, _Static(parent, transform.stamp_ns, matrix_of(translation, rotation)))
+        else:
+            self._move(child, parent, transform.stamp_ns, (translation, rotation))
 
     def flush(self) -> None:
         """Forget everything that is not static: the clock is another one."""
-        self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
+        self._moving.clear()
         self._samples = 0
         self._budget.hold(self, 0)
 
     def shed(self) -> None:
         """Let go of the older half of what is not static; a frame of which nothing is left is not known any more."""
         before = self._samples
-        for edge in self._edges.values():
-            self._forget(edge, (len(edge.stamps) + 1) // 2)
-        self._edges = {child: edge for child, edge in self._edges.items() if edge.static or edge.stamps}
+        for moving in self._moving.values():
+            self._forget(moving, (len(moving.stamps) + 1) // 2)
+        self._moving = {child: moving for child, moving in self._moving.items() if moving.stamps}
         self.rejected[CROWDED] += before - self._samples
         self._budget.hold(self, self._samples * SAMPLE_BYTES)
 
@@ -123,7 +142,7 @@ class TransformTree:
             return np.identity(4)
         for name in (target, source):
             self._check_known(name)
-        (ups, looping), (downs, looping_too) = self._ancestry(source), self._ancestry(target)
+        (ups, looping), (downs, looping_too) = self._ancestry(source, stamp_ns), self._ancestry(target, stamp_ns)
         met = next((name for name in ups if name in downs), None)
         loop = looping or looping_too
         if loop and (met is None or met in loop):
@@ -134,13 +153,25 @@ class TransformTree:
         return here if met == target else inverse_of(self._climb(downs[: downs.index(met)], stamp_ns)) @ here
 
     def _check_known(self, name: str) -> None:
-        if name not in self._edges and all(edge.parent != name for edge in self._edges.values()):
+        said = (self._moving, self._static)
+        if not any(name in each or any(edge.parent == name for edge in each.values()) for each in said):
             raise UnknownFrameError(f"nothing is known of frame {name[:80]!r}")
 
-    def _ancestry(self, name: str) -> tuple[list[str], list[str]]:
+    def _is_one_too_many(self, child: str) -> bool:
+        known = child in self._moving or child in self._static
+        return not known and len(self._moving) + len(self._static) >= MAX_FRAMES
+
+    def _edge(self, child: str, stamp_ns: int) -> _Moving | _Static | None:
+        """Return which transforms from a frame to its parent count at a stamp."""
+        moving, static = self._moving.get(child), self._static.get(child)
+        if moving is None or (static is not None and stamp_ns > moving.stamps[-1] + SILENT_NS):
+            return static
+        return moving
+
+    def _ancestry(self, name: str, stamp_ns: int) -> tuple[list[str], list[str]]:
         """Return a frame, its parent, its parent's parent and so on; and those of them that are their own ancestors."""
         found = {name: None}
-        while (edge := self._edges.get(name)) is not None:
+        while (edge := self._edge(name, stamp_ns)) is not None:
             name = edge.parent
             if name in found:
                 names = list(found)
@@ -152,38 +183,54 @@ class TransformTree:
         """Return the transform from the first of the frames to the parent of the last."""
         made = np.identity(4)
         for name in names:
-            made = _at(name, self._edges[name], stamp_ns) @ made
+            match self._edge(name, stamp_ns):
+                case _Static(matrix=matrix):
+                    made = matrix @ made
+                case _Moving() as moving:
+                    made = _at(name, moving, stamp_ns) @ made
         return made
 
-    def _edge(self, parent: str, child: str, *, static: bool) -> _Edge:
-        edge = self._edges.get(child)
-        if edge is None or edge.parent != parent or edge.static != static:
-            self._samples -= len(edge.stamps) if edge else 0
-            edge = self._edges[child] = _Edge(parent, static)
-        return edge
+    def _has_moved(self, child: str, stamp_ns: int) -> bool:
+        """Return whether a frame is known to have moved at a stamp or later."""
+        moving = self._moving.get(child)
+        return moving is not None and moving.stamps[-1] >= stamp_ns
 
-    def _insert(self, edge: _Edge, stamp_ns: int, translation: Numbers, rotation: Numbers) -> None:
-        if edge.static:
-            edge.fixed = matrix_of(translation, rotation / np.linalg.norm(rotation))
-            return
-        newest = edge.stamps[-1] if edge.stamps else stamp_ns
+    def _fix(self, child: str, static: _Static) -> None:
+        self._static[child] = static
+        moving = self._moving.get(child)
+        if moving is not None and moving.stamps[-1] < static.stamp_ns - self._keep_ns:
+            self._forget(self._moving.pop(child), len(moving.stamps))
+
+    def _move(self, child: str, parent: str, stamp_ns: int, pose: tuple[Numbers, Numbers]) -> None:
+        moving = self._moving.get(child)
+        if moving is None or moving.parent != parent:
+            self._samples -= len(moving.stamps) if moving else 0
+            moving = self._moving[child] = _Moving(parent)
+        self._insert(moving, stamp_ns, pose)
+        static = self._static.get(child)
+        if static is not None and static.stamp_ns <= stamp_ns:
+            del self._static[child]
+
+    def _insert(self, moving: _Moving, stamp_ns: int, pose: tuple[Numbers, Numbers]) -> None:
+        newest = moving.stamps[-1] if moving.stamps else stamp_ns
         if stamp_ns < newest - JUMP_NS:
-            self._forget(edge, len(edge.stamps))
-        place = bisect_left(edge.stamps, stamp_ns)
-        known = place < len(edge.stamps) and edge.stamps[place] == stamp_ns
-        edge.stamps[place : place + known] = [stamp_ns]
-        edge.poses[place : place + known] = [(translation, rotation / np.linalg.norm(rotation))]
+            self._forget(moving, len(moving.stamps))
+        place = bisect_left(moving.stamps, stamp_ns)
+        known = place < len(moving.stamps) and moving.stamps[place] == stamp_ns
+        moving.stamps[place : place + known] = [stamp_ns]
+        moving.poses[place : place + known] = [pose]
         self._samples += not known
-        self._trim(edge)
+        self._trim(moving)
 
-    def _trim(self, edge: _Edge) -> None:
-        old = bisect_left(edge.stamps, edge.stamps[-1] - self._keep_ns)
-        self._forget(edge, max(old, len(edge.stamps) - min(MAX_SAMPLES, MOST_SAMPLES // len(self._edges))))
+    def _trim(self, moving: _Moving) -> None:
+        old = bisect_left(moving.stamps, moving.stamps[-1] - self._keep_ns)
+        share = min(MAX_SAMPLES, MOST_SAMPLES // len(self._moving))
+        self._forget(moving, max(old, len(moving.stamps) - share))
 
-    def _forget(self, edge: _Edge, count: int) -> None:
+    def _forget(self, moving: _Moving, count: int) -> None:
         """Forget the oldest."""
         if count > 0:
-            del edge.stamps[:count], edge.poses[:count]
+            del moving.stamps[:count], moving.poses[:count]
             self._samples -= count
 
 
@@ -205,16 +252,14 @@ def _fault(parent: str, child: str, transform: Transform) -> str | None:
     return BAD_ROTATION if abs(math.hypot(*transform.rotation) - 1) > _UNIT else None
 
 
-def _at(child: str, edge: _Edge, stamp_ns: int) -> Numbers:
-    """Return the transform from a frame to its parent at a stamp.
+def _at(child: str, edge: _Moving, stamp_ns: int) -> Numbers:
+    """Return the transform from a frame that moves to its parent at a stamp.
 
     Raises:
         TooOldError: the stamp is before the first that is kept.
         TooNewError: the stamp is after the last.
         SilentError: it is so by more than SILENT_NS.
     """
-    if edge.static:
-        return edge.fixed
     place = bisect_left(edge.stamps, stamp_ns)
     if place == len(edge.stamps):
         late_ns = stamp_ns - edge.stamps[-1]
@@ -231,5 +276,5 @@ def _at(child: str, edge: _Edge, stamp_ns: int) -> Numbers:
     return matrix_of(start + share * (end - start), slerp(turned, turning, share))
 
 
-def _between(child: str, edge: _Edge) -> str:
+def _between(child: str, edge: _Moving) -> str:
     return f"the transform from {child[:80]} to {edge.parent[:80]}"

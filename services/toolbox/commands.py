@@ -92,6 +92,7 @@ COMMANDS: Final = (
         examples=(
             "fleetsight doctor --robot r1 --connect tcp/central:7447",
             "fleetsight doctor --config /etc/fleetsight/gateway.yaml --json",
+            "fleetsight doctor --connect tcp/central:7447",
         ),
     ),
     Command(

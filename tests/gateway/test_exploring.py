@@ -39,7 +39,7 @@ class Rig:
 
 @asynccontextmanager
 async def exploring(
-    master_uri: str, named: dict[SensorKey, str] | None = None, hold_s: float = 0.3
+    master_uri: str, named: dict[SensorKey, str] | None = None, hold_s: float = 0.3, *, discover: bool = True
 ) -> AsyncIterator[Rig]:
     async with (
         FakeNetwork().open_bus() as bus,
@@ -48,7 +48,7 @@ async def exploring(
     ):
         offers = new_offers(group, bus, node)
         settings = GatewaySettings(robot="r1", rectified=["rear/color"])
-        explorer = Explorer(node, Wishes("r1", named or {}), settings.unused, Sightings(hold_s))
+        explorer = Explorer(node, Wishes("r1", named or {}, discover), settings.unused, Sightings(hold_s))
         await explorer.begin(offers)
         task = group.create_task(explorer.run(offers))
         yield Rig(node, explorer, offers)
@@ -61,6 +61,17 @@ async def exploring(
 async def master() -> AsyncIterator[RosMaster]:
     async with RosMaster() as running:
         yield running
+
+
+@pytest.mark.parametrize("discover", [True, False])
+async def test_that_naming_streams_ends_discovery_is_said(
+    master: RosMaster, caplog: pytest.LogCaptureFixture, *, discover: bool
+) -> None:
+    caplog.set_level("INFO")
+    async with exploring(master.uri, {FRONT: FRONT_TOPIC}, discover=discover) as rig:
+        await rig.until_offered(FRONT_TOPIC)
+    said = "only the streams that the settings name are offered; --discover finds others as well"
+    assert caplog.messages.count(said) == (not discover)
 
 
 async def test_what_appears_is_offered_and_what_stays_away_withdrawn(

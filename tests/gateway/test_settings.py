@@ -35,6 +35,7 @@ def test_ros_own_variables_are_the_defaults(
         ("ros_master", "http://::1:11311", "looks like http://robot:11311 or http://[fd00::7]:11311"),
         ("allow", "(", "no regular expression: missing )"),
         ("deny", "/a[", "no regular expression: unterminated character set"),
+        ("passive_subscribers", "/a[", "no regular expression: unterminated character set"),
         ("cameras", {"status": "/image"}, "camera name 'status' is reserved"),
         ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
         ("cameras", {"front": "7/image"}, "camera front: '7/image' is not a ROS topic"),
@@ -91,6 +92,12 @@ def test_streams_are_discovered_where_none_are_named_or_where_asked_for(
 def test_neither_discovered_nor_named_is_nothing() -> None:
     with pytest.raises(ValidationError, match="--no-discover leaves nothing to send unless --cameras or --topics"):
         settings(discover=False)
+
+
+def test_nodes_are_passive_by_their_whole_names() -> None:
+    made = settings(passive_subscribers="/record_.*|/bag")
+    assert [made.is_passive(node) for node in ("/record_17", "/bag", "/bag2", "/planner")] == [True, True, False, False]
+    assert not settings().is_passive("/record_17")
 
 
 def test_patterns_are_of_whole_names() -> None:

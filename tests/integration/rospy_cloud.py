@@ -4,6 +4,7 @@ A red box of 20 x 20 points is 2 m away before a grey wall at 4 m; the camera lo
 """
 
 import struct
+import sys
 
 import rospy
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
@@ -33,6 +34,8 @@ clouds = rospy.Publisher("/front/depth_registered/points", PointCloud2, queue_si
 static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
 place = Transform(Vector3(0, 0, 1), Quaternion(-0.5, 0.5, -0.5, 0.5))
 static.publish(TFMessage([TransformStamped(Header(frame_id="base_link"), "front_optical_frame", place)]))
+sys.stdout.write("publishers up\n")
+sys.stdout.flush()
 rate = rospy.Rate(10)
 while not rospy.is_shutdown():
     stamped = Header(stamp=rospy.Time.now(), frame_id="front_optical_frame")

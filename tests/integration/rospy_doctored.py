@@ -22,6 +22,24 @@ def color() -> Image:
     return Image(header=header, height=48, width=64, encoding="rgb8", step=192, data=bytes(48 * 192))
 
 
+def rear() -> Image:
+    """Return such an image of another camera."""
+    return Image(header=Header(frame_id="rear_lens"), height=48, width=64, encoding="rgb8", step=192, data=bytes(9216))
+
+
+def doubled() -> CameraInfo:
+    """Return the calibration of twice colour's resolution, with colour's size."""
+    lens = [120, 0, 64, 0, 120, 48, 0, 0, 1]
+    header = Header(stamp=rospy.Time.now(), frame_id=COLOR)
+    return CameraInfo(header=header, height=48, width=64, distortion_model="plumb_bob", D=[0] * 5, K=lens)
+
+
+def base() -> TFMessage:
+    """Return where a lidar is on the robot, and nothing of the cameras."""
+    moved = Transform(rotation=Quaternion(w=1))
+    return TFMessage([TransformStamped(Header(frame_id="base_link"), "lidar", moved)])
+
+
 def unknown() -> Image:
     """Return an image in an encoding that nobody knows."""
     return Image(height=4, width=6, encoding="rgb9", step=18, data=bytes(72))
@@ -61,6 +79,9 @@ KINDS: dict[str, tuple[Callable[[], object], type]] = {
     "depth": (depth, Image),
     "info": (info, CameraInfo),
     "static": (static, TFMessage),
+    "rear": (rear, Image),
+    "doubled": (doubled, CameraInfo),
+    "base": (base, TFMessage),
     "text": (text, String),
     "silent": (silent, Image),
 }
@@ -69,7 +90,7 @@ name, *topics = sys.argv[1:]
 rospy.init_node(name)
 pairs = [topic.split("=") for topic in topics]
 publishers = [
-    (rospy.Publisher(topic, KINDS[kind][1], queue_size=2, latch=kind == "static"), KINDS[kind][0])
+    (rospy.Publisher(topic, KINDS[kind][1], queue_size=2, latch=kind in {"static", "base"}), KINDS[kind][0])
     for topic, kind in pairs
 ]
 sys.stdout.write("publishers up\n")

@@ -56,6 +56,12 @@ with rosbag.Bag(sys.argv[1]) as bag:
         print("read", topic, message.data, *fields, flush=True)
 """
 
+BAG_TOPICS = """
+import sys, rosbag
+with rosbag.Bag(sys.argv[1]) as bag:
+    print(*{topic for topic, message, stamp in bag.read_messages()}, flush=True)
+"""
+
 BAG_SUMMARY = """
 import sys, json, rosbag
 with rosbag.Bag(sys.argv[1]) as bag:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from gateway.ros1.messages import message_type
+from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.wire.header import encode_header
 from gateway.ros1.xmlrpc_client import XmlRpcClient
 from schemas.keys import CameraKey, Stream
@@ -21,6 +22,7 @@ from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment, free_port, require_ros
 
 SCRIPT = Path(__file__).with_name("rospy_doctored.py").read_text(encoding="utf-8")
+CLOUD = Path(__file__).with_name("rospy_cloud.py").read_text(encoding="utf-8")
 ROOT = Path(__file__).parents[2]
 CAMERAS = {"front": "/front/color/image_raw"}
 DEPTH = ("--topics", "front/depth=/front/depth/image_raw")
@@ -53,13 +55,22 @@ class Report:
         return [each["subject"] for each in self.findings if each["severity"] == "problem"]
 
 
+async def fleet(endpoint: str) -> Report:
+    """Run `fleetsight doctor` as a person who wants to know which robots there are."""
+    return await _report("--connect", endpoint, "--seconds", "2.5", "--json")
+
+
 async def doctor(master: str, cameras: Mapping[str, str], endpoint: str, *options: str) -> Report:
     """Run `fleetsight doctor` as a person would."""
     names = [option for camera, topic in cameras.items() for option in ("--cameras", f"{camera}={topic}")]
     where = ["--ros-master", master, "--ros-host", "127.0.0.1", "--connect", endpoint]
     bounds = ["--seconds", "1.5", "--json"]
+    return await _report("--robot", "r1", *where, *names, *bounds, *options)
+
+
+async def _report(*options: str) -> Report:
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "services.toolbox", "doctor", "--robot", "r1", *where, *names, *bounds, *options),
+        *(sys.executable, "-m", "services.toolbox", "doctor", *options),
         cwd=ROOT,
         env={name: value for name, value in os.environ.items() if not name.startswith(("ROS_", "FLEETSIGHT_"))},
         stdout=asyncio.subprocess.PIPE,
@@ -134,6 +145,43 @@ async def test_a_healthy_robot_whose_streams_somebody_wants(ros: RosEnvironment,
 
 
 @pytest.mark.timeout(120)
+async def test_topics_that_two_streams_are_made_of(ros: RosEnvironment, rig: FleetRig) -> None:
+    """Of two connections of one node to one topic rospy ends the older one."""
+    camera = await ros.script(CLOUD)
+    await camera.until_output("publishers up")
+    named = ("--discover", "--topics", "ros/static=/tf_static")
+    await rig.gateway("r1", ros.master_uri, {}, *named)
+    await rig.gateway_status("r1", lambda status: len(status.streams) == 3)
+    report = await doctor(ros.master_uri, {}, rig.endpoint, *named)
+    assert (report.code, report.problems) == (0, [])
+    for stream in ("front/color", "front/points"):
+        assert "messages/s, 0.05 MB each" in report.said(stream, "ok")
+    assert "one latched message" in report.said("ros/static", "ok")
+
+
+@pytest.mark.timeout(120)
+async def test_what_makes_places_wrong(ros: RosEnvironment, rig: FleetRig) -> None:
+    topics = ("/front/color/image_raw=color", "/front/color/camera_info=doubled", "/front/depth/image_raw=depth")
+    cameras = [
+        await ros.script(SCRIPT, "front", *topics, "/tf_static=base"),
+        await ros.script(SCRIPT, "rear", "/front/color/image_raw=rear"),
+    ]
+    for camera in cameras:
+        await camera.until_output("publishers up")
+    await rig.gateway("r1", ros.master_uri, {})
+    await rig.gateway_status("r1", lambda status: len(status.streams) == 4)
+    report = await doctor(ros.master_uri, {}, rig.endpoint)
+    assert report.code == 1
+    mixed = report.said("front/color")
+    assert mixed.startswith("it mixes what is not of one sensor: ")
+    assert "/front sends frame 'color_lens'" in mixed
+    assert "/rear sends frame 'rear_lens'" in mixed
+    assert "its principal point (64, 48) is far off the centre of 64x48 pixels" in report.said("front/info")
+    for frame in ("color_lens", "rear_lens", "depth_lens"):
+        assert f"its frame '{frame}' is in no transform that came in 1.5 s" in report.said("front", "note")
+
+
+@pytest.mark.timeout(120)
 async def test_depth_that_is_not_aligned_and_a_gateway_too_many(ros: RosEnvironment, rig: FleetRig) -> None:
     infos = ("/front/color/camera_info=info", "/front/depth/camera_info=info")
     camera = await ros.script(SCRIPT, "camera", *infos, "/front/color/image_raw=color", "/front/depth/image_raw=depth")
@@ -145,6 +193,21 @@ async def test_depth_that_is_not_aligned_and_a_gateway_too_many(ros: RosEnvironm
     assert report.code == 1
     assert "not aligned with colour though their camera infos say so" in report.said("front/depth")
     assert "more than one gateway runs under this name" in report.said("r1")
+
+
+@pytest.mark.timeout(120)
+async def test_the_fleets_robots_are_listed(rig: FleetRig) -> None:
+    async with RosMaster() as master:
+        for robot in ("r1", "r2"):
+            await rig.gateway(robot, master.uri, CAMERAS)
+            await rig.gateway_status(robot)
+        report = await fleet(rig.endpoint)
+        assert (report.code, report.problems) == (0, [])
+        for robot in ("r1", "r2"):
+            assert report.said(robot, "ok").endswith(" offers 1 streams, of which 0 are wanted")
+    await rig.gateway_status("r2", lambda status: status.waiting_for != "")
+    report = await fleet(rig.endpoint)
+    assert (report.code, report.problems) == (1, ["r1", "r2"])
 
 
 @pytest.mark.timeout(120)

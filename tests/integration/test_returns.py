@@ -1,5 +1,6 @@
 """Results of the fleet on a robot's real ROS 1 graph: rostopic and rosbag are the ones who want them."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
@@ -9,21 +10,24 @@ import pytest
 from bus import Publisher, QoS
 from gateway.outgoing.stream import MALFORMED
 from gateway.outgoing.texts import STRING
+from gateway.ros1.master import MasterClient
 from gateway.ros1.messages import message_type
+from gateway.ros1.xmlrpc_client import XmlRpcClient
 from schemas import codec
 from schemas.detections import ClassList
 from schemas.keys import CameraKey, Stream
 from tests.gateway.outgoing.lists import class_list
 from tests.gateway.ros1.waiting import until
 from tests.integration.detecting import results
-from tests.integration.fleet import FleetRig, fleet_rig
-from tests.integration.ros import RosEnvironment
-from tests.integration.rospy_scripts import BAG_READER
+from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
+from tests.integration.ros import RosEnvironment, RosProcess
+from tests.integration.rospy_scripts import BAG_READER, BAG_TOPICS
 from tests.integration.test_first_light import camera, raw
 from tests.services.detector.views import NEAR_VIEWS, near_view
 
 CAMERAS = {"front": "/front/color/image_raw", "rear-2": "/rear/color/image_raw"}
 FRONT, REAR = (CameraKey("r1", name) for name in CAMERAS)
+RECORD = ("/usr/bin/rosbag", "record", "-a")
 FRONT_TOPIC, REAR_TOPIC = "/ultralytics/detection/classes", "/ultralytics/rear_2/detection/classes"
 
 
@@ -31,6 +35,26 @@ FRONT_TOPIC, REAR_TOPIC = "/ultralytics/detection/classes", "/ultralytics/rear_2
 async def rig() -> AsyncIterator[FleetRig]:
     async with fleet_rig() as made:
         yield made
+
+
+async def record_all(ros: RosEnvironment, rig: FleetRig, bag: Path) -> RosProcess:
+    """Record every topic; returns once the recorder is connected to both cameras' results."""
+    recording = await ros.run(*RECORD, f"--output-name={bag}")
+    for name in CAMERAS:
+        await rig.return_status("r1", name, lambda status: status.subscribers > 0)
+    return recording
+
+
+async def topics_of_recorder(ros: RosEnvironment, among: str) -> set[str]:
+    """Return what rosbag subscribes to, once one of the topics is among it."""
+    async with XmlRpcClient() as client, asyncio.timeout(PATIENCE_S):
+        master = MasterClient(client, uri=ros.master_uri, caller_id="/test")
+        while True:
+            subscribers = (await master.get_system_state()).subscribers
+            found = {topic for topic, nodes in subscribers.items() if any("/record_" in node for node in nodes)}
+            if among in found:
+                return found
+            await asyncio.sleep(0.1)
 
 
 def detecting(rig: FleetRig, key: CameraKey, *counts: tuple[str, int]) -> AbstractAsyncContextManager[Publisher]:
@@ -79,6 +103,48 @@ async def test_rosbag_records_results_with_their_definition(ros: RosEnvironment,
             f"read {FRONT_TOPIC} ['pallet', 'pallet'] {STRING} {kind.md5sum} /fleetsight_gateway_r1_"
         )
         assert line.endswith(f" {kind.definition.strip()}")
+
+
+@pytest.mark.timeout(120)
+async def test_a_recorder_of_everything_wants_every_result_and_it_is_said_once(
+    ros: RosEnvironment, rig: FleetRig, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    await rig.gateway("r1", ros.master_uri, CAMERAS)
+    async with detecting(rig, FRONT, ("box", 1)) as front, detecting(rig, REAR, ("box", 1)) as rear:
+        bag = await record_all(ros, rig, tmp_path / "all.bag")
+        await rig.return_status("r1", "rear-2", lambda status: status.wanted)
+        await until(lambda: front.wanted and rear.wanted, "all class lists are wanted")
+        await until(lambda: "subscribes to all 11 results" in caplog.text, "the log says so")
+        await bag.end()
+        await until(lambda: not front.wanted and not rear.wanted, "none is wanted any more")
+        await ros.rostopic("pub", "-r", "5", "/mode", STRING, "hello")
+        await ros.run(*RECORD, f"--output-name={tmp_path / 'others.bag'}", "-x", ".*/ultralytics/.*")
+        assert FRONT_TOPIC not in await topics_of_recorder(ros, "/mode")
+        assert not front.wanted
+    (said,) = (line for line in caplog.messages if "subscribes to all" in line)
+    assert "`rosbag record -a -x '.*/ultralytics/.*'` leaves results out" in said
+    assert "--passive-subscribers '/record_.*'" in said
+
+
+@pytest.mark.timeout(120)
+async def test_a_passive_recorder_makes_nothing_wanted_and_records_what_others_want(
+    ros: RosEnvironment, rig: FleetRig, tmp_path: Path
+) -> None:
+    await rig.gateway("r1", ros.master_uri, CAMERAS, "--passive-subscribers", "/record_.*")
+    async with detecting(rig, FRONT, ("pallet", 2)) as front, detecting(rig, REAR, ("box", 1)) as rear:
+        bag = await record_all(ros, rig, tmp_path / "all.bag")
+        assert not (await rig.return_status("r1", "front")).wanted
+        echo = await ros.rostopic("echo", FRONT_TOPIC)
+        await echo.until_output("'pallet'")
+        assert front.wanted
+        assert not rear.wanted
+        await echo.end()
+        await until(lambda: not front.wanted, "the end of the listener ends the demand")
+        await bag.end()
+    topics = (await (await ros.script(BAG_TOPICS, str(tmp_path / "all.bag"))).finished()).split()
+    assert FRONT_TOPIC in topics
+    assert REAR_TOPIC not in topics
 
 
 @pytest.mark.timeout(120)

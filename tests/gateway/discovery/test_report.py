@@ -12,7 +12,7 @@ def test_what_became_what_and_what_was_left_out() -> None:
         "tf: /tf (tf2_msgs/TFMessage)",
         "front/color: /front/image_raw (sensor_msgs/Image)",
         "rear/color: /rear/image_raw (sensor_msgs/Image)",
-        "left out, a text; --topics text/NAME=TOPIC takes it: /mode",
+        "left out, a text; --discover --topics text/NAME=TOPIC takes it as well: /mode",
     ]
 
 
@@ -33,7 +33,7 @@ def test_a_topic_that_turns_into_something_else_is_not_gone() -> None:
     published = {IMAGE: "/rear/image_raw", TF: "/tf", "std_msgs/String": "/mode /front/image_raw"}
     assert changes(plan(graph(published), R1, BEFORE), BEFORE) == [
         "front/color: no longer offered, /front/image_raw is left out",
-        "left out, a text; --topics text/NAME=TOPIC takes it: /front/image_raw",
+        "left out, a text; --discover --topics text/NAME=TOPIC takes it as well: /front/image_raw",
     ]
 
 

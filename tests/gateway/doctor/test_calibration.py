@@ -17,8 +17,11 @@ from tests.gateway.doctor.seeing import (
 )
 
 
-def said(subject: str, *streams: StreamLook, beside: tuple[StreamLook, ...] = ()) -> list[Finding]:
-    return [each for each in check_cameras(evidence(*streams, beside=beside)) if each.subject == subject]
+def said(
+    subject: str, *streams: StreamLook, beside: tuple[StreamLook, ...] = (), discover: bool = True
+) -> list[Finding]:
+    seen = evidence(*streams, beside=beside, discover=discover)
+    return [each for each in check_cameras(seen) if each.subject == subject]
 
 
 def test_a_calibrated_camera_needs_no_word() -> None:
@@ -59,6 +62,7 @@ def test_a_camera_without_focal_length(f: float) -> None:
 def test_a_depth_camera_without_focal_length() -> None:
     (finding,) = said("front/depth_info", color(), depth(), depth_info(f=0.0))
     assert "no focal length" in finding.what
+    assert "image:=/front/depth/image_raw camera:=/front/depth" in finding.advice
 
 
 @pytest.mark.parametrize(
@@ -80,7 +84,7 @@ def test_a_lens_whose_coefficients_are_written_another_way(model: str, d: list[f
 
 
 def test_a_calibration_that_is_there_but_no_stream() -> None:
-    (finding,) = said("front/info", color(), depth(), beside=(color_info(),))
+    (finding,) = said("front/info", color(), depth(), beside=(color_info(),), discover=False)
     assert finding.severity is Severity.NOTE
     assert finding.advice == "add --topics front/info=/front/color/camera_info"
 
@@ -89,6 +93,34 @@ def test_a_calibration_of_another_resolution() -> None:
     (finding,) = said("front/info", color(), color_info(width=16, height=8))
     assert finding.severity is Severity.PROBLEM
     assert finding.what == "the camera info is for 16x8 pixels, color has 8x4"
+
+
+@pytest.mark.parametrize(
+    ("cx", "cy", "where"),
+    [
+        (8.5, 2.0, "(8, 2) is outside of 8x4 pixels"),
+        (4.0, -3.0, "(4, -3) is outside of 8x4 pixels"),
+        (6.8, 2.0, "(7, 2) is far off the centre of 8x4 pixels"),
+        (0.0, 0.0, "(0, 0) is far off the centre of 8x4 pixels"),
+        (6.6, 3.3, ""),
+        (1.4, 0.7, ""),
+    ],
+)
+def test_a_principal_point_that_no_lens_of_the_picture_has(cx: float, cy: float, where: str) -> None:
+    found = said("front/info", color(), color_info(k=[6.0, 0, cx, 0, 6.0, cy, 0, 0, 1]))
+    assert [each.severity for each in found] == [Severity.PROBLEM] * bool(where)
+    assert all(each.what.endswith(f"its principal point {where}") for each in found)
+
+
+def test_a_principal_point_is_one_of_the_full_picture() -> None:
+    """ROS keeps the full picture's calibration where a region of it is sent."""
+    corner = Region(x_offset=8, y_offset=4, width=8, height=4)
+    assert said("front/info", color(), color_info(width=16, height=8, roi=corner)) == []
+
+
+def test_a_calibration_without_a_size_is_that_of_the_image() -> None:
+    found = said("front/info", color(), color_info(width=0, height=0, k=[6.0, 0, 40.0, 0, 6.0, 2.0, 0, 0, 1]))
+    assert "outside of 8x4 pixels" in found[0].what
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,8 @@ from typing import Any
 
 import pytest
 
-from gateway.doctor.demand import check_demand
-from gateway.doctor.evidence import BusLook, Router, StreamLook
+from gateway.doctor.demand import check_demand, check_recorders
+from gateway.doctor.evidence import BusLook, Graph, MasterLook, Router, StreamLook
 from gateway.doctor.finding import Finding, Severity, Stage
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH
@@ -122,3 +122,30 @@ def test_streams_of_the_whole_robot_are_found_by_their_name() -> None:
     look = stream("text/mode", "/mode", "std_msgs/String")
     (finding,) = check_demand(evidence(look, bus=BusLook((), frozenset(), (both,))))
     assert finding.severity is Severity.OK
+
+
+GATEWAY = "/fleetsight_gateway_r1_01234567"
+RESULTS = ("/ultralytics/detection/classes", "/ultralytics/detection/image", "/ultralytics/alerts")
+
+
+def recorded(*subscribed: str, recorder: str = "/record_1764000000", passive: str = "") -> list[Finding]:
+    graph = Graph(
+        publishers=dict.fromkeys((*RESULTS, "/planner/stop"), (GATEWAY,)),
+        subscribers={topic: ("/planner", recorder) if topic == RESULTS[0] else (recorder,) for topic in subscribed},
+    )
+    seen = evidence(color(), master=MasterLook("http://robot:11311", graph=graph), passive=passive)
+    return list(check_recorders(seen))
+
+
+def test_who_records_all_results() -> None:
+    (finding,) = recorded(*RESULTS)
+    assert (finding.severity, finding.stage, finding.subject) == (Severity.NOTE, Stage.DEMAND, "/record_1764000000")
+    assert finding.what.startswith(f"subscribes to all 3 results of {GATEWAY}, as `rosbag record -a` does")
+    assert "`rosbag record -a -x '.*/ultralytics/.*'`" in finding.advice
+    assert "--passive-subscribers '/record_.*'" in finding.advice
+
+
+def test_recorders_that_make_nothing_wanted_or_record_some_results_need_no_word() -> None:
+    assert recorded(*RESULTS, passive="/record_.*") == recorded(*RESULTS[:2]) == recorded() == []
+    (finding,) = recorded(*RESULTS, recorder="/bag", passive="/record_.*")
+    assert "--passive-subscribers '/bag'" in finding.advice

@@ -1,11 +1,12 @@
 from gateway.doctor.diagnosis import diagnose, healthy
 from gateway.doctor.evidence import BusLook, Failure, HostLook, MasterLook, Router, Trouble
 from gateway.doctor.finding import Severity, Stage
-from tests.gateway.doctor.seeing import color, color_info, depth, depth_info, evidence
+from tests.gateway.doctor.seeing import TF, color, color_info, depth, depth_info, evidence, links, sends
 
 
 def test_a_healthy_robot() -> None:
-    findings = diagnose(evidence(color(), depth(), color_info(), depth_info()))
+    static = sends("tf_static", "/tf_static", TF, links(("base_link", "lens")))
+    findings = diagnose(evidence(color(), depth(), color_info(), depth_info(), beside=(static,)))
     assert {each.severity for each in findings} == {Severity.OK}
     assert healthy(findings)
 

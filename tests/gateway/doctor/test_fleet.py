@@ -33,12 +33,12 @@ def settings(**changes: object) -> GatewaySettings:
     return GatewaySettings.model_validate({"robot": "r1", "ros_host": "robot", **changes})
 
 
-async def speak(bus: Bus, boot_id: str, times: int) -> None:
-    """Give so many accounts, a tenth of a second of its own clock apart."""
-    key = keys.gateway_status("r1")
+async def speak(bus: Bus, boot_id: str, times: int, robot: str = "r1", *, key: str = "") -> None:
+    """Give so many accounts, a tenth of a second of its own clock apart; key: where, if not the robot's own."""
+    key = key or keys.gateway_status(robot)
     async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(GatewayStatus)) as publisher:
         for n in range(times):
-            publisher.put(codec.encode(status(boot_id=boot_id, sent_s=n / 10)))
+            publisher.put(codec.encode(status(robot=robot, boot_id=boot_id, sent_s=n / 10)))
             await asyncio.sleep(0.01)
 
 
@@ -52,6 +52,19 @@ async def test_who_is_present_and_what_they_say(buses: tuple[Bus, Bus]) -> None:
     assert one.seconds == pytest.approx(0.3)
     assert one.overlaps(two)
     assert one.skew_s < -1_000_000, "its clock starts in 1970"
+
+
+async def test_without_a_name_all_robots_are_heard_each_under_its_own(buses: tuple[Bus, Bus]) -> None:
+    robots, ours = buses
+    async with robots.announce(keys.robot_alive("r3")):
+        seen, *_ = await asyncio.gather(
+            observe(ours, "", SECONDS),
+            speak(robots, "one", 4),
+            speak(robots, "two", 3, "r2"),
+            speak(robots, "liar", 2, "r4", key=keys.gateway_status("r2")),
+        )
+    assert seen.robots == {"r3"}
+    assert {each.last.robot: each.count for each in seen.accounts} == {"r1": 4, "r2": 3}
 
 
 async def test_who_leaves_is_not_present(buses: tuple[Bus, Bus]) -> None:

@@ -4,8 +4,8 @@ import pytest
 
 from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
 from gateway.doctor.finding import Finding, Severity, Stage
-from gateway.doctor.presence import check_presence
-from tests.gateway.doctor.seeing import account, evidence, status
+from gateway.doctor.presence import check_fleet, check_presence
+from tests.gateway.doctor.seeing import account, counted, evidence, status
 
 CENTRAL = "tcp/central:7447"
 
@@ -47,6 +47,11 @@ def test_no_router(failure: Failure, what: str, advice: str) -> None:
     assert (finding.severity, finding.subject) == (Severity.PROBLEM, CENTRAL)
     assert what in finding.what
     assert advice in finding.advice
+
+
+def test_a_router_is_started_where_the_endpoint_says() -> None:
+    (finding,) = said(routers=(router(Failure.DEAD, "tls/central:7448#x=1"),), robots=frozenset())
+    assert "`fleetsight monitor --listen tls/0.0.0.0:7448`" in finding.advice
 
 
 def test_a_router_that_is_not_joined_by_tls() -> None:
@@ -125,3 +130,34 @@ def test_clocks_that_differ(skew_s: float, what: str) -> None:
     notes = [each for each in said(one(skew_s=skew_s)) if each.severity is Severity.NOTE]
     assert len(notes) == bool(what)
     assert all(what in each.what for each in notes)
+
+
+def of(robot: str, **changes: Any) -> Account:
+    offered = [counted("front/color", wanted=True), counted("front/depth")]
+    return account(*(status(*offered, robot=robot, version="1.2", sent_s=s) for s in (0.0, 2.0)), **changes)
+
+
+def test_the_robots_of_the_fleet() -> None:
+    waiting = status(robot="r3", waiting_for="the ROS master at http://robot:11311")
+    accounts = (of("r2"), of("r1"), account(waiting, waiting))
+    told, *found = check_fleet(BusLook((router(),), frozenset({"r1", "r2", "r4"}), accounts), 3.0)
+    assert (told.severity, told.what) == (Severity.NOTE, "is not given: these are the 4 robots on the bus")
+    assert [(each.subject, each.severity, each.what) for each in found] == [
+        ("r1", Severity.OK, "its gateway 1.2 offers 2 streams, of which 1 are wanted"),
+        ("r2", Severity.OK, "its gateway 1.2 offers 2 streams, of which 1 are wanted"),
+        ("r3", Severity.PROBLEM, "the running gateway waits for the ROS master at http://robot:11311"),
+        ("r4", Severity.PROBLEM, "its gateway is present but said nothing of itself in 3 s"),
+    ]
+
+
+def test_two_gateways_of_one_name_in_a_fleet() -> None:
+    findings = check_fleet(BusLook((), frozenset({"r1"}), (of("r1"), of("r1"), of("r2"))), 3.0)
+    assert [each.subject for each in findings if each.severity is Severity.PROBLEM] == ["r1"]
+
+
+def test_a_fleet_without_robots_and_one_out_of_reach() -> None:
+    (nobody,) = check_fleet(BusLook((router(),)), 3.0)
+    assert (nobody.severity, nobody.what) == (Severity.PROBLEM, "no gateway of any robot is on this bus")
+    assert "`fleetsight gateway --robot NAME`" in nobody.advice
+    (unreached,) = check_fleet(BusLook((router(Failure.DEAD),)), 3.0)
+    assert (unreached.severity, unreached.subject) == (Severity.PROBLEM, CENTRAL)

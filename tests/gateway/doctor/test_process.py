@@ -28,6 +28,13 @@ async def test_nothing_there_at_all(capsys: pytest.CaptureFixture[str]) -> None:
     assert "\n3 problems; the first to solve: http://127.0.0.1:" in shown.out
 
 
+async def test_without_a_robot_only_the_fleet_is_looked_at(capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--connect", f"tcp/127.0.0.1:{free_port()}", "--cameras", "front=/front", "--json"]
+    assert await run(load(DoctorSettings, given, prog="fleetsight doctor").settings) == UNWELL
+    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    assert (finding["stage"], finding["what"]) == ("gateway on the bus", "no router listens there")
+
+
 async def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert await run(settings("--json")) == UNWELL
     report = json.loads(capsys.readouterr().out)

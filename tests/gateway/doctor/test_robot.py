@@ -24,7 +24,7 @@ from gateway.settings import GatewaySettings
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
-from schemas.raw import Text
+from schemas.raw import RawMessage, Text
 from tests.gateway.doctor.seeing import evidence
 from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
 from tests.gateway.ros1.waiting import until
@@ -247,11 +247,13 @@ async def test_a_publisher_that_hangs_is_asked_for_one_topic_only(client: Polite
         writer.close()
 
     async with await asyncio.start_server(hang, "127.0.0.1", 0) as server:
-        await register(client, master, f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/")
+        uri = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/"
+        topics = {sensor_key("r1", f"text/chat{n}"): f"/chat{n}" for n in range(5)}
+        for topic in topics.values():
+            await client.call(master.uri, "registerPublisher", "/talker", topic, STRING, uri)
         visiting = visit(client)
         seen = await visiting.look_at_master(master.uri)
         assert seen.graph is not None
-        topics = {sensor_key("r1", f"text/chat{n}"): "/chat" for n in range(5)}
         looks = await visiting.look_at_streams(topics, seen.graph)
     assert calls == ["asked"]
     for look in looks:
@@ -276,6 +278,31 @@ async def test_a_node_with_many_topics_is_not_asked_for_all_at_once(client: Poli
         assert seen.graph is not None
         looks = await visiting.look_at_streams(topics, seen.graph)
     assert (len(looks), asked) == (20, 20)
+
+
+async def test_streams_of_one_topic_share_one_connection(client: PoliteClient, master: RosMaster) -> None:
+    most = 0
+    keys = (sensor_key("r1", "text/chat"), sensor_key("r1", "ros/chat"))
+    async with Node("/talker", master_uri=master.uri) as node, node.advertise("/chat", STRING) as publication:
+
+        async def talk() -> None:
+            nonlocal most
+            while True:
+                publication.publish(TEXT)
+                most = max(most, publication.subscriber_count)
+                await asyncio.sleep(0.01)
+
+        talking = asyncio.create_task(talk())
+        await until(lambda: node.registered, "the talker is registered")
+        visiting = visit(client)
+        seen = await visiting.look_at_master(master.uri)
+        assert seen.graph is not None
+        looks = await visiting.look_at_streams(dict.fromkeys(keys, "/chat"), seen.graph)
+        talking.cancel()
+    assert most == 1
+    assert tuple(look.key for look in looks) == keys
+    messages = [look.publishers[0].heard.message for look in looks]
+    assert (type(messages[0]), type(messages[1])) == (Text, RawMessage)
 
 
 async def test_a_master_on_this_machine(client: PoliteClient, master: RosMaster) -> None:

@@ -36,6 +36,7 @@ from tests.schemas.results import action, alert
 FRONT = CameraKey("r1", "front")
 KEY = FRONT.stream(Stream.CLASSES)
 TOPIC = "/ultralytics/detection/classes"
+RECORDER = "/recorder"
 PICK_UP, STOP = "/planner/pick_up", "/planner/stop"
 
 
@@ -92,7 +93,8 @@ async def rig() -> AsyncIterator[Rig]:
         ours = await stack.enter_async_context(network.open_bus())
         master = await stack.enter_async_context(RosMaster())
         robot = await stack.enter_async_context(Node("/planner", master_uri=master.uri, poll_interval=0.2))
-        node = await stack.enter_async_context(Node("/gateway", master_uri=master.uri, poll_interval=0.2))
+        node = Node("/gateway", master_uri=master.uri, poll_interval=0.2, passive=lambda name: name == RECORDER)
+        await stack.enter_async_context(node)
         yield Rig(theirs, ours, robot, node)
 
 
@@ -305,3 +307,35 @@ async def test_cancelled_at_any_await_nothing_is_left() -> None:
             await until(lambda: not detector.wanted, f"no subscription is left after {n}")
 
         assert await cancel_everywhere(life, nothing_is_left, sockets=True) > 20
+
+
+@asynccontextmanager
+async def recording(rig: Rig, topic: str) -> AsyncIterator[list[Message]]:
+    """Listen as a node that the gateway takes for passive."""
+    heard: list[Message] = []
+    async with (
+        Node(RECORDER, master_uri=rig.node.master_uri, poll_interval=0.2) as node,
+        node.subscribe(topic, STRING, heard.append),
+    ):
+        yield heard
+
+
+async def test_for_a_recorder_alone_no_result_is_made(classes: Classes) -> None:
+    async with recording(classes.rig, TOPIC) as recorded:
+        await until(lambda: classes.returned.status().subscribers == 1, "the recorder is connected")
+        assert not classes.returned.status().wanted
+        assert not classes.detector.wanted
+        async with classes.heard():
+            classes.publish(class_list(("box", 1)))
+            await until(lambda: len(recorded) == 1, "what another one wants is recorded")
+        await classes.until_unwanted()
+
+
+async def test_an_action_that_only_a_recorder_would_hear_is_unheard(rig: Rig) -> None:
+    stream = actions_return("r1", {"pick_up": PICK_UP}, IN_ROOT)
+    async with rig.returning(stream) as returned, rig.publishing(str(stream.key), type(action())) as monitor:
+        await until(lambda: monitor.wanted, "the gateway listens without being asked")
+        async with recording(rig, PICK_UP):
+            await until(lambda: returned.status().subscribers == 1, "the recorder is connected")
+            monitor.put(codec.encode(action(id_="1")))
+            await until(lambda: returned.status().dropped == {UNHEARD: 1}, "it is counted")

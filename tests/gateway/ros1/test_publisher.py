@@ -4,6 +4,7 @@ import asyncio
 import socket
 import threading
 from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,21 +21,25 @@ ACCEPTED = SubscriberAccepted("/peer", "/chat", tcp_nodelay=True, reply=b"reply"
 
 
 def publication(
-    *, latching: bool = False, queue_size: int = 1, on_demand: Callable[[bool], None] | None = None
+    *,
+    latching: bool = False,
+    queue_size: int = 1,
+    on_demand: Callable[[bool], None] | None = None,
+    passive: Callable[[str], bool] | None = None,
 ) -> Publication:
     offer = Offer("/chat", TopicType("a/A", "0"), "", latching)
-    return Publication(offer, queue_size=queue_size, on_demand=on_demand)
+    return Publication(offer, queue_size=queue_size, on_demand=on_demand, passive=passive)
 
 
 @asynccontextmanager
-async def subscriber(to: Publication) -> AsyncIterator[asyncio.StreamReader]:
+async def subscriber(to: Publication, accepted: SubscriberAccepted = ACCEPTED) -> AsyncIterator[asyncio.StreamReader]:
     """Connect to a publication as its server would; yields what the subscriber reads, past the reply."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         reader, writer = await asyncio.open_connection(*listener.getsockname())
         ours, _ = listener.accept()
     ours.setblocking(False)  # noqa: FBT003 - socket's own signature
     with ours:
-        serving = asyncio.ensure_future(to.serve(ours, ACCEPTED))
+        serving = asyncio.ensure_future(to.serve(ours, accepted))
         assert await reader.readexactly(5) == b"reply"
         try:
             yield reader
@@ -188,3 +193,15 @@ async def test_demand_is_not_told_after_closing() -> None:
 def test_queue_has_to_hold_something() -> None:
     with pytest.raises(ValueError, match="queue_size"):
         publication(queue_size=0)
+
+
+async def test_passive_subscribers_are_no_demand_and_get_what_others_get() -> None:
+    said: list[bool] = []
+    to = publication(on_demand=said.append, passive=lambda node: node == "/record")
+    async with subscriber(to, replace(ACCEPTED, callerid="/record")) as recording:
+        assert (said, to.wanted, to.subscriber_count) == ([], False, 1)
+        async with subscriber(to):
+            assert (said, to.wanted, to.subscriber_count) == ([True], True, 2)
+            to.publish(b"seen")
+            assert await recording.readexactly(8) == message_prefix(4) + b"seen"
+        assert (said, to.wanted, to.subscriber_count) == ([True, False], False, 1)

@@ -26,6 +26,7 @@ from services.geometry.transforms import (
     MOST_SAMPLES,
     NOT_FINITE,
     OF_ITSELF,
+    OUTDATED,
     SAMPLE_BYTES,
     SILENT_NS,
     TOO_FAR,
@@ -296,8 +297,52 @@ def test_room_is_for_what_is_kept_now() -> None:
         assert budget.taken == SAMPLE_BYTES
     made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)  # a clock jumped
     assert budget.taken == SAMPLE_BYTES
-    made.take(Transforms(header=header(), transforms=[said("odom", "base")]), static=True)
+    made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S + KEEP_NS + 1)]), static=True)
     assert budget.taken == 0
     made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)
     made.flush()
     assert budget.taken == 0
+
+
+def test_static_transforms_that_are_said_again_change_no_frame_that_moves_meanwhile() -> None:
+    """Whoever publishes one static transform more says the others again."""
+    static = Transforms(header=header(), transforms=[said("base", "camera", 1.0, at=S)])
+    made = TransformTree()
+    made.take(static, static=True)
+    for n in range(20):
+        at = 2 * S + n * S // 20
+        made.add(said("base", "camera", 10.0 + n, at=at), static=False)
+        made.take(static, static=True)
+        assert made.lookup("base", "camera", at)[0, 3] == 10.0 + n
+        assert made.lookup("base", "camera", 2 * S)[0, 3] == 10.0
+    assert made.rejected == {OUTDATED: 20}
+
+
+def test_the_order_in_which_both_topics_arrive_changes_nothing() -> None:
+    moving, fixed = said("base", "camera", 2.0, at=2 * S), said("base", "camera", 1.0, at=S)
+    for first_static in (True, False):
+        made = TransformTree()
+        for static in (first_static, not first_static):
+            made.add(fixed if static else moving, static=static)
+        assert made.lookup("base", "camera", 2 * S)[0, 3] == 2
+        with pytest.raises(TooNewError):
+            made.lookup("base", "camera", 2 * S + SILENT_NS)
+        with pytest.raises(SilentError):
+            made.lookup("base", "camera", 2 * S + SILENT_NS + 1)
+
+
+def test_a_static_transform_counts_where_its_frame_moves_no_more() -> None:
+    made = tree(said("base", "camera", 2.0, at=2 * S), static=(said("map", "base"),))
+    made.add(said("map", "camera", 7.0, at=2 * S + 1), static=True)
+    assert made.lookup("map", "camera", 2 * S)[0, 3] == 2
+    with pytest.raises(TooNewError):
+        made.lookup("map", "camera", 2 * S + SILENT_NS)
+    assert made.lookup("map", "camera", 2 * S + SILENT_NS + 1)[0, 3] == 7
+    made.add(said("base", "camera", 3.0, at=4 * S), static=False)
+    assert made.lookup("map", "camera", 4 * S)[0, 3] == 3
+    assert made.lookup("map", "camera", 3 * S)[0, 3] == 2.5
+
+
+def test_a_late_transform_of_a_frame_that_is_static_by_now_does_not_make_it_move() -> None:
+    made = tree(said("base", "camera", 2.0, at=S), static=(said("base", "camera", 1.0, at=2 * S),))
+    assert made.lookup("base", "camera", 3 * S)[0, 3] == 1
