@@ -8,6 +8,7 @@ from typing import Final, Protocol, Self
 
 import msgspec
 
+from bus.link_use import LinkUse
 from bus.pieces import Payload
 
 
@@ -202,6 +203,10 @@ class Bus(Protocol):
     @property
     def link_problem(self) -> str:
         """Why nobody can be heard, in words; empty while there is a link, or nobody that settings say to connect to."""
+
+    @property
+    def links(self) -> LinkUse:
+        """The links that this process has to others, whoever sought them, and how many it may have."""
 
     def publisher(
         self,

@@ -3,6 +3,7 @@
 from math import ceil
 from typing import Any, Final
 
+from bus.link_use import MAX_LINKS
 from bus.settings import BusSettings
 
 OPEN_TIMEOUT_MS: Final = 1_000
@@ -31,8 +32,10 @@ MAX_MESSAGE_BYTES: Final = 128 * 1024 * 1024
 """What a link takes in at most as one message."""
 
 
-def session_config(settings: BusSettings) -> dict[str, Any]:
+def session_config(settings: BusSettings, links: int = MAX_LINKS) -> dict[str, Any]:
     """Return Zenoh's configuration, ready to be written as JSON.
+
+    links: how many there may be; they may come all at once, as after a restart.
 
     Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
     """
@@ -55,7 +58,12 @@ def session_config(settings: BusSettings) -> dict[str, Any]:
         },
         "timestamping": {"enabled": False},
         "transport": {
-            "unicast": {"open_timeout": OPEN_TIMEOUT_MS, "accept_timeout": OPEN_TIMEOUT_MS},
+            "unicast": {
+                "open_timeout": OPEN_TIMEOUT_MS,
+                "accept_timeout": OPEN_TIMEOUT_MS,
+                "accept_pending": links,
+                "max_sessions": links,
+            },
             "link": {
                 "tcp": {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES},
                 "tls": _tls(settings),

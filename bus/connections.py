@@ -5,9 +5,11 @@ is unsent, and waits for that when it closes a session. Small messages do not wa
 link is slow: what is not on its way yet stays with Zenoh, which sends by priority.
 """
 
+import logging
 import os
 import socket
 import struct
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Final
 
@@ -18,16 +20,42 @@ UNSENT_BYTES: Final = 64 << 10
 _FILES: Final = Path("/proc/self/fd")
 _LINGER: Final = struct.pack("ii", 1, LINGER_S)
 
+_log: Final = logging.getLogger(__name__)
 
-def tune(locator: str) -> None:
+
+class Tuning:
+    """Tunes links as they come: all that have come by then at once, for each look is at every file of the process.
+
+    do: has something done a little later, on the thread that adds links.
+    """
+
+    def __init__(self, do: Callable[[Callable[[], None]], None]) -> None:
+        self._do = do
+        self._new: set[str] = set()
+
+    def add(self, locator: str) -> None:
+        """Have the links tuned whose own end is at a locator."""
+        if not self._new:
+            self._do(self._tune)
+        self._new.add(locator)
+
+    def _tune(self) -> None:
+        locators, self._new = self._new, set()
+        try:
+            tune(locators)
+        except OSError as error:  # the system tells nobody what is connected: links do without
+            _log.debug("links at %s are not tuned: %s", ", ".join(locators), error)
+
+
+def tune(locators: Collection[str]) -> None:
     """Bound how long this process's connections whose own end is at a locator linger, and what they hold unsent.
 
     A locator is like tcp/127.0.0.1:7447 or tcp/[::1]:7447?rel=0.
     """
-    address = locator.partition("/")[2].partition("?")[0].partition("#")[0]
+    addresses = {each.partition("/")[2].partition("?")[0].partition("#")[0] for each in locators}
     for entry in _FILES.iterdir():
         if _is_socket(entry):
-            _tune(int(entry.name), address)
+            _tune(int(entry.name), addresses)
 
 
 def _is_socket(entry: Path) -> bool:
@@ -37,7 +65,7 @@ def _is_socket(entry: Path) -> bool:
         return False
 
 
-def _tune(descriptor: int, address: str) -> None:
+def _tune(descriptor: int, addresses: Collection[str]) -> None:
     try:
         duplicate = os.dup(descriptor)
     except OSError:  # closed meanwhile
@@ -48,7 +76,7 @@ def _tune(descriptor: int, address: str) -> None:
         os.close(duplicate)
         return
     with connection:
-        if connection.type == socket.SOCK_STREAM and _text(connection.getsockname()) == address:
+        if connection.type == socket.SOCK_STREAM and _text(connection.getsockname()) in addresses:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER)
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT_BYTES)
 

@@ -12,6 +12,7 @@ from bus.asking import Asking, Unanswered
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, matches, single_key
+from bus.link_use import MAX_LINKS, LinkUse
 from bus.pieces import Payload
 from bus.reading import PresenceReader, SampleReader
 from bus.serving import Call, Server, check_free
@@ -141,6 +142,10 @@ class _FakeBus:
     @property
     def link_problem(self) -> str:
         return "the bus is closed" if self._closed else ""
+
+    @property
+    def links(self) -> LinkUse:
+        return LinkUse(0, MAX_LINKS)
 
     def publisher(
         self,

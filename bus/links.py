@@ -10,27 +10,36 @@ _HOST: Final = re.compile(r"[a-z]+/\[?([^\]?#]*)\]?:\d+")
 
 
 class Links:
-    """The links that a session sought and has, each as its own end and the other's."""
+    """The links that a session has, each as its own end and the other's; true while it has one that it sought."""
 
     def __init__(self, settings: BusSettings) -> None:
         self._settings = settings
         self._there: set[tuple[str, str]] = set()
+        self._every: set[tuple[str, str]] = set()
+
+    @property
+    def count(self) -> int:
+        """How many there are, also those that others sought."""
+        return len(self._every)
 
     def __bool__(self) -> bool:
         return bool(self._there)
 
     def clear(self) -> None:
         self._there.clear()
+        self._every.clear()
 
     def add(self, own: str, other: str) -> bool:
         """Take in a link that is there; return whether it is one that was sought."""
+        self._every.add((own, other))
         sought = self._is_sought(other)
         if sought:
             self._there.add((own, other))
         return sought
 
     def remove(self, own: str, other: str) -> bool:
-        """Return whether it was one of these."""
+        """Take out a link that is gone; return whether it is one that was sought."""
+        self._every.discard((own, other))
         was_there = (own, other) in self._there
         self._there.discard((own, other))
         return was_there

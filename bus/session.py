@@ -19,9 +19,10 @@ from zenoh.handlers import Callback
 from bus.asking import Asking
 from bus.certificates import check_certificates
 from bus.config import session_config
-from bus.connections import tune
+from bus.connections import Tuning
 from bus.errors import BusError, NotServedError
 from bus.known_keys import Numbers
+from bus.link_use import LinkUse, LinkWarning
 from bus.links import Links
 from bus.panics import panics_are_errors
 from bus.queries import send_query
@@ -95,14 +96,17 @@ class SessionThread:
     it is ended.
     """
 
-    def __init__(self, settings: BusSettings) -> None:
+    def __init__(self, settings: BusSettings, most_links: int) -> None:
         self._settings = settings
+        self._most_links = most_links
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._kept: dict[Declaration, None] = {}
         self._numbers = Numbers()
         self._session: zenoh.Session | None = None
         self._turn = NEVER  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
         self._links = Links(settings)
+        self._link_warning = LinkWarning()
+        self._tuning = Tuning(self.do)
         self._stopping = threading.Event()
         self._stopped = False
         self._retry_at: float | None = None
@@ -129,6 +133,11 @@ class SessionThread:
         if self._session is None and self._turn != NEVER and self._settings.mode != "client":
             return "the bus is being opened again"
         return f"there is no link to {self._where}"
+
+    @property
+    def links(self) -> LinkUse:
+        """See `bus.api.Bus.links`."""
+        return LinkUse(self._links.count, self._most_links)
 
     def open(self) -> Future[None]:
         """Try to open once; a client whose routers do not answer goes on trying by itself, others fail."""
@@ -237,7 +246,7 @@ class SessionThread:
         _log.warning("waiting for a link to %s: %s", _named(endpoints), why_unreached(endpoints))
 
     def _opened(self) -> zenoh.Session:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings))))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings, self._most_links))))
 
     def _use(self, session: zenoh.Session) -> None:
         self._retry_at, self._refused = None, False
@@ -312,10 +321,9 @@ class SessionThread:
     def _link_up(self, turn: int, own: str, other: str) -> None:
         if turn == self._turn and self._links.add(own, other):
             _log.info("connected to %s", other)
-        try:
-            tune(own)
-        except OSError as error:  # the system tells nobody what is connected: links do without
-            _log.debug("the link to %s is not tuned: %s", other, error)
+        self._tuning.add(own)
+        if news := self._link_warning.news(self.links):
+            _log.warning("%s", news)
 
     def _link_down(self, turn: int, own: str, other: str) -> None:
         is_client = self._settings.mode == "client"

@@ -13,8 +13,10 @@ from bus.asking import Asking, Unanswered
 from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
 from bus.demand import Demand
 from bus.errors import BusClosedError
+from bus.files import raise_file_limit
 from bus.keys import key_expression, single_key
 from bus.known_keys import KnownKeys
+from bus.link_use import LinkUse, most_links
 from bus.locking import SHAREABLE_BYTES, may_lock
 from bus.serving import check_free
 from bus.session import Declaration, SessionThread
@@ -67,7 +69,7 @@ class ZenohBus:
 
     def __init__(self, settings: BusSettings) -> None:
         self._loop = asyncio.get_running_loop()
-        self._session = SessionThread(settings)
+        self._session = SessionThread(settings, most_links(raise_file_limit()))
         self._known_keys = KnownKeys(self._session.do) if settings.mode == "client" else None
         self._shared_memory = settings.shared_memory
         self._lanes = Lanes()
@@ -93,6 +95,11 @@ class ZenohBus:
     def link_problem(self) -> str:
         """See `bus.api.Bus.link_problem`."""
         return "the bus is closed" if self._closed else self._session.link_problem
+
+    @property
+    def links(self) -> LinkUse:
+        """See `bus.api.Bus.links`."""
+        return self._session.links
 
     def publisher(
         self,

@@ -142,12 +142,13 @@ def _found(
 def _groups(
     candidates: Iterable[tuple[int, Candidates]], limits: Limits, unmeasured: dict[int, str]
 ) -> Iterator[dict[int, Candidates]]:
-    """Return those that have enough points, some at a time."""
+    """Return those that have enough points, and of their own, some at a time."""
     group: dict[int, Candidates] = {}
     count = 0
     for index, each in candidates:
         try:
             _check_enough(len(each.depth), limits, "within its mask")
+            _check_own(each)
         except CloudError as error:
             unmeasured[index] = str(error)
             continue
@@ -177,6 +178,12 @@ def _only(chosen: NDArray[np.bool_] | None, points: Cutout) -> Cutout:
 def _check_enough(count: int, limits: Limits, where: str) -> None:
     if count < limits.min_points:
         raise CloudError(f"{count} points {where}, at least {limits.min_points} are needed")
+
+
+def _check_own(found: Candidates) -> None:
+    if not found.own:
+        count = len(found.depth)
+        raise CloudError(f"{count} points within its mask, all of what is around it: it gives none itself")
 
 
 def _check_room(count: int, room: int) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from services.cloud.points import Bytes, Floats, Indices, Points, usable
 from services.cloud.sampling import some
+from services.geometry.foreground import WELL_READ, has_own_depth
 from services.geometry.masks import Window, eroded, surroundings
 
 NEAR_M: Final = 0.05
@@ -54,14 +55,18 @@ class Masked:
 
     def around(self, height: int, width: int) -> Window:
         """Return the pixels of a picture so large that are within RING of the mask, but not of it."""
+        window = self.widened(height, width)
+        return Window(window.top, window.left, surroundings(window, RING))
+
+    def widened(self, height: int, width: int) -> Window:
+        """Return the mask in a window with RING more pixels on each side, as far as a picture so large goes."""
         (top, left), (rows, columns) = (self.mask.top, self.mask.left), self.mask.pixels.shape
         above, before = min(RING, top), min(RING, left)
         below, behind = min(RING, height - top - rows), min(RING, width - left - columns)
         wide = cv2.copyMakeBorder(
             self.mask.pixels.view(np.uint8), above, below, before, behind, cv2.BORDER_CONSTANT, value=0
         )
-        window = Window(top - above, left - before, wide.view(np.bool_))
-        return Window(window.top, window.left, surroundings(window, RING))
+        return Window(top - above, left - before, wide.view(np.bool_))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,13 +88,14 @@ class Candidates:
     """Points that a mask covers; some of them are the object's.
 
     depth: n metres along the camera's view, above 0. width: of them in the picture, in metres at 1 m. around: such
-    depths just outside of the mask; NaN and 0 are none.
+    depths just outside of the mask; NaN and 0 are none. own: whether any of them are the object's.
     """
 
     points: Cutout
     depth: Floats
     width: float
     around: Floats
+    own: bool = True
 
 
 class View(Protocol):
@@ -109,10 +115,10 @@ class RegisteredView:
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
         """See `View.within`."""
         height, width = (self.factor * side for side in self.points.shape)
-        group: list[tuple[Indices, Indices]] = []
+        group: list[tuple[Masked, Indices, Indices]] = []
         for each in masks:
-            group.append((self._numbers(each.inner), self._numbers(each.around(height, width), AROUND)))
-            if sum(len(numbers) for numbers, _ in group) > AT_ONCE:
+            group.append((each, self._numbers(each.inner), self._numbers(each.around(height, width), AROUND)))
+            if sum(len(numbers) for _, numbers, _ in group) > AT_ONCE:
                 yield from self._candidates(group)
                 group = []
         if group:
@@ -131,10 +137,11 @@ class RegisteredView:
         at += (window.top + top) // self.factor * width + (window.left + left) // self.factor
         return at
 
-    def _candidates(self, group: Sequence[tuple[Indices, Indices]]) -> Iterator[Candidates]:
-        at, ends = np.concatenate([each for each, _ in group]), np.cumsum([0, *(len(each) for each, _ in group)])
-        rings = np.cumsum([0, *(len(ring) for _, ring in group)])
-        around = self.points.take(np.concatenate([ring for _, ring in group])).xyz()[2]
+    def _candidates(self, group: Sequence[tuple[Masked, Indices, Indices]]) -> Iterator[Candidates]:
+        masks, numbers, outside = zip(*group, strict=True)
+        at, ends = np.concatenate(numbers), np.cumsum([0, *map(len, numbers)])
+        rings = np.cumsum([0, *map(len, outside)])
+        around = self.points.take(np.concatenate(outside)).xyz()[2]
         xyz = self.points.take(at).xyz()
         seen = usable(xyz) & (xyz[2] > NEAR_M)
         if not seen.all():
@@ -142,10 +149,19 @@ class RegisteredView:
             at, xyz, ends = at.take(which), xyz.take(which, axis=1), np.searchsorted(which, ends)
         rgb = self.points.take(at).rgb()
         widths = widths_of(xyz, ends)
-        bounds = zip(pairwise(ends.tolist()), pairwise(rings.tolist()), widths.tolist(), strict=True)
-        for (start, end), (first, last), width in bounds:
-            own = Cutout(at[start:end], xyz[:, start:end], None if rgb is None else rgb[start:end])
-            yield Candidates(own, own.xyz[2], width, around[first:last])
+        bounds = zip(masks, numbers, pairwise(ends.tolist()), pairwise(rings.tolist()), widths.tolist(), strict=True)
+        for mask, every, (start, end), (first, last), width in bounds:
+            found = Cutout(at[start:end], xyz[:, start:end], None if rgb is None else rgb[start:end])
+            own = end - start >= WELL_READ * len(every) or self._has_own(mask)
+            yield Candidates(found, found.xyz[2], width, around[first:last], own)
+
+    def _has_own(self, mask: Masked) -> bool:
+        """See `has_own_depth`; a point is what all pixels show that there is one for."""
+        window = mask.widened(*(self.factor * side for side in self.points.shape))
+        rows, columns = (np.arange(part.start, part.stop) // self.factor for part in window.place)
+        xyz = self.points.take((rows[:, np.newaxis] * self.points.shape[1] + columns).reshape(-1)).xyz()
+        depth = np.where(usable(xyz) & (xyz[2] > NEAR_M), xyz[2], np.nan)
+        return has_own_depth(window, depth.reshape(window.pixels.shape))
 
 
 def widths_of(xyz: Floats, bounds: Indices) -> Floats:

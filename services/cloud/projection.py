@@ -12,7 +12,8 @@ from services.cloud.outlines import NEAR_M, RING, Candidates, Cutout, Masked, wi
 from services.cloud.points import FAR_M, Floats, Indices, Points, usable
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
-from services.geometry.masks import Window
+from services.geometry.foreground import has_own_depth
+from services.geometry.masks import Window, surroundings
 
 Numbers = NDArray[np.float64]
 Selection = NDArray[np.bool_]
@@ -41,11 +42,13 @@ class _Seen:
         return _Seen(self.at[kept], self.xyz.take(kept, axis=1), self.columns[kept], self.rows[kept])
 
     def depths(self, window: Window) -> Floats:
-        """Return how far before the camera those on the pixels of a mask are."""
+        """Return how far before the camera what is on each pixel of a window is; NaN where there is nothing."""
         rows, columns = self.rows - window.top, self.columns - window.left
         height, width = window.pixels.shape
         inside = np.flatnonzero((rows >= 0) & (rows < height) & (columns >= 0) & (columns < width))
-        return np.asarray(self.xyz[2].take(inside[window.pixels[rows[inside], columns[inside]]]))
+        depths = np.full((height, width), np.nan, np.float32)
+        depths[rows[inside], columns[inside]] = self.xyz[2].take(inside)
+        return depths
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +77,10 @@ class ProjectedView:
         xyz, rgb, widths = xyz.take(owned.at, axis=1), self.points.take(owned.at).rgb(), widths_of(owned.xyz, bounds)
         for each, (start, end), width in zip(masks, pairwise(bounds.tolist()), widths.tolist(), strict=True):
             points = Cutout(owned.at[start:end], xyz[:, start:end], None if rgb is None else rgb[start:end])
-            around = seen.depths(each.around(camera.height, camera.width))
-            yield Candidates(points, owned.xyz[2, start:end], width, around)
+            mask = each.widened(camera.height, camera.width)
+            depths = seen.depths(mask)
+            around = depths[surroundings(mask, RING)]
+            yield Candidates(points, owned.xyz[2, start:end], width, around[around > 0], has_own_depth(mask, depths))
 
 
 def _moved(transform: Floats, xyz: Floats) -> Floats:

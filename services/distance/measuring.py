@@ -126,8 +126,8 @@ def _measured(
 ) -> Iterator[ObjectDistance]:
     picked = pick(list(windows.values()), view.depth, criteria)
     known = dict(zip(picked.rows.tolist(), _known(picked, view), strict=True)) if len(picked.rows) else {}
-    counts, areas = picked.counts.tolist(), picked.areas.tolist()
-    for row, (index, count, area) in enumerate(zip(windows, counts, areas, strict=True)):
+    numbers = (each.tolist() for each in (picked.counts, picked.areas, picked.own))
+    for row, (index, count, area, own) in enumerate(zip(windows, *numbers, strict=True)):
         share = count / area if area else 0.0
         if row in known:
             found = objects[index]
@@ -135,7 +135,8 @@ def _measured(
                 name=found.name, index=index, track=found.track, valid_share=share, measured=known[row]
             )
         else:
-            reason = f"{count} of its {area} pixels have a reading, {criteria.min_pixels} are needed"
+            why = f"{criteria.min_pixels} are needed" if own else "all of what is around it: it gives no depth itself"
+            reason = f"{count} of its {area} pixels have a reading, {why}"
             yield _unknown(index, objects[index], share, reason)
 
 

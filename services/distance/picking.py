@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.geometry.depth import Depth
+from services.geometry.foreground import WELL_READ, has_own_depth
 from services.geometry.masks import Window, eroded, surroundings
 
 Floats = NDArray[np.float32]
@@ -56,13 +57,15 @@ class Criteria:
 class Picked:
     """What n masks hold: areas, counts: (n,) pixels, and how many of them have a reading. mean_m: (n,) of these.
 
-    rows: which ones have enough readings, m of them. z: (m, SAMPLE) some of these in metres, ascending. at: (m, SAMPLE)
-    flat places of these in the image. around: (m, AROUND) readings around them, ascending, NaN where there are none.
+    own: (n,) whether any of these are the object's. rows: which ones have enough, and of their own, m of them.
+    z: (m, SAMPLE) some of these in metres, ascending. at: (m, SAMPLE) flat places of these in the image. around:
+    (m, AROUND) readings around them, ascending, NaN where there are none.
     """
 
     areas: Indices
     counts: Indices
     mean_m: NDArray[Any]
+    own: Bools
     rows: Indices
     z: Floats
     at: Indices
@@ -78,13 +81,19 @@ def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
     there = depth > 0
     masked = _Marked.of(windows, starts, there)
     counts, means = masked.means(depth)
-    rows = np.flatnonzero(counts >= criteria.min_pixels)
+    enough = counts >= criteria.min_pixels
+    own = np.ones(len(windows), np.bool_)
+    for row in np.flatnonzero(enough & (counts < WELL_READ * masked.areas)).tolist():
+        window = windows[row]
+        end = starts[row] + window.pixels.size
+        own[row] = has_own_depth(window, depth[starts[row] : end].reshape(window.pixels.shape))
+    rows = np.flatnonzero(enough & own)
     core = _Marked.of(list(_cores(windows, starts, there, criteria)), starts, there) if criteria.edge else masked
     within = core.nearest(rows)
     at = _in_image(within, [windows[row] for row in rows.tolist()], starts[rows], image.shape[1])
     z, at = _ascending(depth.take(within), at)
     around = _around(windows, rows, depth, there, starts)
-    return Picked(masked.areas, counts, means, rows, z, at, around)
+    return Picked(masked.areas, counts, means, own, rows, z, at, around)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

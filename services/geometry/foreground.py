@@ -2,8 +2,11 @@
 
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from services.geometry.masks import Window, eroded, surroundings
 
 Depths = NDArray[Any]
 Bools = NDArray[np.bool_]
@@ -25,6 +28,26 @@ _SUPPORT: Final = 0.2
 
 _FAINT: Final = 0.02
 """A share around the mask that says nothing."""
+
+WELL_READ: Final = 0.7
+"""A mask with a reading in a greater share of its pixels holds the object's own: its rim alone is less."""
+
+_RIM: Final = 3
+"""Pixels at a mask's edge where masks, and depth brought to colour, are off by as much."""
+
+_RING: Final = 5
+"""Pixels around a mask that say what the object's surroundings are."""
+
+_CORE_SHARE: Final = 0.3
+"""The least that a mask with readings of the object's own is read inside of its rim, of how densely its surroundings
+are. In the simulated warehouse that holds for all 1,282 masks that the model found, and for 43 of the 756 whose
+objects' own readings were taken away."""
+
+_REACH: Final = 12
+"""Pixels within which a surface that goes on outside of the mask has a reading there."""
+
+_GOES_ON: Final = 0.5
+"""The least share of a mask's readings that go on outside of it where all are of the surroundings."""
 
 
 def foreground(within: Depths, around: Depths) -> Bools:
@@ -59,6 +82,40 @@ def on_surface(within: Depths) -> Bools:
     starts[:, dense.shape[1] + 1 :] = starts[:, dense.shape[1], np.newaxis]
     before = np.maximum(np.arange(within.shape[1]) - near, 0)
     return np.asarray(starts[:, 1:] > starts[:, before])
+
+
+def has_own_depth(window: Window, depth_m: Depths) -> bool:
+    """Return whether any readings in a mask are the object's own.
+
+    An object that gives no depth, being black, shiny or too near, has readings at its mask's rim all the same: those of
+    what is around it, for masks and depth never fit exactly. They lie on the rim alone, and go on outside of it.
+
+    window: a mask with a margin of at least 5 pixels, as far as the image goes. depth_m: metres along the optical axis
+    of the window's pixels, height x width; NaN or 0 for no reading.
+    """
+    read = depth_m > 0
+    ring = surroundings(window, _RING)
+    outside = read & ring
+    if not outside.any() or read[_core(window)].mean() >= _CORE_SHARE * read[ring].mean():
+        return True
+    inside = read & window.pixels
+    going_on = inside & _is_among(depth_m, outside)
+    return bool(going_on.sum() < _GOES_ON * inside.sum())
+
+
+def _core(window: Window) -> Bools:
+    """Return the pixels of a mask inside of its rim; of a thin one the innermost. The end of the image is no rim."""
+    cores = (eroded(window, rim, at_window_end=False).pixels for rim in range(_RIM, 0, -1))
+    return next((core for core in cores if core.any()), window.pixels)
+
+
+def _is_among(depth_m: Depths, others: Bools) -> Bools:
+    """Return which readings lie between those of the others that are within _REACH, or close to one of them."""
+    square = np.ones((2 * _REACH + 1, 2 * _REACH + 1), np.uint8)
+    nearest = cv2.erode(np.where(others, depth_m, np.inf).astype(np.float32), square)
+    farthest = cv2.dilate(np.where(others, depth_m, 0).astype(np.float32), square)
+    slack = _GAP_M + _GAP_SHARE * depth_m
+    return np.asarray((depth_m >= nearest - slack) & (depth_m <= farthest + slack))
 
 
 def _dense(within: Depths) -> Bools:

@@ -155,7 +155,8 @@ class Monitor:
     def problems(self) -> list[str]:
         """Say what keeps the monitor itself from doing all that it should."""
         not_kept = self.history.status.problem
-        found = (not_kept and f"history is not being kept: {not_kept}", self.rules.problem)
+        links = self.bus.links.problem
+        found = (not_kept and f"history is not being kept: {not_kept}", self.rules.problem, links)
         return [*(problem for problem in found if problem), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:

@@ -4,6 +4,7 @@ import zenoh
 
 from bus import BusSettings
 from bus.config import IMAGE_BATCHES, SOCKET_BYTES, session_config
+from bus.link_use import MAX_LINKS
 
 
 def test_zenoh_understands_it() -> None:
@@ -21,6 +22,13 @@ def test_zenoh_understands_it() -> None:
 
 def test_a_peer_listens_only_where_it_is_told() -> None:
     assert session_config(BusSettings(mode="peer"))["listen"]["endpoints"] == []
+
+
+def test_more_links_than_zenohs_default_may_come_at_once() -> None:
+    config = zenoh.Config.from_json5(json.dumps(session_config(BusSettings())))
+    unicast = json.loads(config.get_json("transport/unicast"))
+    assert (unicast["max_sessions"], unicast["accept_pending"]) == (MAX_LINKS, MAX_LINKS)
+    assert session_config(BusSettings(), 700)["transport"]["unicast"]["max_sessions"] == 700
 
 
 def test_signs_of_life_are_at_most_half_a_second_apart() -> None:

@@ -34,7 +34,7 @@ def test_only_connections_of_that_address_are_tuned(family: socket.AddressFamily
         server.listen()
         client.connect(server.getsockname())
         other.connect(server.getsockname())
-        tune(locator.format(client.getsockname()[1]))
+        tune([locator.format(client.getsockname()[1])])
         assert linger(client) == (1, LINGER_S)
         assert unsent(client) == UNSENT_BYTES
         assert linger(other) == (0, 0)
@@ -45,7 +45,7 @@ def test_only_connections_of_that_address_are_tuned(family: socket.AddressFamily
 @pytest.mark.parametrize("locator", ["tcp/127.0.0.1:1", "nonsense"])
 def test_an_address_of_nobody_finds_nothing(locator: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname()) as client:
-        tune(locator)
+        tune([locator])
         assert linger(client) == (0, 0)
 
 
@@ -55,7 +55,7 @@ def test_no_file_is_left_open() -> None:
 
     with socket.socket() as unconnected, Path(__file__).open() as file:
         before = open_files()
-        tune("tcp/127.0.0.1:1")
+        tune(["tcp/127.0.0.1:1"])
         assert open_files() == before
         assert file.readable()
         assert linger(unconnected) == (0, 0)

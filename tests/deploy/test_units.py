@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from bus.link_use import MAX_LINKS, most_links
 from services.toolbox.process import EXIT_USAGE
 from tests.deploy.units import DEPLOY, values
 from tests.missing import require_debian
@@ -38,6 +39,12 @@ def test_systemd_has_nothing_to_say_against_the_units(root: Path, unit: str) -> 
     command = [ANALYZE, "verify", "--man=no", f"--root={root}", f"fleetsight-{unit}.service"]
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize("name", ["gateway", "space@", "monitor", "detector"])
+def test_a_unit_allows_as_many_files_as_a_router_may_have_links(name: str) -> None:
+    (files,) = values(name, "LimitNOFILE")
+    assert most_links(int(files)) == MAX_LINKS
 
 
 def test_a_setting_that_systemd_does_not_know_is_told(root: Path) -> None:

@@ -1,11 +1,12 @@
 """`fleetsight demo` as a user runs it."""
 
+import os
 import re
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import psutil
@@ -18,9 +19,9 @@ PATIENCE_S = 60
 
 
 @contextmanager
-def demo(*options: str) -> Iterator[subprocess.Popen[str]]:
+def demo(*options: str, under: tuple[str, ...] = ()) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(
-        [*DEMO, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        [*under, *DEMO, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     ) as running:
         try:
             yield running
@@ -59,6 +60,7 @@ def test_it_stops_by_itself_and_adds_up() -> None:
     assert 0 < lists <= inferred
     assert re.search(r"^class lists received: .*r1 [1-9].*r2 [1-9].*r3 [1-9]", said, re.MULTILINE)
     assert re.search(r"^age p50 / p99: +[\d.]+ s / [\d.]+ s$", said, re.MULTILINE)
+    assert re.search(r"^machine: .*\d+ processors, \d+% busy, [1-9]\d*% with the demo", said, re.MULTILINE)
     assert said.endswith("every robot was seen\n")
     beginning, page, seeing = said.partition("\npage: ")
     assert "is ready" not in beginning
@@ -79,6 +81,27 @@ def test_a_signal_stops_everything(number: signal.Signals) -> None:
     assert "frames sent:" in said
     assert "leaving at once" not in said
     assert psutil.wait_procs(started, timeout=0)[1] == []
+
+
+@pytest.mark.timeout(120)
+def test_it_outlives_its_terminal_under_nohup_and_says_that_the_machine_was_too_slow() -> None:
+    with other_work(), demo("--seconds", "10", under=("nohup",)) as running:
+        until_said(running, "connected")
+        running.send_signal(signal.SIGHUP)
+        said, _ = running.communicate(timeout=PATIENCE_S)
+    assert running.returncode >= 0, "the signal did not end it"
+    assert re.search(r"^machine: +too slow for this, .*\(\d+ processors, (9\d|100)% busy, ", said, re.MULTILINE), said
+    assert re.search(r"^result: ", said, re.MULTILINE)
+
+
+@contextmanager
+def other_work() -> Iterator[None]:
+    """Keep every processor busy with something else."""
+    with ExitStack() as stack:
+        for _ in range(2 * (os.cpu_count() or 1)):
+            busy = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
+            stack.callback(busy.kill)
+        yield
 
 
 @pytest.mark.timeout(120)

@@ -53,6 +53,8 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
         "fleetsight_unlabelled", "Robots, cameras and workers without series of their own.", _over(snapshot)
     )
     yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
+    yield GaugeMetricFamily("fleetsight_links", "Links of gateways, workers and others to it.", monitor.bus.links.count)
+    yield GaugeMetricFamily("fleetsight_links_limit", "How many of them it can have.", monitor.bus.links.limit)
     yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)
     yield GaugeMetricFamily("fleetsight_history_pending", "Rows that wait for the database.", history.pending)
     yield CounterMetricFamily("fleetsight_class_lists", "Class lists taken in, each once.", monitor.fleet.class_lists)

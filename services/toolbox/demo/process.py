@@ -22,6 +22,7 @@ from services.monitor.table import notes_of
 from services.toolbox.demo.children import Child, ChildFailedError, child
 from services.toolbox.demo.page import Page
 from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.processors import ProcessorClock, ProcessorUse
 from services.toolbox.demo.settings import SEED, DemoSettings
 from services.toolbox.demo.summary import Summary, drops
 from services.toolbox.process import EXIT_FAILED
@@ -41,7 +42,7 @@ async def run(settings: DemoSettings) -> int:
 
 
 async def _run(settings: DemoSettings, folder: Path) -> int:
-    began_s = time.monotonic()
+    began_s, processors = time.monotonic(), ProcessorClock()
     console = Console()
     port = free_ports(1 + settings.robots)
     endpoint = f"tcp/127.0.0.1:{port}"
@@ -61,7 +62,7 @@ async def _run(settings: DemoSettings, folder: Path) -> int:
             log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
         ended_well = False
     finally:
-        summary = _add_up(settings, fleet, children, began_s)
+        summary = _add_up(settings, fleet, children, began_s, processors.use())
         console.print(
             "\n".join([*summary.lines(), *notes_of(fleet.left_out)]), markup=False, highlight=False, soft_wrap=True
         )
@@ -145,7 +146,13 @@ def _leaves(group: BaseExceptionGroup[ChildFailedError]) -> Iterator[ChildFailed
             yield error
 
 
-def _add_up(settings: DemoSettings, fleet: Fleet, children: Mapping[str, Child], began_s: float) -> Summary:
+def _add_up(
+    settings: DemoSettings,
+    fleet: Fleet,
+    children: Mapping[str, Child],
+    began_s: float,
+    processors: ProcessorUse | None,
+) -> Summary:
     output = children["simulator"].output if "simulator" in children else []
     detectors = [worker for (service, _), worker in fleet.workers.items() if service == "detector"]
     return Summary(
@@ -156,4 +163,5 @@ def _add_up(settings: DemoSettings, fleet: Fleet, children: Mapping[str, Child],
         lists=fleet.lists_per_robot(),
         ages_s=tuple(fleet.ages_s),
         first_list_s=None if fleet.first_list_s is None else fleet.first_list_s - began_s,
+        processors=processors,
     )

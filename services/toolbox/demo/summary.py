@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from schemas.keys import Stream
 from schemas.status import MISSING, NUMBERED, GatewayStatus, WorkerStatus
+from services.toolbox.demo.processors import ProcessorUse
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +15,8 @@ class Summary:
 
     robots: those that should have been seen. sent: frames per robot as its camera counted them. lists: class lists per
     robot as the monitor counted them. dropped: frames by place and reason. ages_s: from a frame's arrival at its
-    gateway to its class list's at the monitor. first_list_s: from the start of the demo.
+    gateway to its class list's at the monitor. first_list_s: from the start of the demo. processors: of this machine,
+    if the system tells.
     """
 
     robots: Sequence[str]
@@ -24,6 +26,7 @@ class Summary:
     lists: Mapping[str, int]
     ages_s: Sequence[float]
     first_list_s: float | None
+    processors: ProcessorUse | None = None
 
     @property
     def complete(self) -> bool:
@@ -47,6 +50,7 @@ class Summary:
             f"class lists received: {sum(self.lists.values())} ({_per_robot(self.lists)})",
             f"first class list:     {_seconds(self.first_list_s)} after the start",
             f"age p50 / p99:        {_seconds(percentile(ages, 50))} / {_seconds(percentile(ages, 99))}",
+            *([] if self.processors is None else [f"machine:              {self.processors}"]),
             f"result:               {f'no class list from {missing}' if missing else 'every robot was seen'}",
         ]
 

@@ -1,6 +1,7 @@
 import math
 from typing import Any
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -136,6 +137,31 @@ def test_why_an_object_has_no_cloud_travels_with_the_others() -> None:
     assert made.unmeasured[1] == "9 points within its mask, at least 10 are needed"
     assert made.unmeasured[2] == NO_MASK
     assert "COCO" in made.unmeasured[4]
+
+
+def black_box(factor: int) -> tuple[PointCloud, Detections]:
+    """Return a scene whose first box gives no points, and what is found there, with masks 4 pixels too large."""
+    picture, owners = camera_view(BOXES)
+    points = np.where((owners == 1)[..., np.newaxis], np.nan, picture)[factor // 2 :: factor, factor // 2 :: factor]
+    found = [detection(cv2.dilate((owners == number).astype(np.uint8), np.ones((9, 9))) > 0) for number in (1, 2)]
+    return xyz_cloud(np.ascontiguousarray(points)), detections(*found)
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_an_object_that_gives_no_points_has_none_of_what_is_around_it(factor: int) -> None:
+    cloud, found = black_box(factor)
+    view = RegisteredView(Points.of(cloud), factor)
+    made = measure(found, view, of=cloud.header, target=BASE, limits=Limits(), worker="w")
+    assert [each.index for each in made.objects] == [1]
+    assert made.unmeasured[0].endswith(" points within its mask, all of what is around it: it gives none itself")
+
+
+def test_an_object_that_gives_no_points_has_none_of_an_unordered_cloud() -> None:
+    cloud, found = black_box(1)
+    view = ProjectedView(Points.of(cloud), CAMERA, np.identity(4))
+    made = measure(found, view, of=cloud.header, target=BASE, limits=Limits(), worker="w")
+    assert [each.index for each in made.objects] == [1]
+    assert made.unmeasured[0].endswith(" points within its mask, all of what is around it: it gives none itself")
 
 
 def test_points_that_are_only_scattered_are_no_object() -> None:

@@ -159,6 +159,18 @@ def test_too_few_readings_are_unknown_and_just_enough_are_not() -> None:
     assert known(measure(found(mask(ROWS, COLUMNS)), view(depth), Criteria(min_pixels=30))[0]).axial_m == 2
 
 
+@pytest.mark.parametrize("around", ["wall", "floor"])
+def test_an_object_that_gives_no_depth_is_not_where_the_things_around_it_are(around: str) -> None:
+    depth = wall(4.0) if around == "wall" else np.linspace(6, 2, HEIGHT)[:, np.newaxis].repeat(WIDTH, axis=1)
+    depth[12:28, 22:48] = NAN  # the object; its mask is two pixels too large
+    (black,) = measure(found(mask(ROWS, COLUMNS)), view(depth), Criteria())
+    assert black.measured is None
+    assert black.unknown == "184 of its 600 pixels have a reading, all of what is around it: it gives no depth itself"
+    assert black.valid_share == pytest.approx(184 / 600)
+    depth[12:28, 22:48] = 2.5
+    assert known(measure(found(mask(ROWS, COLUMNS)), view(depth), Criteria())[0]).axial_m == 2.5
+
+
 def test_objects_without_a_mask_or_with_a_damaged_or_empty_one_are_unknown() -> None:
     whole, other = found(mask(ROWS, COLUMNS), mask(ROWS, slice(0, 0)))
     bare = msgspec.structs.replace(whole, mask=None)

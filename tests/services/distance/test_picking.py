@@ -58,7 +58,8 @@ def test_without_a_reading_around_there_is_none() -> None:
 
 
 def test_pixels_beside_a_reading_take_it_and_those_far_from_one_none() -> None:
-    depth_m = ramp()
+    depth_m = ramp() + 5  # around the object: else what it reads at its edge would be taken for that
+    depth_m[NEAR, FAR] -= 5
     depth_m[NEAR, 30:45] = np.nan
     found = picked(depth_m)
     columns = found.at[1] % WIDTH

@@ -13,8 +13,12 @@ from services.toolbox import process
 
 
 def spawn(body: str, *, finite: bool = False) -> subprocess.Popen[str]:
-    """Start a process that runs `main`, defined by `body`, and says when it is ready for signals."""
-    program = "import asyncio, signal, time\nfrom services.toolbox import process\n" + textwrap.dedent(body)
+    """Start a process that runs `main`, defined by `body`, and says when it is ready for signals.
+
+    A terminal that is closed tells it to stop, also where the tests themselves are to outlive theirs (nohup).
+    """
+    program = "import asyncio, signal, time\nfrom services.toolbox import process\n"
+    program += "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n" + textwrap.dedent(body)
     end = f"\nprocess.leave(process.run(main, finite={finite}))"
     return subprocess.Popen([sys.executable, "-c", program + end], stdout=subprocess.PIPE, text=True)
 

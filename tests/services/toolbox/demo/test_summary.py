@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import msgspec
 import pytest
 
 from schemas.status import ENDED, MISSING, NUMBERED, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from services.toolbox.demo.processors import ProcessorUse
 from services.toolbox.demo.summary import Summary, drops, percentile
 
 
@@ -30,6 +33,19 @@ def test_a_complete_run() -> None:
         "age p50 / p99:        0.10 s / 0.20 s",
         "result:               every robot was seen",
     ]
+
+
+def test_it_says_whether_the_machine_was_too_slow() -> None:
+    run = summary(lists={"r1": 8, "r2": 7}, ages_s=(4.0, 9.0))
+    *_, machine, result = replace(run, processors=ProcessorUse(count=2, busy=0.634, own=0.38)).lines()
+    assert machine == "machine:              2 processors, 63% busy, 38% with the demo"
+    assert result == "result:               every robot was seen"
+    *_, machine, result = replace(run, processors=ProcessorUse(count=2, busy=0.97, own=0.38)).lines()
+    assert machine == (
+        "machine:              too slow for this, ages and drops come of that (2 processors, 97% busy, "
+        "38% with the demo): close other programs, or ask for less with --robots and --hz"
+    )
+    assert result == "result:               every robot was seen"
 
 
 @pytest.mark.parametrize("lists", [{}, {"r1": 8}, {"r1": 8, "r2": 0}])
