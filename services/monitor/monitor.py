@@ -154,8 +154,9 @@ class Monitor:
 
     def problems(self) -> list[str]:
         """Say what keeps the monitor itself from doing all that it should."""
-        not_kept = self.history.status.problem
-        found = (not_kept and f"history is not being kept: {not_kept}", self.rules.problem)
+        status = self.history.status
+        not_kept = status.problem and f"history is not being kept: {status.problem}"
+        found = (not_kept, *status.warnings, self.rules.problem)
         return [*(problem for problem in found if problem), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:

@@ -19,7 +19,8 @@ DRIVERS: Final = {"sqlite": "sqlite+aiosqlite", "postgresql": "postgresql+asyncp
 TIMEOUT_S: Final = 10.0
 """How long the database may take for one thing."""
 
-PRAGMAS: Final = ("journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000")
+PRAGMAS: Final = ("auto_vacuum=INCREMENTAL", "journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000")
+"""The first one says how a new file is made, and comes before anything is written into it."""
 
 
 def engine_of(url: str) -> AsyncEngine:

@@ -13,6 +13,7 @@ from sqlalchemy.schema import DropTable
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
+from services.monitor.history import pruning
 from services.monitor.history import store as module
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
@@ -182,6 +183,19 @@ async def test_one_that_leads_and_is_not_heard_of_any_more_is_taken_over_from(
         assert await every(second) == [interval(3, 4)]
 
 
+async def test_what_webhooks_did_not_take_is_kept_until_they_did(url: str) -> None:
+    some = [alert(id_=name, text=name) for name in ("a1", "a2")]
+    async with opened(url) as store:
+        await store.write([], some, 1)
+        await store.owe([*(("ops", each) for each in some), ("on call", some[0]), ("ops", alert(id_="gone"))], [])
+        newer = alert(id_="a2", text="newer", changed_ns=9)
+        await store.write([], [newer], 2)
+    async with opened(url) as store:
+        assert set((await store.load(0)).owed) == {("ops", some[0]), ("ops", newer), ("on call", some[0])}
+        await store.owe([("ops", newer)], [("ops", "a1"), ("on call", "a1")])
+        assert (await store.load(0)).owed == [("ops", newer)]
+
+
 async def test_old_history_is_forgotten_but_not_what_goes_on(url: str) -> None:
     async with opened(url) as store:
         old = [interval(1, 2), interval(3, 4, is_open=True), interval(5, 10)]
@@ -204,7 +218,7 @@ async def test_old_history_of_each_kind_is_forgotten(url: str) -> None:
 
 
 async def test_much_old_history_is_forgotten_bit_by_bit(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "SLICE", 3)
+    monkeypatch.setattr(pruning, "SLICE", 3)
     async with opened(url) as store:
         assert await store.prune(9 * S)
         some = [interval(since, max(since, 4)) for since in range(1, 9)]
