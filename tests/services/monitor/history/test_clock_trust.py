@@ -144,6 +144,7 @@ async def test_robots_were_last_seen_when_they_were_after_a_clock_that_was_ahead
     assert real_ns() - DAY_NS < seen.since_ns < seen.until_ns <= real_ns()
     async with monitoring(url) as monitor:
         assert monitor.inventory.recalled()["r1"] <= real_ns()
+        await until(lambda: monitor.history.status.leads)
 
 
 async def test_where_old_history_cannot_be_forgotten_it_is_said_and_history_goes_on(
