@@ -152,6 +152,11 @@ class Monitor:
         self.history.forget(robot)
         log.info("%s had %s forgotten", by, robot)
 
+    def trust_clock(self, by: str) -> None:
+        """Take that the clock of this machine is right. by: a user's name."""
+        self.history.trust_clock()
+        log.info("%s says that the clock of this machine is right", by)
+
     def problems(self) -> list[str]:
         """Say what keeps the monitor itself from doing all that it should."""
         status = self.history.status

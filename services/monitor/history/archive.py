@@ -17,6 +17,7 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
 from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
+from services.monitor.history.searching import contains
 from services.monitor.history.settings import NONE
 from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted
 from services.monitor.inventory.debouncing import NS
@@ -68,10 +69,11 @@ class Archive:
     async def sightings(self, asked: Asked, limit: int, after: SightingPlace | None = None) -> list[Interval]:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
-        query = intervals.select().where(*_like(asked), intervals.c.since_ns <= asked.until_ns)
+        query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
         query = _page(query, order, limit, after)
         rows: Sequence[Any] = ()
         async with self._connected() as connection:
+            query = query.where(*await _with_text(connection, asked.text))
             at_ns = await _heartbeat_ns(connection)
             newest_ns = min(at_ns, asked.until_ns, at_ns if after is None else after[0])
             for since_ns in [] if asked.robot else _ever_earlier(newest_ns, asked.since_ns):
@@ -93,7 +95,7 @@ class Archive:
             places = {"robot": asked.robot, "camera": asked.camera}
             cameras = {column: value for column, value in places.items() if value}
             classes = {"name": asked.name} if asked.name else {}
-            seen = in_view({**cameras, **classes}, _with_text(asked.text), until_ns)
+            seen = in_view({**cameras, **classes}, await _with_text(connection, asked.text), until_ns)
             spoken = spoken_for(cameras, until_ns)
             return await count_over_time(connection, seen, spoken, asked.since_ns, asked.until_ns)
 
@@ -156,14 +158,12 @@ def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
         back_ns *= 4
 
 
-def _like(asked: Asked) -> list[ColumnElement[bool]]:
-    """Return what finds the intervals that are asked for, whenever they were."""
-    return [*_named(asked, intervals), *_with_text(asked.text)]
-
-
-def _with_text(text: str) -> list[ColumnElement[bool]]:
+async def _with_text(connection: AsyncConnection, text: str) -> list[ColumnElement[bool]]:
     """Return what finds the intervals that have a text in one of their names."""
-    return [or_(*(intervals.c[each].icontains(text, autoescape=True) for each in SAID))] if text else []
+    if not text:
+        return []
+    found = [await contains(connection, intervals.c[each], text) for each in SAID]
+    return [or_(*found)]
 
 
 def _named(asked: Asked, table: Table) -> list[ColumnElement[bool]]:

@@ -85,8 +85,8 @@ class Counted:
     open_until_ns: int
 
     def here(self, of: FromClause) -> list[ColumnElement[bool]]:
-        """Return what finds the places in a table, or query."""
-        found = [of.c[column] == value for column, value in self.places.items()]
+        """Return what finds the places in a table, or query; not by their index, that of times finds fewer rows."""
+        found = [of.c[column].concat("") == value for column, value in self.places.items()]
         return [*found, of.c.robot != "", of.c.camera != ""]  # robots, and monitors, are present too
 
 

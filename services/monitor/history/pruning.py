@@ -1,7 +1,7 @@
 """Forgetting history that is older than it is to be kept, a bounded number of rows at a time."""
 
 from collections.abc import Awaitable, Callable
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy import ColumnElement, Table, delete, exists, select
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -98,5 +98,6 @@ async def shrink(connection: AsyncConnection) -> bool:
     free, pages = [int((await pragma(f"PRAGMA {of}_count")).scalar() or 0) for of in ("freelist", "page")]
     if free * FREE_SHARE <= pages:
         return True
-    (await pragma(f"PRAGMA incremental_vacuum({FREED_PAGES})")).all()
+    driver: Any = (await connection.get_raw_connection()).driver_connection
+    await driver.executescript(f"PRAGMA incremental_vacuum({FREED_PAGES})")  # `execute` would free a single page
     return free <= FREED_PAGES

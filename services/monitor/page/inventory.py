@@ -173,4 +173,4 @@ class _Inventory:
     async def _download(self) -> None:
         found = (await self._shared.stock()).wanted(self._filters)
         text = await asyncio.to_thread(as_csv, found[:MAX_CSV])
-        ui.download.content(text, "inventory.csv", "text/csv")
+        ui.download.content(f"\N{BYTE ORDER MARK}{text}", "inventory.csv", "text/csv")  # for Excel

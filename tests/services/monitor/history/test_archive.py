@@ -12,6 +12,8 @@ from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
 from services.monitor.history.settings import NONE
+from services.monitor.inventory.inventory import Entry
+from services.monitor.page.sightings import Filters, Stock
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
@@ -77,6 +79,25 @@ async def test_what_is_searched_for_is_in_one_of_the_names_of_a_sighting_in_capi
     archive = Archive(url)
     for text, count in (("BOX", 3), ("g_b", 1), ("%", 0), (some[0].worker, 3), ("r1", 3), ("no such", 0)):
         assert len(await archive.sightings(Asked(text=text), 9)) == count, text
+
+
+async def test_letters_of_every_alphabet_are_found_in_capitals_or_not(url: str) -> None:
+    names = ("Übergröße", "ÜBERGRÖSSE", "коробка", "箱", "box")
+    async with opened(url) as store:
+        await store.write([interval(second, second, name=name) for second, name in enumerate(names)], [], NOW_S * S)
+    for text, wanted in (
+        ("über", {"Übergröße", "ÜBERGRÖSSE"}),
+        ("GRÖßE", {"Übergröße", "ÜBERGRÖSSE"}),
+        ("grösse", {"Übergröße", "ÜBERGRÖSSE"}),
+        ("Короб", {"коробка"}),  # noqa: RUF001 - Cyrillic
+        ("箱", {"箱"}),
+        ("BOX", {"box"}),
+        ("ü%", set()),
+    ):
+        assert {each.name for each in await Archive(url).sightings(Asked(text=text), 9)} == wanted, text
+        entries = [Entry(each.sighting(), available=True) for each in await Archive(url).sightings(Asked(), 9)]
+        listed = Stock(entries).wanted(Filters(text=text, in_view=False))
+        assert {entry.sighting.name for entry in listed} == wanted, "as the table of the page finds them"
 
 
 async def test_what_goes_on_is_of_now_though_it_began_long_ago(url: str) -> None:

@@ -7,6 +7,7 @@ import pytest
 from schemas.alerts import AlertState
 from services.monitor.history import upkeep as module
 from services.monitor.history.clock_trust import DAY_NS, FAR_NS, ClockTrust, Correction, Doubt
+from services.monitor.history.errors import HistoryError
 from services.monitor.history.store import Store
 from tests.contract.waiting import until
 from tests.schemas.results import alert
@@ -151,7 +152,7 @@ async def test_where_old_history_cannot_be_forgotten_it_is_said_and_history_goes
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def refuse(_store: Store, _before_ns: int) -> bool:
-        raise module.HistoryError("too slow")
+        raise HistoryError("too slow")
 
     monkeypatch.setattr(Store, "prune", refuse)
     async with monitoring(url) as monitor:

@@ -4,11 +4,21 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Final
 
-from sqlalchemy import func, select
+import pytest
+from sqlalchemy import func, select, text
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
+from schemas.alerts import AlertState
+from services.monitor.history import archive as archive_module
+from services.monitor.history import pruning
+from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.disagreements import Disagreement
+from services.monitor.history.intervals import Interval
+from services.monitor.history.opening import connect
+from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
-from services.monitor.history.tables import metadata
-from tests.services.monitor.history.filling import fill
+from services.monitor.history.tables import metadata, presence
+from tests.services.monitor.history.filling import ROBOTS, fill
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import S
 
@@ -45,7 +55,83 @@ async def counted(store: Store) -> dict[str, int]:
 
 async def test_a_long_history_of_which_nothing_is_old_is_pruned_and_stays(url: str) -> None:
     async with long_history(url) as store:
-        for _ in range(ROWS["acts"] // 10_000):
-            await store.prune((NOW_S - DAYS_S) * S)
+        await store.prune((NOW_S - DAYS_S) * S)
         assert await store.prune((NOW_S - DAYS_S) * S)
         assert await counted(store) == ROWS
+
+
+async def test_a_long_history_of_which_all_is_old_is_pruned_step_by_step(url: str) -> None:
+    async with opened(url) as store:
+        rows = {name: count for name, count in ROWS.items() if name != "intervals"}
+        for table, count in rows.items():
+            await fill(store, table, count, NOW_S - DAYS_S, NOW_S)
+        before, steps = sum(rows.values()), 0
+        while not await store.prune(2**62):
+            left = sum((await counted(store)).values())
+            assert before - left <= len(rows) * pruning.SLICE
+            before, steps = left, steps + 1
+        assert steps >= ROWS["alerts"] // 2 // pruning.SLICE
+        unresolved = ROWS["alerts"] // 100
+        assert await counted(store) == {
+            **dict.fromkeys(ROWS, 0), "alerts": unresolved, "acts": ROWS["acts"] // 100
+        }  # fmt: skip
+
+
+async def test_every_query_of_a_long_history_is_answered(url: str) -> None:
+    async with long_history(url) as store:
+        kept = await store.load((NOW_S - 86_400) * S)
+        assert (len(kept.alerts), len(kept.acts)) == (ROWS["alerts"] // 100, ROWS["acts"] // 100)
+        assert len(await store.last_present()) == 2 * ROBOTS
+        assert len(await store.poses((NOW_S - DAYS_S) * S)) == len(await store.forgotten()) == 20_000
+        names = [f"alert-of-a-long-history-{number}" for number in range(10_000)]
+        assert len(await store.known_alerts(names)) == len(names)
+        for kind, where in ((Interval, []), (Presence, [presence.c.robot != ""]), (Disagreement, [])):
+            assert await store.select(kind, *where, since_ns=(NOW_S - 86_400) * S)
+        archive, day = Archive(url), Asked((NOW_S - 86_400) * S, NOW_S * S)
+        for asked in (
+            day,
+            Asked(),
+            Asked(text="r7"),
+            Asked(text="ü"),
+            Asked(name="none"),
+            Asked(robot="r1"),
+            Asked(camera="x"),
+        ):
+            found = await archive.sightings(asked, 200)
+            assert len(found) in {0, 200}, asked
+        assert len(await archive.alerts(Asked(), 10_000, states=[AlertState.RAISED])) == ROWS["alerts"] // 100
+        assert len(await archive.alerts(day, 200, states=[AlertState.RESOLVED])) == 200
+        assert len(await archive.alerts(Asked(robot="r3"), 200)) == 200
+        assert len(await archive.acts(names)) == len(names)
+        for since_s in (3_600, 86_400, DAYS_S):
+            counts = await archive.counts(Asked((NOW_S - since_s) * S, NOW_S * S))
+            assert counts.most.keys() == {"box", "pallet", "forklift"}
+            none = await archive.counts(Asked((NOW_S - since_s) * S, NOW_S * S, robot="r3", text="ü"))
+            assert none.most == {}
+
+
+async def test_a_chart_of_all_of_a_long_history_reads_little_of_it(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with long_history(url):
+        pass
+    month = Asked((NOW_S - DAYS_S) * S, NOW_S * S)
+    if url.startswith("sqlite"):
+        steps: list[int] = []
+
+        async def counting(engine: AsyncEngine, *, create: bool) -> AsyncConnection:
+            connection = await connect(engine, create=create)
+            database = (await connection.get_raw_connection()).driver_connection
+            assert database is not None
+            await database.set_progress_handler(lambda: steps.append(1), 1_000)
+            return connection
+
+        monkeypatch.setattr(archive_module, "connect", counting)
+        await Archive(url).counts(month)
+        assert len(steps) * 1_000 < 8 * ROWS["intervals"], "a look at each row would be some twenty instructions"
+        return
+    read = "SELECT sum(seq_tup_read + coalesce(idx_tup_fetch, 0)) FROM pg_stat_user_tables WHERE relname = 'intervals'"
+    async with opened(url) as store:
+        before = await store._connection.scalar(text(read))
+    await Archive(url).counts(month)
+    async with opened(url) as store:
+        after = await store._connection.scalar(text(read))
+    assert after - before < ROWS["intervals"] / 4
