@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Select, Table, or_, select, tuple_
+from sqlalchemy import ColumnElement, Select, Table, select, tuple_
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
@@ -162,8 +162,7 @@ async def _with_text(connection: AsyncConnection, text: str) -> list[ColumnEleme
     """Return what finds the intervals that have a text in one of their names."""
     if not text:
         return []
-    found = [await contains(connection, intervals.c[each], text) for each in SAID]
-    return [or_(*found)]
+    return [await contains(connection, [intervals.c[each] for each in SAID], text)]
 
 
 def _named(asked: Asked, table: Table) -> list[ColumnElement[bool]]:

@@ -1,8 +1,9 @@
 """Looking for a text in a database's names, in capitals or not, of any alphabet."""
 
+from collections.abc import Sequence
 from typing import Final
 
-from sqlalchemy import ColumnElement, and_, func, or_, text
+from sqlalchemy import ColumnElement, LargeBinary, and_, cast, func, or_, text
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from services.monitor.history.engine import CASEFOLD
@@ -14,19 +15,31 @@ ANY_LETTER: Final = "und-x-icu"
 HAS_ANY_LETTER: Final = text("SELECT count(*) FROM pg_collation WHERE collname = :name")
 
 
-async def contains(connection: AsyncConnection, column: ColumnElement[str], wanted: str) -> ColumnElement[bool]:
-    """Return what finds the rows with a text in a column.
+BETWEEN: Final = "\x1f"
+"""Between two names that are looked at together: that is several times as fast as one after the other."""
+
+
+async def contains(
+    connection: AsyncConnection, columns: Sequence[ColumnElement[str]], wanted: str
+) -> ColumnElement[bool]:
+    """Return what finds the rows with a text in one of some columns.
 
     Only names that have other letters than ASCII's take the slow way. PostgreSQL without ICU knows the letters of the
     database's own locale alone.
     """
-    folded = wanted.casefold()
+    folded, column = wanted.casefold(), columns[0]
+    for each in columns[1:]:
+        column = column.concat(BETWEEN).concat(each)
     if connection.dialect.name == "sqlite":
-        has_others: ColumnElement[bool] = column.op("GLOB", is_comparison=True)("*[^\x01-\x7f]*")
-        others = getattr(func, CASEFOLD)(column).contains(folded, autoescape=True)
+        has_others = or_(*(func.length(each) < func.length(cast(each, LargeBinary)) for each in columns))
+        others = func.instr(getattr(func, CASEFOLD)(column), folded) > 0
     else:
-        has_others = func.octet_length(column) > func.char_length(column)
+        has_others = func.char_length(column) < func.octet_length(column)
         known = await connection.scalar(HAS_ANY_LETTER, {"name": ANY_LETTER})
         upper = func.upper(column.collate(ANY_LETTER) if known else column)  # SS of the German sz, as casefold ss
         others = upper.contains(folded.upper(), autoescape=True)
-    return or_(column.icontains(folded, autoescape=True), and_(has_others, others))
+    found = and_(has_others, others)
+    if folded.isascii():
+        plain = func.instr if connection.dialect.name == "sqlite" else func.strpos
+        found = or_(plain(func.lower(column), folded) > 0, found)
+    return found
