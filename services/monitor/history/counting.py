@@ -35,10 +35,10 @@ FEWEST_SLOTS: Final = 12
 EXACT: Final = 50_000
 """Up to how many intervals are counted exactly."""
 
-LOOKS: Final = 50_000
+LOOKS: Final = 20_000
 """How many steps in an index are taken otherwise, over all places and moments."""
 
-MOST_LOOKS: Final = 16
+MOST_LOOKS: Final = 4
 """Moments in one slot."""
 
 Where = Sequence[ColumnElement[bool]]

@@ -34,7 +34,7 @@ async def contains(
         has_others = or_(*(func.length(each) < func.length(cast(each, LargeBinary)) for each in columns))
         others = func.instr(getattr(func, CASEFOLD)(column), folded) > 0
     else:
-        has_others = func.char_length(column) < func.octet_length(column)
+        has_others = or_(*(func.char_length(each) < func.octet_length(each) for each in columns))
         known = await connection.scalar(HAS_ANY_LETTER, {"name": ANY_LETTER})
         upper = func.upper(column.collate(ANY_LETTER) if known else column)  # SS of the German sz, as casefold ss
         others = upper.contains(folded.upper(), autoescape=True)
