@@ -152,11 +152,16 @@ class Monitor:
         self.history.forget(robot)
         log.info("%s had %s forgotten", by, robot)
 
+    def trust_clock(self, by: str) -> None:
+        """Take that the clock of this machine is right. by: a user's name."""
+        self.history.trust_clock()
+        log.info("%s says that the clock of this machine is right", by)
+
     def problems(self) -> list[str]:
         """Say what keeps the monitor itself from doing all that it should."""
-        not_kept = self.history.status.problem
-        links = self.bus.links.problem
-        found = (not_kept and f"history is not being kept: {not_kept}", self.rules.problem, links)
+        status = self.history.status
+        not_kept = status.problem and f"history is not being kept: {status.problem}"
+        found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem)
         return [*(problem for problem in found if problem), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:

@@ -104,7 +104,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
     health = Health(bus, hub=settings.mode != "client")
     alerting = Alerting(rules, fleet.inventory, Hearing(health.heard_s, settings.lease_s))
-    history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places)
+    history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
 
     def told(changes: Sequence[Change]) -> None:

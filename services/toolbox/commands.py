@@ -193,7 +193,7 @@ COMMANDS: Final = (
     ),
     Command(
         "history",
-        "write what a monitor has kept into a file: CSV or Parquet",
+        "write what a monitor has kept into a file: CSV or Parquet; look after the database",
         "services.monitor.export.settings:ExportSettings",
         "services.monitor.export.process:run",
         refusals=("services.monitor.history.errors:HistoryError",),
@@ -203,6 +203,8 @@ COMMANDS: Final = (
         examples=(
             "fleetsight history export --to seen.csv --since 2026-11-20T06:00 --robot r1",
             "fleetsight history export --to alerts.parquet --what alerts",
+            "fleetsight history trust-clock",
+            "fleetsight history compact --history sqlite:////var/lib/fleetsight/history.db",
         ),
     ),
     Command(

@@ -77,6 +77,19 @@ class Alerting:
         self._engine.restore(alerts, time.time_ns(), escalated)
         self._begin_anew()
 
+    def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
+        """Have webhooks, by name, take alerts that they did not take before a restart."""
+        waiting: dict[str, list[Alert]] = {}
+        for name, alert in alerts:
+            waiting.setdefault(name, []).append(alert)
+        webhooks = self._rules.book.webhooks
+        for name in waiting.keys() & webhooks.keys():
+            self._webhooks.owe(name, webhooks[name], waiting[name])
+
+    def owed(self) -> Iterator[tuple[str, Alert]]:
+        """Yield the alerts that webhooks, by name, did not take yet, each as it stands."""
+        return self._webhooks.owed()
+
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
         if self._engine is not None:
@@ -135,12 +148,14 @@ class Alerting:
             if turned:
                 self._begin_anew()
             if not leads():
+                self._webhooks.clear()
                 self._engine = None
             engine = self._engine
             if engine is None:
                 continue
             if engine.book is not self._rules.book:
                 engine.replace(self._rules.book, time.time_ns())
+                self._webhooks.keep(self._rules.book.webhooks)
                 self._look_at_all = True
             if time.monotonic() >= max(self._settled_s, 0 if turned else swept_s + SWEEP_S):
                 swept_s = time.monotonic()

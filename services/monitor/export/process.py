@@ -12,9 +12,11 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from services.monitor.export.settings import ExportSettings, epoch_ns
 from services.monitor.export.writing import write_csv, write_parquet
+from services.monitor.history.compacting import compact
 from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
+from services.monitor.history.store import Store
 from services.monitor.history.tables import alerts, heartbeat, intervals
 
 ROWS: Final = 100
@@ -24,9 +26,18 @@ LONG_S: Final = 3_600.0
 
 
 async def run(settings: ExportSettings) -> None:
-    """Write the file, and say how much is in it; see `export`."""
-    count = await export(settings)
-    sys.stdout.write(f"{settings.to}: {count} {settings.what}\n")
+    """Do what is asked for, and say what was done; see `export`.
+
+    Raises:
+        HistoryError: the database cannot be had, or the file not be written.
+    """
+    if settings.task == "export":
+        said = f"{settings.to}: {await export(settings)} {settings.what}"
+    elif settings.task == "trust-clock":
+        said = await _trust_clock(settings.history)
+    else:
+        said = await compact(settings.history)
+    sys.stdout.write(f"{said}\n")
 
 
 async def export(settings: ExportSettings) -> int:
@@ -35,35 +46,49 @@ async def export(settings: ExportSettings) -> int:
     Raises:
         HistoryError: the database cannot be read, or the file not be written.
     """
+    assert settings.to is not None, "settings without a file are refused"  # noqa: S101 - for the type
     engine = engine_of(settings.history)
     table = intervals if settings.what == "sightings" else alerts
     try:
         async with translating(LONG_S):
-            return await _write(engine, settings, table)
+            return await _write(engine, settings, settings.to, table)
     finally:
         await engine.dispose()
 
 
-async def _write(engine: AsyncEngine, settings: ExportSettings, table: Table) -> int:
+async def _trust_clock(history: str) -> str:
+    store = await Store.open(history, create=False, complete=True)
     try:
-        with TemporaryDirectory(dir=settings.to.parent, prefix=".fleetsight-") as folder:
-            return await _write_in(Path(folder), engine, settings, table)
+        doubted = await store.trust_clock()
+    finally:
+        await store.close()
+    return "the clock is believed from now on" if doubted else "no monitor of this history doubts its clock"
+
+
+async def _write(engine: AsyncEngine, settings: ExportSettings, to: Path, table: Table) -> int:
+    try:
+        with TemporaryDirectory(dir=to.parent, prefix=".fleetsight-") as folder:
+            made, count = await _write_in(Path(folder), engine, settings, table, to_parquet=to.suffix == ".parquet")
+            made.replace(to)
+            return count
     except OSError as error:
         if error.filename is None:  # it may be the database that cannot be reached
             raise
-        raise HistoryError(f"{settings.to}: {error.strerror}") from error
+        raise HistoryError(f"{to}: {error.strerror}") from error
 
 
-async def _write_in(folder: Path, engine: AsyncEngine, settings: ExportSettings, table: Table) -> int:
-    made, to_parquet = folder / "rows.csv", settings.to.suffix == ".parquet"
-    with made.open("w", encoding="utf-8", newline="") as rows:
+async def _write_in(
+    folder: Path, engine: AsyncEngine, settings: ExportSettings, table: Table, *, to_parquet: bool
+) -> tuple[Path, int]:
+    made = folder / "rows.csv"
+    encoding = "utf-8-sig" if settings.bom and not to_parquet else "utf-8"
+    with made.open("w", encoding=encoding, newline="") as rows:
         batches = _batches(engine, query_of(settings, table))
         count = await write_csv(batches, table, rows, for_people=not to_parquet)
     if to_parquet:
         await asyncio.to_thread(write_parquet, made, folder / "rows.parquet", table)
         made = folder / "rows.parquet"
-    made.replace(settings.to)
-    return count
+    return made, count
 
 
 def query_of(settings: ExportSettings, table: Table) -> Select[Any]:

@@ -49,11 +49,13 @@ Moment = Annotated[AwareDatetime | NaiveDatetime, written_like("2026-11-20T06:00
 class ExportSettings(BaseModel):
     """Write what a monitor kept into a file: sightings, one row as long as a count stayed the same, or alerts.
 
-    A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet].
+    A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet]. `trust-clock` says that the
+    clock of the monitor's machine is right, where a monitor doubts it; `compact` makes an SQLite file as small as what
+    is in it, and has it shrink by itself from then on.
     """
 
-    task: Annotated[Literal["export"], Field(description="what to do")]
-    to: Annotated[Path, Field(description="file to write, .csv or .parquet")]
+    task: Annotated[Literal["export", "trust-clock", "compact"], Field(description="what to do")]
+    to: Annotated[Path | None, Field(description="file to write, .csv or .parquet; export needs one")] = None
     history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
         default_factory=default_url
     )
@@ -64,14 +66,28 @@ class ExportSettings(BaseModel):
     camera: Annotated[str, Field(description="only what cameras of this name saw")] = ""
     name: Annotated[str, Field(alias="class", description="only this class")] = ""
 
+    bom: Annotated[bool, Field(description="begin CSV with a byte order mark, without which Excel garbles letters")] = (
+        False
+    )
+
     @field_validator("to")
     @classmethod
-    def _is_of_a_kind(cls, to: Path) -> Path:
+    def _is_of_a_kind(cls, to: Path | None) -> Path | None:
+        if to is None:
+            return to
         if to.suffix not in (".csv", ".parquet"):
             raise ValueError("its name is to end in .csv or .parquet")
         if to.suffix == ".parquet" and find_spec("polars") is None:
             raise ValueError("Parquet takes polars, of fleetsight's extra [parquet], which is not installed")
         return to
+
+    @model_validator(mode="after")
+    def _writes_a_file_if_it_exports(self) -> Self:
+        if self.task == "export" and self.to is None:
+            raise ValueError("export needs --to, the file to write")
+        if self.task != "export" and (given := self.model_fields_set - {"task", "history"}):
+            raise ValueError(f"{self.task} takes --history alone, and was given --{min(given)}")
+        return self
 
     @field_validator("robot", "camera")
     @classmethod

@@ -1,11 +1,13 @@
-"""What people did with alerts: who, what and when. Pure."""
+"""Acts of people on alerts: who, what and when. Pure."""
 
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from schemas.alerts import AlertState
+from msgspec.structs import replace
+
+from schemas.alerts import Alert, AlertState
 
 MAX_ALERTS: Final = 10_000
 """Of how many alerts it is remembered here; the database keeps all."""
@@ -43,3 +45,15 @@ class Acts:
     def of(self, alert_id: str) -> tuple[Act, ...]:
         """Return what was done with an alert."""
         return self._acts.get(alert_id, ())
+
+
+def resolved(alert: Alert, now_ns: int) -> Alert:
+    """Return an alert as it is once it is resolved."""
+    if alert.state is AlertState.RESOLVED:
+        return alert
+    return replace(alert, state=AlertState.RESOLVED, changed_ns=max(now_ns, alert.changed_ns + 1))
+
+
+def at_other_times(alert: Alert, corrected: Callable[[int], int]) -> Alert:
+    """Return an alert with its times corrected."""
+    return replace(alert, raised_ns=corrected(alert.raised_ns), changed_ns=corrected(alert.changed_ns))

@@ -6,18 +6,20 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Select, Table, case, func, or_, select, tuple_
+from sqlalchemy import ColumnElement, Select, Table, select, tuple_
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history.acts import Act
+from services.monitor.history.counting import Counts, count_over_time, in_view, spoken_for
 from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
 from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
+from services.monitor.history.searching import contains
 from services.monitor.history.settings import NONE
-from services.monitor.history.tables import acts, alerts, heartbeat, intervals, lasted
+from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted
 from services.monitor.inventory.debouncing import NS
 
 MAX_ROWS: Final = 10_000
@@ -32,7 +34,8 @@ SAID: Final = ("robot", "camera", "name", "model", "worker")
 FIRST_NS: Final = 60 * NS
 """How far back is looked first for the newest."""
 
-GOES_ON_NS: Final = 2**63 - 1
+HEARD_NS: Final = 60 * NS
+"""How long ago the heartbeat may have been for what is open to go on now."""
 
 SightingPlace = tuple[int, str, str, str]
 """since_ns, robot, camera and class of an interval: where a page ended."""
@@ -56,17 +59,6 @@ class Asked:
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Counted:
-    """How many of a class were in view from a time, when they were already there, to another; open: they still are."""
-
-    name: str
-    count: int
-    since_ns: int
-    until_ns: int
-    open: bool
-
-
 class Archive:
     """Reads the database of the history. Every method raises HistoryError: there is none, or it cannot be read."""
 
@@ -77,10 +69,11 @@ class Archive:
     async def sightings(self, asked: Asked, limit: int, after: SightingPlace | None = None) -> list[Interval]:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
-        query = intervals.select().where(*_like(asked), intervals.c.since_ns <= asked.until_ns)
+        query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
         query = _page(query, order, limit, after)
         rows: Sequence[Any] = ()
         async with self._connected() as connection:
+            query = query.where(*await _with_text(connection, asked.text))
             at_ns = await _heartbeat_ns(connection)
             newest_ns = min(at_ns, asked.until_ns, at_ns if after is None else after[0])
             for since_ns in [] if asked.robot else _ever_earlier(newest_ns, asked.since_ns):
@@ -92,14 +85,19 @@ class Archive:
                 rows = (await connection.execute(query.where(lasted(intervals, asked.since_ns)))).all()
         return [lasting_of_row(Interval, row, at_ns) for row in rows]
 
-    async def in_view_at(self, asked: Asked, at_ns: int, limit: int) -> list[Counted]:
-        """Return what was in view at a time and had begun before, counted by class and end; what ended last first."""
-        of = intervals.c
-        end = case((of.open, GOES_ON_NS), else_=of.until_ns).label("until_ns")
-        query = select(of.name, func.sum(of.count), end)
-        query = query.where(*_like(asked), of.since_ns < at_ns, lasted(intervals, at_ns)).group_by(of.name, end)
-        rows = await self._read(query.order_by(end.desc(), of.name).limit(min(limit, MAX_ROWS)))
-        return [Counted(name, int(count), at_ns, end_ns, end_ns == GOES_ON_NS) for name, count, end_ns in rows]
+    async def counts(self, asked: Asked) -> Counts:
+        """Return how many were in view over the time that is asked for, by class."""
+        async with self._connected() as connection:
+            if connection.dialect.name == "postgresql":  # its compiler takes longer than the query
+                await connection.exec_driver_sql("SET LOCAL jit = off")
+            at_ns = await _heartbeat_ns(connection)
+            until_ns = asked.until_ns if at_ns + HEARD_NS >= asked.until_ns else at_ns
+            places = {"robot": asked.robot, "camera": asked.camera}
+            cameras = {column: value for column, value in places.items() if value}
+            classes = {"name": asked.name} if asked.name else {}
+            seen = in_view({**cameras, **classes}, await _with_text(connection, asked.text), until_ns)
+            spoken = spoken_for(cameras, until_ns)
+            return await count_over_time(connection, seen, spoken, asked.since_ns, asked.until_ns)
 
     async def alerts(
         self, asked: Asked, limit: int, after: AlertPlace | None = None, *, states: Sequence[AlertState] = ()
@@ -110,6 +108,8 @@ class Archive:
         )
         if states:
             query = query.where(alerts.c.state.in_(states))
+        if states and AlertState.RESOLVED not in states:
+            query = query.where(UNRESOLVED)  # which has an index
         rows = await self._read(_page(query, (alerts.c.changed_ns, alerts.c.id), limit, after))
         return [alert_of_row(row) for row in rows]
 
@@ -158,10 +158,11 @@ def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
         back_ns *= 4
 
 
-def _like(asked: Asked) -> list[ColumnElement[bool]]:
-    """Return what finds the intervals that are asked for, whenever they were."""
-    said = [intervals.c[each].icontains(asked.text, autoescape=True) for each in SAID] if asked.text else []
-    return [*_named(asked, intervals), *([or_(*said)] if said else [])]
+async def _with_text(connection: AsyncConnection, text: str) -> list[ColumnElement[bool]]:
+    """Return what finds the intervals that have a text in one of their names."""
+    if not text:
+        return []
+    return [await contains(connection, [intervals.c[each] for each in SAID], text)]
 
 
 def _named(asked: Asked, table: Table) -> list[ColumnElement[bool]]:

@@ -16,8 +16,14 @@ from sqlalchemy.pool import NullPool
 from services.monitor.history.errors import HistoryError
 
 DRIVERS: Final = {"sqlite": "sqlite+aiosqlite", "postgresql": "postgresql+asyncpg"}
+CASEFOLD: Final = "fleet_casefold"
+"""A function of SQLite's that knows all letters: its own `lower` knows those of ASCII."""
+
 TIMEOUT_S: Final = 10.0
 """How long the database may take for one thing."""
+
+SHRINKS: Final = "auto_vacuum=INCREMENTAL"
+"""How a new file is made, of which nothing is written yet."""
 
 PRAGMAS: Final = ("journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000")
 
@@ -90,6 +96,9 @@ def _make_no_file(_dialect: Any, _record: Any, where: list[Any], how: dict[str, 
 
 def _set_pragmas(connection: Any, _: object) -> None:
     cursor = connection.cursor()
-    for pragma in PRAGMAS:
+    cursor.execute("PRAGMA page_count")
+    is_new = cursor.fetchone()[0] == 0
+    for pragma in (*([SHRINKS] if is_new else []), *PRAGMAS):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()
+    connection.create_function(CASEFOLD, 1, str.casefold, deterministic=True)

@@ -4,30 +4,31 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
 from itertools import chain
 from typing import Final
 
-from msgspec.structs import replace
-
-from schemas.alerts import Alert, AlertState
-from services.monitor.history.acts import Act, Acts
+from schemas.alerts import Alert
+from services.monitor.history.acts import Act, Acts, at_other_times, resolved
+from services.monitor.history.clock_trust import Correction
 from services.monitor.history.disagreements import Disagreements
 from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.intervals import Sightings
 from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.owed import Nothing, Owed, Owing
 from services.monitor.history.poses import WRITE_S, KnownPoses
 from services.monitor.history.presence import RESTORED_NS, Attendance, Presence
 from services.monitor.history.settings import NONE, HistorySettings
+from services.monitor.history.silence import Silence
+from services.monitor.history.status import HistoryStatus
 from services.monitor.history.store import UNHEARD_S, Kept, Store
-from services.monitor.inventory.camera import CameraView
+from services.monitor.history.uninterrupted import uninterrupted
+from services.monitor.history.upkeep import Upkeep
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import Change
-from services.monitor.inventory.speaking import Speaking
 from services.monitor.mapping.places import FORGET_NS, Places
 from services.monitor.turns import in_turns
 
@@ -46,32 +47,13 @@ FIRST_GO_S: Final = 3.0
 RESTORE_S: Final = 5.0
 """How long the database may keep a monitor from beginning."""
 
-PRUNE_S: Final = 3_600.0
 BATCH: Final = 250
 """Rows of one transaction: what makes them of intervals holds up everything else for some microseconds each."""
 
 FOLLOWED_NS: Final = 2 * round(UNHEARD_S) * NS
 """How long ago something may have ended that whoever leads has not written: it may be gone without a word."""
 
-DAY_NS: Final = 86_400 * NS
 MAX_ALERTS: Final = 10_000
-
-
-@dataclass(frozen=True, slots=True)
-class HistoryStatus:
-    """How the history is doing.
-
-    problem: why it is not being kept, in words, or empty. leads: this monitor is the one that raises alerts; while the
-    database cannot be asked, that stays as it was, and whoever never could ask it raises them.
-    pending: what waits to be written, none while another one leads. lost: intervals given up because too many waited.
-    leader: who else leads, as host and process, as far as that is known.
-    """
-
-    problem: str
-    leads: bool
-    pending: int
-    lost: int
-    leader: str = ""
 
 
 class HistoryKeeper:
@@ -79,7 +61,7 @@ class HistoryKeeper:
 
     on_lead: is called with the alerts that are not resolved, and what people did with these, whenever this monitor
     becomes the one that raises alerts.
-    acts: what people did with alerts lately, and with those that are not resolved.
+    owing: posts alerts to webhooks. acts: what people did with alerts lately, and with those that are not resolved.
     """
 
     def __init__(
@@ -88,6 +70,7 @@ class HistoryKeeper:
         inventory: Inventory,
         on_lead: Callable[[Sequence[Alert], Sequence[Act]], None] = lambda *_: None,
         places: Places | None = None,
+        owing: Owing | None = None,
     ) -> None:
         self._settings = settings
         self._inventory = inventory
@@ -103,7 +86,7 @@ class HistoryKeeper:
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
         self._forgotten: dict[str, int] = {}
         self._heeded_ns = time.time_ns()
-        self._speaking = self._new_speaking()
+        self._silence = Silence(inventory, self._sightings)
         self._store: Store | None = None
         self._had = False
         self._problem = ""
@@ -114,14 +97,16 @@ class HistoryKeeper:
         self._follows = False
         self._may_lead_s = 0.0
         self._loaded = False
-        self._due_s = 0.0
+        self._owed = Owed(owing or Nothing())
+        self._upkeep = Upkeep(settings.history, settings.history_days)
 
     @property
     def status(self) -> HistoryStatus:
         """How it is doing."""
         another_leads = self._follows and not self._problem
         pending = 0 if another_leads else len(self._ledger) + len(self._alerts)
-        return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost, self._leader)
+        warnings = () if another_leads else self._upkeep.problems()
+        return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost, self._leader, warnings)
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
@@ -146,6 +131,10 @@ class HistoryKeeper:
         if self._settings.history != NONE:
             self._forgotten[robot] = self._heeded_ns = max(self._heeded_ns + 1, time.time_ns())
             self._attendance.note_gone(robot, self._heeded_ns)
+
+    def trust_clock(self) -> None:
+        """Take that the clock of this machine is right, however long ago history was kept last."""
+        self._upkeep.trust_clock()
 
     async def restore(self) -> None:
         """Give the inventory back what the database kept of it; before anything is taken.
@@ -177,7 +166,8 @@ class HistoryKeeper:
             await self._fail(error)
             return
         self._inventory.restore(interval.sighting() for interval in kept.intervals)
-        self._inventory.recall(there, min(since_ns, heartbeat_ns))
+        now_ns = time.time_ns()  # by which nobody was there later, whatever another clock said
+        self._inventory.recall({of: min(at_ns, now_ns) for of, at_ns in there.items()}, min(since_ns, heartbeat_ns))
         self._heed({of: at_ns for of, at_ns in forgotten.items() if at_ns >= there.get((of, ""), 0)})
         self._poses.restore(poses)
         self._ledger.adopt(kept.intervals)
@@ -190,7 +180,7 @@ class HistoryKeeper:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._watch())
                 while True:
-                    wait_s = await _whole(self._attempt())
+                    wait_s = await uninterrupted(self._attempt())
                     await asyncio.sleep(wait_s)
         finally:
             await self._end()
@@ -247,7 +237,8 @@ class HistoryKeeper:
         changed, acts = dict(self._alerts), set(self._new_acts)
         if changed or acts:
             theirs = await store.known_alerts(changed)
-            await store.write([], [over(alert) for name, alert in changed.items() if name not in theirs], None, acts)
+            over = [resolved(alert, time.time_ns()) for name, alert in changed.items() if name not in theirs]
+            await store.write([], over, None, acts)
             self._written([], changed, acts)
 
     def _heed(self, forgotten: Mapping[str, int]) -> None:
@@ -258,16 +249,19 @@ class HistoryKeeper:
 
     async def _go_on(self, store: Store) -> None:
         """Go on where whoever wrote before stopped."""
+        await self._upkeep.begin(store)
         gap_ns, heartbeat_ns = self._inventory.limits.lost_ns, await store.heartbeat_ns()
         kept: Kept = await store.load(heartbeat_ns - gap_ns)
         now_ns, ended = time.time_ns(), [each for each in kept.intervals if not each.open]
         self._ledger.merge([*kept.going_on, *ended], heartbeat_ns, gap_ns, followed=not self._leads)
-        self._speaking = self._new_speaking()
+        self._silence.begin_anew()
         if not self._loaded and now_ns - heartbeat_ns <= gap_ns:
             self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
         self.acts.take(kept.acts)
-        if not (self._leads and self._loaded):
+        led = self._leads and self._loaded
+        if not led:
             self._lead(kept.alerts, kept.acts)
+        self._owed.begin(kept.owed, leads=led)
         self._writes = self._loaded = True
 
     def _lead(self, alerts: Sequence[Alert], acts: Sequence[Act]) -> None:
@@ -280,7 +274,9 @@ class HistoryKeeper:
         if not self._writes:
             return
         now_ns = time.time_ns()
-        self._note_silence(now_ns)
+        if (correction := await self._upkeep.check_clock(store, now_ns)) is not None:
+            self._correct(correction, now_ns)
+        self._silence.note(now_ns)
         for _ in range(len(self._ledger) // BATCH):
             some = self._ledger.pending(BATCH)
             await store.write(some)
@@ -289,11 +285,19 @@ class HistoryKeeper:
         await store.write(some, changed.values(), now_ns, acts)
         self._written(some, changed, acts)
         await self._write_forgotten(store)
-        before_ns = now_ns - round(self._settings.history_days * DAY_NS)
-        if time.monotonic() >= self._due_s and await store.prune(before_ns):
-            self._due_s = time.monotonic() + PRUNE_S
+        await self._owed.write(store)
+        await self._upkeep.prune(now_ns)
         if time.monotonic() >= self._poses_due_s:
             await self._write_poses(store)
+
+    def _correct(self, correction: Correction, now_ns: int) -> None:
+        """Correct what is not written yet as it was corrected in the database."""
+        of = correction.corrected
+        self._inventory.set_back(now_ns)
+        self._ledger.correct(of)
+        self._alerts = {name: at_other_times(alert, of) for name, alert in self._alerts.items()}
+        self._forgotten = {robot: of(at_ns) for robot, at_ns in self._forgotten.items()}
+        self._heeded_ns = of(self._heeded_ns)
 
     async def _write_poses(self, store: Store) -> None:
         self._poses_due_s = time.monotonic() + WRITE_S
@@ -315,24 +319,6 @@ class HistoryKeeper:
                 del self._alerts[name]
         self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
 
-    def _speaks(self, camera: CameraView, now_ns: int) -> bool:
-        return camera.last_ns >= now_ns - self._inventory.limits.stale_ns
-
-    def _new_speaking(self) -> Speaking:
-        """Return what finds silent cameras, for a database that has all as going on."""
-        return Speaking(self._inventory, self._speaks, speaks=True)
-
-    def _note_silence(self, now_ns: int) -> None:
-        """End in the database what cameras had in view that went silent, and resume it when they speak again."""
-        for camera in self._speaking.advance(now_ns):
-            if camera.lost:
-                continue
-            in_view = [sighting for sighting in camera.sightings() if sighting.count]
-            if self._speaks(camera, now_ns):
-                self._sightings.resume(in_view)
-            else:
-                self._sightings.pause(in_view)
-
     async def _fail(self, error: HistoryError) -> None:
         if str(error) != self._problem:
             log.warning("history is not kept: %s", error)
@@ -343,6 +329,7 @@ class HistoryKeeper:
         await self._close()
 
     async def _close(self) -> None:
+        await self._upkeep.close()
         store, self._store = self._store, None
         if store is not None:
             self._had = True
@@ -359,24 +346,3 @@ class HistoryKeeper:
             log.warning("the end of the history was not kept: %s", error)
         finally:
             await self._close()
-
-
-def over(alert: Alert) -> Alert:
-    """Return an alert as it is once it is resolved."""
-    if alert.state is AlertState.RESOLVED:
-        return alert
-    return replace(alert, state=AlertState.RESOLVED, changed_ns=max(time.time_ns(), alert.changed_ns + 1))
-
-
-async def _whole(work: Coroutine[None, None, float]) -> float:
-    """Await work to its end, however often cancelled: a statement that is broken off may leave its database locked."""
-    task = asyncio.ensure_future(work)
-    cancelled: asyncio.CancelledError | None = None
-    while not task.done():
-        try:
-            await asyncio.wait([task])
-        except asyncio.CancelledError as error:
-            cancelled = error
-    if cancelled is not None:
-        raise cancelled from task.exception()
-    return task.result()

@@ -1,6 +1,6 @@
 """The ledger of what lasts: what is open, and what is to be written of it. Pure."""
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, Final, Self, TypeVar, cast
 
 import msgspec
@@ -127,11 +127,22 @@ class Ledger:
             if self._pending.get(at) is each:
                 del self._pending[at]
 
+    def correct(self, corrected: Callable[[int], int]) -> None:
+        """Correct every time of what is open, and of what is to be written."""
+        self._open = {at: _corrected(each, corrected) for at, each in self._open.items()}
+        pending = [_corrected(each, corrected) for each in self._pending.values()]
+        self._pending = {_key(each): each for each in pending}
+
     def forget_pending(self, before_ns: int) -> None:
         """Forget what goes on, and what ended before then: another monitor writes it."""
         self._pending = {
             key: each for key, each in self._pending.items() if not each.open and each.until_ns >= before_ns
         }
+
+
+def _corrected(of: Lasting, corrected: Callable[[int], int]) -> Lasting:
+    names = [name for name in of.__struct_fields__ if name.endswith("_ns") and getattr(of, name) is not None]
+    return replace(of, **{name: corrected(getattr(of, name)) for name in names})
 
 
 def _at(of: Lasting) -> _At:

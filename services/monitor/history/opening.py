@@ -13,9 +13,23 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from services.monitor.history.engine import file_of, name_of, private_file, translating
 from services.monitor.history.errors import HistoryError, OtherVersionError
-from services.monitor.history.tables import SCHEMA_VERSION, forgotten, metadata, open_intervals, schema_version
+from services.monitor.history.tables import (
+    SCHEMA_VERSION,
+    clock_doubt,
+    forgotten,
+    metadata,
+    open_alerts,
+    open_intervals,
+    schema_version,
+    webhook_backlog,
+)
 
 OURS: Final = f"this one's are version {SCHEMA_VERSION}"
+
+LATER: Final = frozenset({schema_version.name, forgotten.name, clock_doubt.name, webhook_backlog.name})
+"""Tables that came later, which who reads does without."""
+
+LATER_INDEXES: Final = (open_intervals, open_alerts)
 
 ALONE: Final = 0x666C656575
 """An advisory lock's number, next to that of whoever leads: held for a transaction."""
@@ -79,22 +93,31 @@ def begin_alone(connection: Connection) -> None:
 
 def _check_tables(connection: Connection, *, create: bool, complete: bool) -> None:
     makes = create or complete
-    if _are_made(connection) and not (makes and _missing(connection)):
+    if _are_made(connection) and not (makes and (_missing(connection) or _unindexed(connection))):
         return
-    if not create and not _missing(connection) <= {schema_version.name, forgotten.name}:
+    if not create and not _missing(connection) <= LATER:
         raise HistoryError("no monitor has kept anything there")
     if not makes:
         return
     begin_alone(connection)
     are_made = _are_made(connection)  # by somebody who was quicker
     metadata.create_all(connection)
-    open_intervals.create(connection, checkfirst=True)  # tables may be there without
+    for index in LATER_INDEXES:
+        index.create(connection, checkfirst=True)  # tables may be there without
     if not are_made:
         connection.execute(schema_version.insert().values(id=1, number=SCHEMA_VERSION))
 
 
 def _missing(connection: Connection) -> AbstractSet[str]:
     return metadata.tables.keys() - set(inspect(connection).get_table_names())
+
+
+def _unindexed(connection: Connection) -> bool:
+    """Whether the tables are there without an index that came later."""
+    there = inspect(connection)
+    return any(
+        not there.has_index(str(index.table), str(index.name)) for index in LATER_INDEXES if index.table is not None
+    )
 
 
 def _are_made(connection: Connection) -> bool:

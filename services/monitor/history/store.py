@@ -9,11 +9,13 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final, Self, TypeVar
 
-from sqlalchemy import ColumnElement, Row, Table, delete, func, select, text
+from sqlalchemy import ColumnElement, Row, Table, bindparam, func, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from schemas.alerts import Alert, AlertState
+from schemas.alerts import Alert
 from services.monitor.history.acts import Act
+from services.monitor.history.clock_trust import Correction, Doubt
+from services.monitor.history.correcting import corrections
 from services.monitor.history.engine import engine_of, file_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
@@ -23,6 +25,7 @@ from services.monitor.history.newest import newest_of_each
 from services.monitor.history.open_files import OpenFiles
 from services.monitor.history.opening import connect
 from services.monitor.history.presence import Place, Presence
+from services.monitor.history.pruning import Pruning, shrink
 from services.monitor.history.rows import (
     TABLES,
     act_of_row,
@@ -35,13 +38,16 @@ from services.monitor.history.rows import (
     row_of_pose,
 )
 from services.monitor.history.tables import (
+    UNRESOLVED,
     acts,
     alerts,
+    clock_doubt,
     forgotten,
     heartbeat,
     intervals,
     poses,
     presence,
+    webhook_backlog,
 )
 from services.monitor.history.upsert import Upsert, upsert_of
 from services.monitor.inventory.inventory import MAX_MEMBERS
@@ -61,9 +67,6 @@ END_UNHEARD: Final = text(
 
 MAX_LOADED: Final = 200_000
 
-SLICE: Final = 10_000
-"""How many rows of a table are forgotten at once: a database takes its time over many, and others wait."""
-
 L = TypeVar("L", bound=Lasting)
 
 
@@ -71,13 +74,15 @@ L = TypeVar("L", bound=Lasting)
 class Kept:
     """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
 
-    acts: what was done with these alerts. going_on: the intervals of every kind that are open.
+    acts: what was done with these alerts. going_on: the intervals of every kind that are open. owed: the alerts that
+    webhooks, by name, did not take yet.
     """
 
     intervals: Sequence[Interval]
     alerts: Sequence[Alert]
     acts: Sequence[Act]
     going_on: Sequence[Lasting]
+    owed: Sequence[tuple[str, Alert]] = ()
 
 
 class Store:
@@ -89,6 +94,7 @@ class Store:
         self._files = files
         self._lock: int | None = None
         self._upserts: dict[Table, Upsert] = {}
+        self._pruning = Pruning()
 
     @classmethod
     async def open(cls, url: str, *, create: bool = True, complete: bool = False) -> Self:
@@ -138,15 +144,20 @@ class Store:
             last = newest_of_each(intervals).where(intervals.c.open.is_(False), intervals.c.until_ns >= since_ns)
             last = last.order_by(intervals.c.until_ns.desc()).limit(MAX_LOADED)
             ended = [lasting_of_row(Interval, row) for row in await self._connection.execute(last)]
-            unresolved = alerts.select().where(alerts.c.state != AlertState.RESOLVED).limit(MAX_LOADED)
+            unresolved = alerts.select().where(UNRESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
             found = [alert_of_row(row) for row in rows]
             theirs = acts.select().where(acts.c.alert_id.in_(unresolved.with_only_columns(alerts.c.id)))
             done = (await self._connection.execute(theirs.order_by(acts.c.at_ns).limit(MAX_LOADED))).all()
+            waiting = select(webhook_backlog.c.webhook, *alerts.c).join(
+                alerts, alerts.c.id == webhook_backlog.c.alert_id
+            )
+            waiting = waiting.order_by(alerts.c.changed_ns).limit(MAX_LOADED)
+            owed = [(row.webhook, alert_of_row(row)) for row in await self._connection.execute(waiting)]
             await self._connection.commit()
         in_view = [each for each in going_on if isinstance(each, Interval)]
         newest = {interval.place: interval for interval in [*ended, *in_view]}
-        return Kept(list(newest.values()), found, [act_of_row(row) for row in done], going_on)
+        return Kept(list(newest.values()), found, [act_of_row(row) for row in done], going_on, owed)
 
     async def last_present(self) -> Mapping[Place, int]:
         """Return until when each robot and each camera was there, as far as that is kept."""
@@ -193,6 +204,16 @@ class Store:
             await self._connection.commit()
             return dict(map(pose_of_row, rows))
 
+    async def owe(self, waiting: Iterable[tuple[str, Alert]], taken: Iterable[tuple[str, str]]) -> None:
+        """Write which alerts webhooks, by name, did not take yet; and which they, by name and id, need not any more."""
+        rows = [{"webhook": name, "alert_id": alert.id, "changed_ns": alert.changed_ns} for name, alert in waiting]
+        at = webhook_backlog.c
+        these = webhook_backlog.delete().where(at.webhook == bindparam("of"), at.alert_id == bindparam("id_"))
+        async with self._at_hand(), self._connection.begin():
+            await self._put(webhook_backlog, rows)
+            if gone := [{"of": name, "id_": alert_id} for name, alert_id in taken]:
+                await self._connection.execute(these, gone)
+
     async def write_poses(self, some: Mapping[str, Pose]) -> None:
         """Write where robots are."""
         async with self._at_hand(), self._connection.begin():
@@ -229,25 +250,45 @@ class Store:
             await self._put(acts, [row_of_act(act) for act in done])
             await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 
-    async def prune(self, before_ns: int) -> bool:
-        """Forget what ended before then, about SLICE rows of a kind at a time; return whether that was all."""
-        async with self._at_hand(), self._connection.begin():
-            of_each = [await self._prune(table, before_ns) for table in TABLES.values()]
-            await self._connection.execute(
-                delete(alerts).where(alerts.c.changed_ns < before_ns, alerts.c.state == AlertState.RESOLVED)
-            )
-            for table in (poses, forgotten):
-                await self._connection.execute(delete(table).where(table.c.at_ns < before_ns))
-            await self._connection.execute(delete(acts).where(acts.c.alert_id.not_in(select(alerts.c.id))))
-        return all(of_each)
+    async def clock_doubt(self) -> tuple[Doubt | None, bool]:
+        """Return why the clock was not believed, None if it was, and whether somebody said since that it is right."""
+        async with self._at_hand():
+            row = (await self._connection.execute(clock_doubt.select())).one_or_none()
+            await self._connection.commit()
+            return (None, False) if row is None else (Doubt(row.believed_ns, row.doubted_ns), row.trusted)
 
-    async def _prune(self, table: Table, before_ns: int) -> bool:
-        ended = table.c.open.is_(False) & (table.c.until_ns < before_ns)
-        in_order = select(table.c.until_ns).where(ended).order_by(table.c.until_ns)
-        until_ns = await self._connection.scalar(in_order.offset(SLICE - 1).limit(1))
-        last = before_ns if until_ns is None else until_ns  # with all that ended at that very moment
-        await self._connection.execute(delete(table).where(ended, table.c.until_ns <= last))
-        return until_ns is None
+    async def write_clock_doubt(self, doubt: Doubt) -> None:
+        """Write that the clock is not believed any more."""
+        row = {"id": 1, "believed_ns": doubt.believed_ns, "doubted_ns": doubt.doubted_ns, "trusted": False}
+        async with self._at_hand(), self._connection.begin():
+            await self._put(clock_doubt, [row])
+
+    async def trust_clock(self) -> bool:
+        """Write that the clock is right; return False if no monitor doubted it."""
+        async with self._at_hand(), self._connection.begin():
+            return bool((await self._connection.execute(clock_doubt.update().values(trusted=True))).rowcount)
+
+    async def end_clock_doubt(self, correction: Correction | None) -> None:
+        """Write that the clock is believed, and correct what was kept by one that was ahead."""
+        async with self._at_hand(), self._connection.begin():
+            await self._connection.execute(clock_doubt.delete())
+            for statement in [] if correction is None else corrections(correction):
+                await self._connection.execute(statement)
+
+    async def prune(self, before_ns: int) -> bool:
+        """Forget what ended before then, about SLICE rows of a kind at a time; return whether that was all.
+
+        Each kind has a transaction, and the time for it, of its own.
+        """
+        whole = True
+        for step in self._pruning.steps(before_ns):
+            async with self._at_hand(), self._connection.begin():
+                whole &= await step(self._connection)
+        if self._files is not None:
+            async with self._at_hand():
+                whole &= await shrink(self._connection)
+                await self._connection.commit()
+        return whole
 
     async def close(self) -> None:
         """Let go of the connection and the lock; raises nothing."""

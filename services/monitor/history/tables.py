@@ -14,6 +14,7 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    literal_column,
     true,
 )
 
@@ -24,7 +25,7 @@ LABEL: Final = String(MAX_LABEL)
 
 SCHEMA_VERSION: Final = 1
 """Of all these tables: one more with every change of one, since there is nothing that changes a database. A table that
-is new and that others do without, as `forgotten`, is made where it is missing."""
+is new and that others do without, as `forgotten`, is made where it is missing, and so is an index."""
 
 metadata: Final = MetaData()
 
@@ -129,6 +130,19 @@ forgotten: Final = Table(
 )
 """When each robot that was gone for good was taken off every list; one that was there since is on them again."""
 
+clock_doubt: Final = Table(
+    "clock_doubt",
+    metadata,
+    Column("id", Integer, primary_key=True, autoincrement=False),
+    Column("believed_ns", BigInteger, nullable=False),
+    Column("doubted_ns", BigInteger, nullable=False),
+    Column("trusted", Boolean, nullable=False),
+)
+"""One row while the monitor's clock is far from when history was kept last, else none: see `Doubt`.
+
+trusted: somebody said since that the clock is right.
+"""
+
 heartbeat: Final = Table(
     "heartbeat",
     metadata,
@@ -154,6 +168,12 @@ alerts: Final = Table(
 )
 """Every alert as it stands or ended."""
 
+UNRESOLVED: Final[ColumnElement[bool]] = alerts.c.state != literal_column("'resolved'")
+"""What finds the alerts that are not resolved. No parameter, so that databases see that their index has them all."""
+
+open_alerts: Final = Index("alerts_open", alerts.c.changed_ns, postgresql_where=UNRESOLVED, sqlite_where=UNRESOLVED)
+"""However many alerts were resolved, those that were not are found at once."""
+
 acts: Final = Table(
     "acts",
     metadata,
@@ -163,6 +183,15 @@ acts: Final = Table(
     Column("who", NAME, nullable=False),
 )
 """What people did with alerts."""
+
+webhook_backlog: Final = Table(
+    "webhook_backlog",
+    metadata,
+    Column("webhook", Text, primary_key=True),
+    Column("alert_id", NAME, primary_key=True),
+    Column("changed_ns", BigInteger, nullable=False),
+)
+"""The alerts that webhooks, by the names of the rule file, did not take yet."""
 
 users: Final = Table(
     "users",

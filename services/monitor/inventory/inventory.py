@@ -166,13 +166,17 @@ class Inventory:
     def tick(self, now_ns: int) -> list[Change]:
         """Let time pass; return what is not known any more."""
         if now_ns < self._ticked_ns:
-            for each in self._cameras.values():
-                each.set_back(now_ns)
+            self.set_back(now_ns)
         self._ticked_ns = now_ns
         fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
         self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
         silent = [each for each in self._cameras.values() if each.is_forsaken(since_ns)]
         return [change for camera in silent for change in camera.lose()]
+
+    def set_back(self, now_ns: int) -> None:
+        """Have nothing be heard or seen later than now: the clock was set back."""
+        for each in self._cameras.values():
+            each.set_back(now_ns)
 
     def restore(self, sightings: Iterable[Sighting]) -> None:
         """Take the sightings that a store kept, before anything else is taken; those over the limits are left out.

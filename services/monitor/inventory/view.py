@@ -73,6 +73,12 @@ class Tracked:
         self.came = came
         self.before_m, self.closest_m = self.closest_m, None
 
+    def set_back(self, now_ns: int) -> None:
+        """Have nothing be seen later than now: the clock was set back."""
+        self.first_ns, self.last_ns = min(self.first_ns, now_ns), min(self.last_ns, now_ns)
+        self.nearest_ns = min(self.nearest_ns, now_ns)
+        self.count.since_ns = min(self.count.since_ns, now_ns)
+
     def measure(self, nearest_m: float | None, at_ns: int) -> None:
         """Note how near the nearest is."""
         self.nearest_m, self.nearest_ns = nearest_m, at_ns
@@ -142,6 +148,8 @@ class View:
         """Have nothing have come later than now: the clock was set back."""
         self.last_ns, self._listed_ns = min(self.last_ns, now_ns), min(self._listed_ns, now_ns)
         self.order.set_back(now_ns)
+        for tracked in self.classes.values():
+            tracked.set_back(now_ns)
 
     def speak(self, moved: Iterable[str], since_ns: int) -> None:
         """Speak for a camera since then, of which another model said otherwise about these classes until then."""

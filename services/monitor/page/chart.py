@@ -7,14 +7,13 @@ from typing import Any, Final
 
 from nicegui import ui
 
-from services.monitor.history.archive import Archive, Asked, Counted
+from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.errors import HistoryError
 from services.monitor.page.counts_over_time import Points, counts_over_time
 from services.monitor.page.formatting import NS
 from services.monitor.recent import Recent
 
-RANGES: Final = {"1 h": 3_600, "6 h": 21_600, "24 h": 86_400, "7 d": 604_800}
-MAX_INTERVALS: Final = 5_000
+RANGES: Final = {"1 h": 3_600, "6 h": 21_600, "24 h": 86_400, "7 d": 604_800, "30 d": 2_592_000, "1 y": 31_536_000}
 MAX_AGE_S: Final = 10.0
 MAX_KEPT: Final = 32
 """Charts that are kept for others who look at the same."""
@@ -44,15 +43,11 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """Points of each class, or in words why there are none. since_ns: from when on they are known.
-
-    whole: that is from when on they were asked for.
-    """
+    """Points of each class, or in words why there are none."""
 
     lines: Mapping[str, Points]
     since_ns: int
     until_ns: int
-    whole: bool
     problem: str = ""
 
 
@@ -75,19 +70,11 @@ class Charts:
         until_ns = time.time_ns()
         since_ns = until_ns - subject.seconds * NS
         asked = Asked(since_ns, until_ns, subject.robot, subject.camera, subject.name, subject.text)
-        before: list[Counted] = []
         try:
-            found = await self._archive.sightings(asked, MAX_INTERVALS)
-            whole = len(found) < MAX_INTERVALS
-            if not whole:
-                since_ns = max(since_ns, found[-1].since_ns)
-                found = [each for each in found if each.since_ns >= since_ns]
-                before = await self._archive.in_view_at(asked, since_ns, MAX_INTERVALS)
-            if len(before) == MAX_INTERVALS:
-                since_ns = before[-1].until_ns
+            counts = await self._archive.counts(asked)
         except HistoryError as error:
-            return Drawn({}, since_ns, until_ns, whole=True, problem=str(error))
-        return Drawn(counts_over_time([*found, *before], since_ns, until_ns), since_ns, until_ns, whole)
+            return Drawn({}, since_ns, until_ns, problem=str(error))
+        return Drawn(counts_over_time(counts), since_ns, until_ns)
 
 
 def chart() -> ui.echart:

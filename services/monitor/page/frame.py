@@ -140,7 +140,7 @@ def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> ui.html:
 def export_link(monitor: Monitor, what: str) -> None:
     """Offer what the history has of the last day, as a file. what: sightings or alerts."""
     if monitor.settings.history != NONE:
-        link = ui.link("Last day as CSV", f"/api/v1/history/export?what={what}")
+        link = ui.link("Last day as CSV", f"/api/v1/history/export?what={what}&bom=true")
         link.classes("fs-link fs-small").props("download")
 
 

@@ -110,7 +110,7 @@ class _Inventory:
     async def draw(self) -> None:
         """Draw the chart anew."""
         drawn = await self._charts.of(self._subject)
-        self._about.set_text(f"In view: {self._subject}{'' if drawn.whole else ', as far as it is shown here'}")
+        self._about.set_text(f"In view: {self._subject}")
         self._all.set_visibility(bool(self._subject.robot))
         why_not = drawn.problem or ("" if drawn.lines else "Nothing of it was in view in this time.")
         self._why_not.set_text(why_not)
@@ -173,4 +173,4 @@ class _Inventory:
     async def _download(self) -> None:
         found = (await self._shared.stock()).wanted(self._filters)
         text = await asyncio.to_thread(as_csv, found[:MAX_CSV])
-        ui.download.content(text, "inventory.csv", "text/csv")
+        ui.download.content(f"\N{BYTE ORDER MARK}{text}", "inventory.csv", "text/csv")  # for Excel

@@ -12,6 +12,7 @@ from schemas.alerts import MAX_TEXT, Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.sighting import Change
+from services.monitor.rules.alert_times import had_escalated, set_back
 from services.monitor.rules.conditions import Finding, Look, findings, found_in
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
 from services.monitor.rules.waiting import Place, Waiting
@@ -115,7 +116,7 @@ class RuleEngine:
             rule = rules.get(alert.rule)
             if isinstance(rule, DisagreeRule) and not rule.of:
                 self._inherited.setdefault((alert.robot, alert.camera), set()).add(alert.name)
-            if alert.id in escalated or _had_escalated(alert, rule):
+            if alert.id in escalated or had_escalated(alert, rule):
                 self._escalated.add(alert.id)
             subject = self._subject(alert.rule, place) if rule is not None and is_about(rule, *place) else None
             if subject is None or subject.alert is not None:
@@ -195,6 +196,10 @@ class RuleEngine:
             for subject in (each for subjects in self._subjects.values() for each in subjects.values()):
                 subject.since_ns -= by_ns
                 subject.raised_ns = None if subject.raised_ns is None else subject.raised_ns - by_ns
+                subject.alert = None if subject.alert is None else set_back(subject.alert, now_ns, by_ns)
+            self._alerts = {
+                name: (set_back(alert, now_ns, by_ns), place) for name, (alert, place) in self._alerts.items()
+            }
             self._waiting.set_back(by_ns)
 
     def _raise_due(self, now_ns: int) -> None:
@@ -351,13 +356,6 @@ class RuleEngine:
         if over:
             self._escalated.discard(alert.id)
         return changed
-
-
-def _had_escalated(alert: Alert, rule: AnyRule | None) -> bool:
-    if rule is None or rule.escalate_after_s is None:
-        return alert.state is AlertState.ESCALATED
-    due_ns = alert.raised_ns + round(rule.escalate_after_s * NS)
-    return alert.state is AlertState.ESCALATED or alert.changed_ns >= due_ns
 
 
 def _local(now_ns: int, timezone: str | None) -> datetime:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Final, Literal
 
-from fastapi import APIRouter, Depends, HTTPException, Query
+from fastapi import APIRouter, Depends, HTTPException, Query, Request
 from fastapi.responses import FileResponse
 from pydantic import AwareDatetime, ValidationError
 from starlette.background import BackgroundTask
@@ -21,6 +21,7 @@ from services.monitor.history.archive import AlertPlace, Asked, SightingPlace
 from services.monitor.history.intervals import Interval
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
+from services.monitor.web.api.acting import operator_of
 from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, place_of
 
@@ -95,6 +96,8 @@ def history_routes(monitor: Monitor) -> APIRouter:
         wanted: FromQuery,
         what: Literal["sightings", "alerts"] = "sightings",
         kind: Annotated[Literal["csv", "parquet"], Query(alias="format")] = "csv",
+        *,
+        bom: Annotated[bool, Query(description="begin CSV with a byte order mark, as Excel needs it")] = False,
     ) -> FileResponse:
         """What the other two answer, whole and as a file, the oldest first; one at a time is made."""
         if exporting.locked():
@@ -103,11 +106,17 @@ def history_routes(monitor: Monitor) -> APIRouter:
             folder = await asyncio.to_thread(TemporaryDirectory, prefix="fleetsight-")
             file = Path(folder.name) / f"{what}.{kind}"
             try:
-                await export(_export_settings(monitor.settings.history, wanted, what, file))
+                settings = _export_settings(monitor.settings.history, wanted, what, file)
+                await export(settings.model_copy(update={"bom": bom}))
             except BaseException:
                 await asyncio.to_thread(folder.cleanup)
                 raise
         return FileResponse(file, media_type=KINDS[kind], filename=file.name, background=BackgroundTask(folder.cleanup))
+
+    @router.post("/trust-clock", status_code=204)
+    async def trust_clock(request: Request) -> None:
+        """The clock of the monitor's machine is right, however long ago history was kept last."""
+        monitor.trust_clock(operator_of(request, monitor))
 
     return router
 

@@ -9,9 +9,9 @@ from itertools import count
 import msgspec
 import pytest
 
-from schemas.alerts import Alert
-from services.monitor.alerting import lanes
-from services.monitor.alerting.webhooks import TRIES, Outcome, Webhooks, signed
+from schemas.alerts import Alert, AlertState
+from services.monitor.alerting import backlog
+from services.monitor.alerting.webhooks import GROUP, TRIES, Outcome, Webhooks, signed
 from services.monitor.rules.model import Webhook
 from tests.contract.waiting import until
 from tests.schemas.results import alert
@@ -47,7 +47,7 @@ async def receiving(*statuses: int) -> AsyncIterator[tuple[Receiver, Webhook]]:
 
 @asynccontextmanager
 async def posting(now_s: Callable[[], float] = time.time) -> AsyncIterator[Webhooks]:
-    webhooks = Webhooks(first_wait_s=0.001, now_s=now_s)
+    webhooks = Webhooks(first_wait_s=0.001, now_s=now_s, down_wait_s=0.01, group_wait_s=0.01)
     running = asyncio.create_task(webhooks.run())
     try:
         yield webhooks
@@ -92,19 +92,18 @@ async def test_each_attempt_is_signed_with_the_time_at_which_it_is_made() -> Non
 async def test_a_webhook_that_takes_nothing_is_a_problem_until_it_does_or_is_there_no_more() -> None:
     async with receiving(*[503] * TRIES, 200) as (_, webhook), posting() as webhooks:
         webhooks.post("ops", webhook, alert())
-        await until(lambda: webhooks.counts)
-        assert webhooks.counts == {("ops", "given_up"): 1}
+        await until(lambda: webhooks.problems({"ops": webhook}))
         assert webhooks.problems({"ops": webhook}) == ["webhook ops takes no alerts: status 503"]
         assert webhooks.problems({"other": webhook}) == []
         webhooks.post("ops", webhook, alert(id_="a2"))
         await until(lambda: not webhooks.problems({"ops": webhook}))
-        assert webhooks.counts == {("ops", "given_up"): 1, ("ops", "delivered"): 1}
+        assert webhooks.counts == {("ops", "delivered"): 2}
 
 
 async def test_what_is_dropped_is_counted_and_said_once_until_all_is_delivered(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(lanes, "MAX_WAITING", 2)
+    monkeypatch.setattr(backlog, "MAX_WAITING", 2)
 
     def said() -> int:
         told = [record.getMessage() for record in caplog.records]
@@ -125,7 +124,7 @@ async def test_what_is_dropped_is_counted_and_said_once_until_all_is_delivered(
     assert (webhooks.counts["ops", Outcome.DROPPED], said(), len(receiver.got)) == (4, 2, 4)
 
 
-@pytest.mark.parametrize(("status", "tries"), [(400, 1), (302, 1), (503, TRIES)])
+@pytest.mark.parametrize(("status", "tries"), [(400, 1), (302, 1)])
 async def test_what_is_not_taken_is_given_up_and_the_next_one_goes_on(status: int, tries: int) -> None:
     async with receiving(*[status] * tries, 200) as (receiver, webhook), posting() as webhooks:
         webhooks.post("ops", webhook, alert())
@@ -175,10 +174,74 @@ def test_the_signature_depends_on_the_secret_the_alert_and_the_time() -> None:
     names = [
         signed(said, secret, at_s).headers["X-Fleetsight-Signature"]
         for said, secret, at_s in (
-            (alert(), SECRET, 9),
-            (alert(), SECRET + "s", 9),
-            (alert(text="far"), SECRET, 9),
-            (alert(), SECRET, 10),
+            ([alert()], SECRET, 9),
+            ([alert()], SECRET + "s", 9),
+            ([alert(text="far")], SECRET, 9),
+            ([alert()], SECRET, 10),
         )
     ]
     assert len(set(names)) == 4
+
+
+def told(receiver: Receiver) -> list[list[tuple[str, str]]]:
+    """Return the ids and states of the alerts in each post."""
+    posts = [msgspec.json.decode(body) for _, body in receiver.got]
+    return [[(each["id"], each["state"]) for each in post.get("alerts", [post])] for post in posts]
+
+
+async def test_a_webhook_that_was_down_is_told_of_what_is_open_as_it_stands_when_it_is_back() -> None:
+    async with receiving(*[503] * TRIES, 200) as (receiver, webhook), posting() as webhooks:
+        some = [alert(id_=f"a{number}") for number in range(500)]
+        for each in some:
+            webhooks.post("ops", webhook, each)
+        over = alert(id_="a7", state=AlertState.RESOLVED, changed_ns=9)
+        webhooks.post("ops", webhook, over)
+        await until(lambda: webhooks.counts["ops", Outcome.DELIVERED] == len(some))
+    groups = told(receiver)[TRIES:]
+    assert len(groups) == len(some) / GROUP, "grouped"
+    assert sorted(each for group in groups for each in group) == sorted(
+        [*((each.id, each.state) for each in some if each.id != "a7"), ("a7", "resolved")]
+    )
+    headers, body = receiver.got[-1]
+    stamped = headers["x-fleetsight-timestamp"].encode() + b"." + body
+    assert headers["x-fleetsight-signature"] == f"sha256={hmac.new(SECRET.encode(), stamped, 'sha256').hexdigest()}"
+
+
+async def test_groups_come_at_a_bounded_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float] = []
+    sleep = asyncio.sleep
+
+    async def noting(seconds: float) -> None:
+        waits.append(seconds)
+        await sleep(0)
+
+    webhooks = Webhooks(first_wait_s=0.0, group_wait_s=7.0)
+    async with receiving(200) as (receiver, webhook):
+        webhooks.owe("ops", webhook, [alert(id_=f"a{number}") for number in range(3 * GROUP)])
+        with monkeypatch.context() as patch:
+            patch.setattr("services.monitor.alerting.webhooks.asyncio.sleep", noting)
+            running = asyncio.create_task(webhooks.run())
+            while len(receiver.got) < 3:
+                await sleep(0.005)
+            running.cancel()
+            await asyncio.wait([running])
+    assert waits.count(7.0) == 2
+
+
+async def test_a_webhook_that_refuses_groups_is_told_of_each_alert_alone() -> None:
+    async with receiving(*[503] * TRIES, 422, 200) as (receiver, webhook), posting() as webhooks:
+        for number in range(3):
+            webhooks.post("ops", webhook, alert(id_=f"a{number}"))
+        await until(lambda: webhooks.counts["ops", Outcome.DELIVERED] == 3)
+    assert [len(post) for post in told(receiver)] == [*[1] * TRIES, 3, 1, 1, 1]
+
+
+async def test_what_a_webhook_did_not_take_is_known_and_goes_where_it_is_now() -> None:
+    async with receiving(503) as (_, down), receiving(200) as (receiver, up), posting() as webhooks:
+        webhooks.post("ops", down, alert())
+        webhooks.post("gone", down, alert())
+        assert [(name, each.id) for name, each in webhooks.owed()] == [("ops", "a1"), ("gone", "a1")]
+        webhooks.keep({"ops": up})
+        await until(lambda: len(receiver.got) == 1)
+        await until(lambda: not list(webhooks.owed()))
+        assert webhooks.problems({"ops": up, "gone": down}) == []

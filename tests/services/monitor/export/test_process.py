@@ -14,10 +14,13 @@ from services.monitor.export import writing
 from services.monitor.export.process import run
 from services.monitor.export.settings import ExportSettings
 from services.monitor.export.writing import exported as exported_row
+from services.monitor.history import engine
+from services.monitor.history.clock_trust import Doubt
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.store import Store
 from tests.schemas.results import alert
-from tests.services.monitor.history.test_store import interval
+from tests.services.monitor.history.filling import fill
+from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
 
 NAMES = [
@@ -157,3 +160,66 @@ def test_a_time_that_is_none_is_refused_with_how_one_is_written(moment: str) -> 
 def test_wrong_settings(wrong: dict[str, str]) -> None:
     with pytest.raises(ValidationError):
         ExportSettings.model_validate({"task": "export", "to": "seen.csv", **wrong})
+
+
+async def test_csv_begins_with_a_byte_order_mark_if_that_is_asked_for(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/history.db"
+    async with opened(url) as store:
+        await store.write([interval(1, 2, name="Übergröße")], [], 2 * S)
+    texts = []
+    for bom in (True, False):
+        await run(ExportSettings(task="export", history=url, to=tmp_path / "seen.csv", bom=bom))
+        texts.append((tmp_path / "seen.csv").read_bytes())
+    assert texts[0] == b"\xef\xbb\xbf" + texts[1]
+    assert "Übergröße".encode() in texts[1]
+
+
+async def test_a_monitor_that_doubts_its_clock_is_told_that_it_is_right(
+    url: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ExportSettings(task="trust-clock", history=url)
+    async with opened(url) as store:
+        await run(settings)
+        doubt = Doubt(S, 9 * S)
+        await store.write_clock_doubt(doubt)
+        assert await store.clock_doubt() == (doubt, False)
+        await run(settings)
+        assert await store.clock_doubt() == (doubt, True)
+    assert capsys.readouterr().out == (
+        "no monitor of this history doubts its clock\nthe clock is believed from now on\n"
+    )
+
+
+async def test_a_file_that_an_earlier_release_made_is_compacted_and_shrinks_from_then_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "history.db"
+    url = f"sqlite:///{file}"
+    monkeypatch.setattr(engine, "SHRINKS", "auto_vacuum=NONE")
+    async with opened(url) as store:
+        await fill(store, "intervals", 20_000, 0, 1_000)
+        assert not await store.prune(2**62)
+        await store.prune(2**62)
+    monkeypatch.undo()
+    before = file.stat().st_size
+    await run(ExportSettings(task="compact", history=url))
+    after = file.stat().st_size
+    assert after < before / 5
+    assert f"{before / 1e6:.1f} MB, {after / 1e6:.1f} MB after" in capsys.readouterr().out
+    async with opened(url) as store:
+        await fill(store, "intervals", 20_000, 0, 1_000)
+        while not await store.prune(2**62):
+            pass
+    assert file.stat().st_size < before / 5
+
+
+async def test_postgresql_is_not_compacted() -> None:
+    with pytest.raises(HistoryError, match="PostgreSQL looks after its own"):
+        await run(ExportSettings(task="compact", history="postgresql://somebody@127.0.0.1:1/db"))
+
+
+def test_an_export_needs_a_file_and_nothing_else_takes_one() -> None:
+    with pytest.raises(ValidationError, match="export needs --to"):
+        ExportSettings(task="export")
+    with pytest.raises(ValidationError, match="compact takes --history alone, and was given --to"):
+        ExportSettings(task="compact", to=Path("seen.csv"))

@@ -8,10 +8,12 @@ from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history import archive as archive_module
 from services.monitor.history.acts import Act
-from services.monitor.history.archive import GOES_ON_NS, Archive, Asked, Counted
+from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
 from services.monitor.history.settings import NONE
+from services.monitor.inventory.inventory import Entry
+from services.monitor.page.sightings import Filters, Stock
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
@@ -79,6 +81,25 @@ async def test_what_is_searched_for_is_in_one_of_the_names_of_a_sighting_in_capi
         assert len(await archive.sightings(Asked(text=text), 9)) == count, text
 
 
+async def test_letters_of_every_alphabet_are_found_in_capitals_or_not(url: str) -> None:
+    names = ("Übergröße", "ÜBERGRÖSSE", "коробка", "箱", "box")
+    async with opened(url) as store:
+        await store.write([interval(second, second, name=name) for second, name in enumerate(names)], [], NOW_S * S)
+    for text, wanted in (
+        ("über", {"Übergröße", "ÜBERGRÖSSE"}),
+        ("GRÖßE", {"Übergröße", "ÜBERGRÖSSE"}),
+        ("grösse", {"Übergröße", "ÜBERGRÖSSE"}),
+        ("Короб", {"коробка"}),  # noqa: RUF001 - Cyrillic
+        ("箱", {"箱"}),
+        ("BOX", {"box"}),
+        ("ü%", set()),
+    ):
+        assert {each.name for each in await Archive(url).sightings(Asked(text=text), 9)} == wanted, text
+        entries = [Entry(each.sighting(), available=True) for each in await Archive(url).sightings(Asked(), 9)]
+        listed = Stock(entries).wanted(Filters(text=text, in_view=False))
+        assert {entry.sighting.name for entry in listed} == wanted, "as the table of the page finds them"
+
+
 async def test_what_goes_on_is_of_now_though_it_began_long_ago(url: str) -> None:
     async with opened(url) as store:
         await store.write([interval(1, 2), interval(3, 3, is_open=True)], [], NOW_S * S)
@@ -87,29 +108,6 @@ async def test_what_goes_on_is_of_now_though_it_began_long_ago(url: str) -> None
     assert await archive.sightings(Asked(until_ns=2 * S), 9) == [interval(1, 2)]
     assert await archive.sightings(Asked(name="pallet"), 9) == []
     assert len(await archive.sightings(Asked(robot="r1", camera="front", name="box"), 9)) == 2
-
-
-async def test_what_was_in_view_at_a_time_is_counted_by_class_and_end(url: str) -> None:
-    cameras = [CameraKey(f"r{number}", "front") for number in range(3)]
-    some = [
-        *(interval(NOW_S - 90, NOW_S, key=key, is_open=True) for key in cameras),
-        *(interval(NOW_S - 90, NOW_S - 10, key=key, name="pallet") for key in cameras[:2]),
-        interval(NOW_S - 90, NOW_S - 5, key=CameraKey("r9", "front"), name="pallet"),
-        interval(NOW_S - 90, NOW_S - 51, name="forklift"),
-        interval(NOW_S - 50, NOW_S - 10, name="forklift"),
-    ]
-    async with opened(url) as store:
-        await store.write(some, [], NOW_S * S)
-    archive, at_ns = Archive(url), (NOW_S - 50) * S
-    found = await archive.in_view_at(Asked(), at_ns, 9)
-    assert found == [
-        Counted("box", 6, at_ns, GOES_ON_NS, open=True),
-        Counted("pallet", 2, at_ns, (NOW_S - 5) * S, open=False),
-        Counted("pallet", 4, at_ns, (NOW_S - 10) * S, open=False),
-    ]
-    assert await archive.in_view_at(Asked(), at_ns, 2) == found[:2]
-    assert [each.count for each in await archive.in_view_at(Asked(text="R2"), at_ns, 9)] == [2]
-    assert [each.count for each in await archive.in_view_at(Asked(name="pallet", robot="r0"), at_ns, 9)] == [2]
 
 
 async def test_alerts_come_by_their_last_change_and_state_with_what_was_done(url: str) -> None:

@@ -15,6 +15,7 @@ from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.presence import MONITOR
 from services.monitor.history.settings import NONE, HistorySettings, default_url
+from services.monitor.history.status import HistoryStatus
 from services.monitor.history.store import Store
 from services.monitor.inventory.sighting import ChangeKind
 from services.monitor.mapping.last_poses import LOST_NS, LastPoses
@@ -363,7 +364,7 @@ async def test_no_history_is_no_problem() -> None:
     async with monitoring(NONE) as monitor:
         monitor.see(1, box=1)
         monitor.history.alert(alert())
-        assert monitor.history.status == module.HistoryStatus(problem="", leads=True, pending=0, lost=0)
+        assert monitor.history.status == HistoryStatus(problem="", leads=True, pending=0, lost=0)
         assert monitor.led == [[]]
 
 

@@ -8,18 +8,29 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from sqlalchemy import update
-from sqlalchemy.schema import DropTable
+from sqlalchemy import inspect, update
+from sqlalchemy.schema import DropIndex, DropTable
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
+from services.monitor.history import pruning
 from services.monitor.history import store as module
+from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
-from services.monitor.history.tables import disagreements, intervals, poses, presence, schema_version
+from services.monitor.history.tables import (
+    clock_doubt,
+    disagreements,
+    intervals,
+    open_alerts,
+    poses,
+    presence,
+    schema_version,
+    webhook_backlog,
+)
 from services.monitor.mapping.pose import Pose
 from tests.schemas.results import alert
 from tests.services.monitor.history.lasting import disagreement, there
@@ -98,6 +109,19 @@ async def test_a_database_of_an_earlier_release_goes_on_with_what_it_has(url: st
         )
         await store.write([there(3, 4), disagreement(3, 4)], [], 5 * S)
         assert (await store.select(Presence), await store.select(Disagreement)) == ([there(3, 4)], [disagreement(3, 4)])
+
+
+async def test_a_database_without_what_came_later_is_read_and_then_completed(url: str) -> None:
+    async with opened(url) as store:
+        await store.write([interval(1, 2)], [alert()], 2 * S)
+        async with store._connection.begin():
+            for later in (DropTable(clock_doubt), DropTable(webhook_backlog), DropIndex(open_alerts)):
+                await store._connection.execute(later)
+    assert await Archive(url).alerts(Asked(), 9, states=[AlertState.RAISED]) == [alert()]
+    async with opened(url) as store:
+        assert (await store.load(0)).alerts == [alert()]
+        assert await store.clock_doubt() == (None, False)
+        assert await store._connection.run_sync(lambda of: inspect(of).has_index("alerts", "alerts_open"))
 
 
 async def test_of_each_class_that_ended_the_last_interval_is_known_and_of_each_place_when_somebody_was_there(
@@ -182,6 +206,19 @@ async def test_one_that_leads_and_is_not_heard_of_any_more_is_taken_over_from(
         assert await every(second) == [interval(3, 4)]
 
 
+async def test_what_webhooks_did_not_take_is_kept_until_they_did(url: str) -> None:
+    some = [alert(id_=name, text=name) for name in ("a1", "a2")]
+    async with opened(url) as store:
+        await store.write([], some, 1)
+        await store.owe([*(("ops", each) for each in some), ("on call", some[0]), ("ops", alert(id_="gone"))], [])
+        newer = alert(id_="a2", text="newer", changed_ns=9)
+        await store.write([], [newer], 2)
+    async with opened(url) as store:
+        assert set((await store.load(0)).owed) == {("ops", some[0]), ("ops", newer), ("on call", some[0])}
+        await store.owe([("ops", newer)], [("ops", "a1"), ("on call", "a1")])
+        assert (await store.load(0)).owed == [("ops", newer)]
+
+
 async def test_old_history_is_forgotten_but_not_what_goes_on(url: str) -> None:
     async with opened(url) as store:
         old = [interval(1, 2), interval(3, 4, is_open=True), interval(5, 10)]
@@ -204,7 +241,7 @@ async def test_old_history_of_each_kind_is_forgotten(url: str) -> None:
 
 
 async def test_much_old_history_is_forgotten_bit_by_bit(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "SLICE", 3)
+    monkeypatch.setattr(pruning, "SLICE", 3)
     async with opened(url) as store:
         assert await store.prune(9 * S)
         some = [interval(since, max(since, 4)) for since in range(1, 9)]

@@ -12,6 +12,7 @@ from services.monitor.history.acts import Act
 from services.monitor.history.archive import MAX_ROWS
 from services.monitor.history.store import Store
 from services.monitor.web.api.paging import MAX_ITEMS
+from services.monitor.web.auth.visitor import Role
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.web.api.seeing import ODD
 from tests.services.monitor.web.api.test_alerts import alert
@@ -100,6 +101,21 @@ async def test_all_of_it_as_a_file(kept: Web) -> None:
         assert [row["robot"] for row in rows] == ["r0", "r1", "r0", "r1", "r0"]
         alerts = await program.get("/api/v1/history/export?what=alerts")
         assert [row["id"] for row in csv.DictReader(io.StringIO(alerts.text))] == ["a1", "a2"]
+
+
+async def test_a_file_for_excel_begins_with_a_byte_order_mark(kept: Web) -> None:
+    async with await kept.program() as program:
+        for query, begin in (("", b"robot"), ("?bom=true", b"\xef\xbb\xbfrobot")):
+            assert (await program.get(f"/api/v1/history/export{query}")).content.startswith(begin)
+
+
+async def test_an_operator_says_that_the_clock_is_right(kept: Web) -> None:
+    kept.monitor.history._leads = True
+    async with await kept.browser(Role.VIEWER) as viewer:
+        assert (await viewer.post("/api/v1/history/trust-clock")).status_code == 403
+    async with await kept.browser() as operator:
+        assert (await operator.post("/api/v1/history/trust-clock")).status_code == 204
+    assert kept.monitor.history._upkeep._is_trusted
 
 
 async def test_without_a_history_that_is_said(web: Web) -> None:

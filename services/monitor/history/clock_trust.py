@@ -1,0 +1,109 @@
+"""Whether this machine's clock can be believed, judged by when history was kept last. Pure.
+
+A clock that is far ahead would have all history forgotten at once, and file what is seen under a time to come.
+"""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Final
+
+from services.monitor.inventory.debouncing import NS
+
+DAY_NS: Final = 86_400 * NS
+
+FAR_NS: Final = 7 * DAY_NS
+"""How far the clock may be from when history was kept last, for instance since the monitor was off, to be believed."""
+
+CURE: Final = "set the clock, or, if it is right, run `fleetsight history trust-clock`"
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """The clock showed `doubted_ns` when it should have shown about `believed_ns`; both are epoch nanoseconds."""
+
+    believed_ns: int
+    doubted_ns: int
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        days = abs(self.doubted_ns - self.believed_ns) / DAY_NS
+        where = "ahead of" if self.doubted_ns > self.believed_ns else "behind"
+        return (
+            f"the clock of this machine is {days:.0f} days {where} the history, which was kept last at"
+            f" {_moment(self.believed_ns)}: no old history is forgotten until both agree; {CURE}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What was kept at `from_ns` or later was kept by a clock that was so far ahead."""
+
+    from_ns: int
+    ahead_ns: int
+
+    def corrected(self, at_ns: int) -> int:
+        """Return a time as a clock that is right would have shown it, about."""
+        return at_ns - self.ahead_ns if at_ns >= self.from_ns else at_ns
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    clock_ns: int
+    steady_ns: int
+
+    def at(self, steady_ns: int) -> int:
+        """Return what the clock shows now if nobody set it."""
+        return self.clock_ns + steady_ns - self.steady_ns
+
+
+class ClockTrust:
+    """Follows the clock of this machine. steady_ns: of a clock that goes on while the machine sleeps, and is never set.
+
+    doubt: why the clock is not believed, None while it is.
+    """
+
+    def __init__(self, far_ns: int = FAR_NS) -> None:
+        self.doubt: Doubt | None = None
+        self._far_ns = far_ns
+        self._believed: _Reading | None = None
+        self._last: _Reading | None = None
+
+    def begin(self, kept_ns: int, doubt: Doubt | None, steady_ns: int) -> None:
+        """Take when history was kept last, 0 if never, and why a monitor before did not believe the clock.
+
+        A monitor that has believed its clock already goes by that: the database may have been gone for long.
+        """
+        if self._believed is None and (kept_ns or doubt):
+            self._believed = _Reading(kept_ns if doubt is None else doubt.believed_ns, steady_ns)
+        self.doubt = self.doubt or doubt
+
+    def advance(self, now_ns: int, steady_ns: int) -> Correction | None:
+        """Take what the clock shows; return what is to be corrected when it is right again after it was far ahead."""
+        before, self._last = self._last, _Reading(now_ns, steady_ns)
+        expected_ns = now_ns if self._believed is None else self._believed.at(steady_ns)
+        if abs(now_ns - expected_ns) > self._far_ns:
+            self.doubt = self.doubt or Doubt(expected_ns, now_ns)
+            return None
+        return self._believe(before)
+
+    def trust(self) -> Correction | None:
+        """Take that somebody who knows says that the clock is right; return as `advance` does."""
+        if self._last is None:
+            return None
+        return self._believe(None)
+
+    def _believe(self, before: _Reading | None) -> Correction | None:
+        doubt, self.doubt, self._believed = self.doubt, None, self._last
+        assert self._last is not None, "the clock was read"  # noqa: S101 - for the type
+        now_ns = self._last.clock_ns
+        if doubt is None or doubt.doubted_ns < doubt.believed_ns or now_ns >= doubt.doubted_ns:
+            return None
+        from_ns = (doubt.believed_ns + doubt.doubted_ns) // 2  # it was ahead for a while before that was noticed
+        set_back_ns = 0 if before is None else before.at(self._last.steady_ns) - now_ns
+        if set_back_ns > self._far_ns:  # just now, and so it is known by how much
+            return Correction(from_ns, set_back_ns)
+        return Correction(from_ns, doubt.doubted_ns - doubt.believed_ns)
+
+
+def _moment(at_ns: int) -> str:
+    return datetime.fromtimestamp(at_ns / NS, UTC).strftime("%Y-%m-%d %H:%M UTC")

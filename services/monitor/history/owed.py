@@ -1,0 +1,52 @@
+"""Alerts that webhooks did not take yet: kept, so that a restart loses none of them."""
+
+from collections.abc import Iterable, Iterator
+from typing import Protocol
+
+from schemas.alerts import Alert
+from services.monitor.history.store import Store
+
+
+class Owing(Protocol):
+    """Posts alerts to webhooks, each by the name of the rule file."""
+
+    def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
+        """Take those that were not taken before a restart."""
+
+    def owed(self) -> Iterator[tuple[str, Alert]]:
+        """Yield those that were not taken yet."""
+
+
+class Nothing:
+    """Owes nobody anything."""
+
+    def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
+        """Leave it."""
+
+    def owed(self) -> Iterator[tuple[str, Alert]]:
+        """Yield none."""
+        return iter(())
+
+
+class Owed:
+    """Writes what is owed, as far as that changed."""
+
+    def __init__(self, owing: Owing) -> None:
+        self._owing = owing
+        self._written: set[tuple[str, str]] = set()
+
+    def begin(self, kept: Iterable[tuple[str, Alert]], *, leads: bool) -> None:
+        """Take what a database has of it. leads: this monitor has raised the alerts all along, and knows better."""
+        kept = list(kept)
+        self._written = {(name, alert.id) for name, alert in kept}
+        if not leads:
+            self._owing.owe(kept)
+
+    async def write(self, store: Store) -> None:
+        """Write it; after the alerts themselves."""
+        owed = {(name, alert.id): alert for name, alert in self._owing.owed()}
+        waiting = [(name, alert) for (name, alert_id), alert in owed.items() if (name, alert_id) not in self._written]
+        taken = self._written - owed.keys()
+        if waiting or taken:
+            await store.owe(waiting, taken)
+            self._written = set(owed)

@@ -1,0 +1,103 @@
+"""Forgetting history that is older than it is to be kept, a bounded number of rows at a time."""
+
+from collections.abc import Awaitable, Callable
+from typing import Any, Final
+
+from sqlalchemy import ColumnElement, Table, delete, exists, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from schemas.alerts import AlertState
+from services.monitor.history.rows import TABLES
+from services.monitor.history.tables import acts, alerts, forgotten, poses
+
+SLICE: Final = 10_000
+"""Rows of a table that are forgotten, or looked at, at once: a database takes its time over many, and others wait."""
+
+FREE_SHARE: Final = 20
+"""One part in so many of an SQLite file may be free pages, which new rows fill; of more the file is made smaller."""
+
+FREED_PAGES: Final = 2_000
+"""How many pages, of 4,096 bytes, an SQLite file shrinks by at once."""
+
+Step = Callable[[AsyncConnection], Awaitable[bool]]
+
+
+class Pruning:
+    """Forgets what ended before a time, and gives an SQLite file's free pages back."""
+
+    def __init__(self) -> None:
+        self._acts_from = ""
+
+    def steps(self, before_ns: int) -> list[Step]:
+        """Return what there is to do, each a transaction of its own; a step returns whether that was all of it."""
+        return [
+            *(_of_intervals(table, before_ns) for table in TABLES.values()),
+            *(_of_robots(table, before_ns) for table in (poses, forgotten)),
+            lambda connection: _prune_alerts(connection, before_ns),
+            lambda connection: self._prune_acts(connection, before_ns),
+        ]
+
+    async def _prune_acts(self, connection: AsyncConnection, before_ns: int) -> bool:
+        """Forget the old acts of alerts that are gone, of the next SLICE acts by their alerts' ids."""
+        ids = select(acts.c.alert_id).where(acts.c.alert_id > self._acts_from).order_by(acts.c.alert_id)
+        last = await connection.scalar(ids.offset(SLICE - 1).limit(1))
+        here = acts.c.alert_id > self._acts_from
+        if last is not None:
+            here &= acts.c.alert_id <= last
+        is_gone = ~exists().where(alerts.c.id == acts.c.alert_id)
+        await connection.execute(delete(acts).where(here, acts.c.at_ns < before_ns, is_gone))
+        self._acts_from = last or ""
+        return last is None
+
+
+def _of_intervals(table: Table, before_ns: int) -> Step:
+    async def prune(connection: AsyncConnection) -> bool:
+        ended = table.c.open.is_(False) & (table.c.until_ns < before_ns)
+        last_ns, is_all = await _slice(connection, table.c.until_ns, ended, before_ns)
+        await connection.execute(delete(table).where(ended, table.c.until_ns <= last_ns))
+        return is_all
+
+    return prune
+
+
+def _of_robots(table: Table, before_ns: int) -> Step:
+    async def prune(connection: AsyncConnection) -> bool:
+        old = select(table.c.robot).where(table.c.at_ns < before_ns).limit(SLICE)
+        deleted = await connection.execute(delete(table).where(table.c.robot.in_(old)))
+        return deleted.rowcount < SLICE
+
+    return prune
+
+
+async def _prune_alerts(connection: AsyncConnection, before_ns: int) -> bool:
+    """Forget resolved alerts, and what people did with them."""
+    old = (alerts.c.changed_ns < before_ns) & (alerts.c.state == AlertState.RESOLVED)
+    last_ns, is_all = await _slice(connection, alerts.c.changed_ns, old, before_ns)
+    old &= alerts.c.changed_ns <= last_ns
+    await connection.execute(delete(acts).where(acts.c.alert_id.in_(select(alerts.c.id).where(old))))
+    await connection.execute(delete(alerts).where(old))
+    return is_all
+
+
+async def _slice(
+    connection: AsyncConnection, at_ns: ColumnElement[int], old: ColumnElement[bool], before_ns: int
+) -> tuple[int, bool]:
+    """Return the time of the SLICE-th row in order, and whether there are fewer; all rows of that moment are in it."""
+    found = await connection.scalar(select(at_ns).where(old).order_by(at_ns).offset(SLICE - 1).limit(1))
+    return (before_ns, True) if found is None else (found, False)
+
+
+async def shrink(connection: AsyncConnection) -> bool:
+    """Make an SQLite file smaller by some of its free pages, if it has many; return whether that was all.
+
+    A file that an earlier release made keeps its size: its free pages are used again, see `compact`.
+    """
+    pragma = connection.exec_driver_sql
+    if not (await pragma("PRAGMA auto_vacuum")).scalar():
+        return True
+    free, pages = [int((await pragma(f"PRAGMA {of}_count")).scalar() or 0) for of in ("freelist", "page")]
+    if free * FREE_SHARE <= pages:
+        return True
+    driver: Any = (await connection.get_raw_connection()).driver_connection
+    await driver.executescript(f"PRAGMA incremental_vacuum({FREED_PAGES})")  # `execute` would free a single page
+    return free <= FREED_PAGES
