@@ -26,6 +26,16 @@ PATIENCE_S: Final = 30.0
 STYLE: Final = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
 THEME_COOKIE: Final = "fleetsight-theme"
 
+LOG_IN_AGAIN: Final = """<script>
+setInterval(async () => {
+  if (window.socket?.connected) return;
+  const answer = await fetch('/api/v1/me', {cache: 'no-store'}).catch(() => null);
+  if (answer?.status === 401) location.reload();
+}, 2000);
+</script>"""
+"""Loads a page again whose connection is gone and whose visitor is logged out, so that the server sends them to the
+log-in. The page's own library would try for ever to connect, and be refused."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Theme:
@@ -69,6 +79,7 @@ async def page_frame(
     visit = VISITS.begin(visitor.name, client)
     ui.page_title(f"{title} \N{MIDDLE DOT} fleetsight")
     ui.add_css(STYLE)
+    ui.add_body_html(LOG_IN_AGAIN)
     links: list[Links] = []
     if bars:
         links.append(_bar(visitor, here))
@@ -81,7 +92,7 @@ async def page_frame(
 
     async def refresh() -> None:
         if not visitor.may_look:
-            ui.navigate.to("/")
+            ui.navigate.reload()
             client.content.clear()
             return
         banners.refresh()
