@@ -60,6 +60,13 @@ class Row(msgspec.Struct, frozen=True, gc=False):
         """Whether what the row shows may no longer be so."""
         return not self.online or self.age is None or self.age.seconds > self.stale_s
 
+    @property
+    def state(self) -> str:
+        """How the camera is: offline, silent or online. One that was never heard waits, and is not silent."""
+        if not self.online:
+            return "offline"
+        return "silent" if self.stale and self.age is not None else "online"
+
 
 @dataclass(slots=True)
 class _Camera:

@@ -141,11 +141,12 @@ def banner(text: str, *, bad: bool = False) -> ui.label:
         return ui.label(text)
 
 
-def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> ui.html:
-    """Say that there is nothing, and what to do about it; return what says so."""
+def nothing_yet(icon: str, what: str, *do: str, command: str = "", more: str = "") -> ui.html:
+    """Say that there is nothing, and what to do about it; return what says so. more: what is below the command."""
     lines = "".join(f"<div>{escape(line)}</div>" for line in do)
     code = f'<div class="fs-code">{escape(command)}</div>' if command else ""
-    return still(f"{icon_of(icon)}<strong>{escape(what)}</strong>{lines}{code}").classes("fs-empty")
+    below = f"<div>{escape(more)}</div>" if more else ""
+    return still(f"{icon_of(icon)}<strong>{escape(what)}</strong>{lines}{code}{below}").classes("fs-empty")
 
 
 def export_link(monitor: Monitor, what: str) -> None:

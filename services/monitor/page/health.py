@@ -9,6 +9,7 @@ from typing import Final
 from nicegui import ui
 
 from schemas.keys import CameraKey
+from services.monitor.joining import endpoint_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
 from services.monitor.page.health_rows import gateway_row, worker_row
@@ -16,7 +17,6 @@ from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, W
 from services.monitor.page.links import HEALTH
 from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
 from services.monitor.page.monitor_health import MonitorHealth
-from services.monitor.page.robots import robot_of
 from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Wanted
 
@@ -71,7 +71,7 @@ class _Health:
                 "memory",
                 "No worker has said anything yet",
                 "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
-                command="fleetsight detector --connect tcp/MONITOR:7447",
+                command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
         with _panel("Gateways"):
             with ui.element("div").classes("fs-panel-head"):
@@ -128,9 +128,8 @@ class _Health:
     async def _load_gateways(self, window: Window) -> Loaded:
         survey = await self._shared.survey()
         robots = await survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
-        glance = self._monitor.glance()
         shown = robots[window.begin : window.end]
-        rows = [gateway_row(robot_of(glance, name), glance.now_ns) for name in shown]
+        rows = [gateway_row(survey.robot(name), survey.now_ns) for name in shown]
         return Loaded(rows, len(robots), partial(self._no_gateway.set_visibility, not robots))
 
     async def _look_for(self, text: str) -> None:

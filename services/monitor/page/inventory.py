@@ -10,6 +10,7 @@ from typing import Final
 from nicegui import events, ui
 
 from services.monitor.inventory.inventory import Entry
+from services.monitor.joining import endpoint_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
 from services.monitor.page.formatting import plural
@@ -24,6 +25,11 @@ from services.monitor.page.tiles import Tile
 
 MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000
+
+SUMS: Final = (
+    "These numbers, and those of the chart, add up what each camera has in view: what two cameras see counts twice. "
+    "The map has each thing once."
+)
 
 COLUMNS: Final = (
     Column("robot", "Robot"),
@@ -58,6 +64,7 @@ class _Inventory:
         self._subject = Subject()
         self._tiles: dict[str, Tile] = {}
         self._totals = ui.element("div").classes("fs-tiles")
+        self._sums = ui.label(SUMS).classes("fs-muted fs-small")
         self._draw_panel()
         with ui.element("div").classes("fs-panel"):
             self._head()
@@ -70,7 +77,7 @@ class _Inventory:
                 "Nothing was seen yet",
                 "Class lists come from a detector, once a robot with a camera has joined. Start one where there is "
                 "a CPU or GPU to spare:",
-                command="fleetsight detector --connect tcp/MONITOR:7447",
+                command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
             self._none = nothing_yet(
                 "search_off",
@@ -135,9 +142,12 @@ class _Inventory:
             with self._totals:
                 self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
         for name, tile in self._tiles.items():
-            tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
+            views = stock.views[name]
+            of = f"in {views:,} views" if views > 1 else ""
+            tile.show(f"{stock.totals.get(name, 0):,}", of, on=name == self._filters.name)
         unknown = f", {stock.unknown:,} more not known now" if self._filters.in_view and stock.unknown else ""
         self._found.set_text(plural(len(found), "sighting") + unknown)
+        self._sums.set_visibility(any(views > 1 for views in stock.views.values()))
         self._nothing.set_visibility(not stock.entries)
         self._none.set_visibility(bool(stock.entries) and not found)
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from nicegui import ui
 
+from services.monitor.joining import endpoint_to_join
 from services.monitor.live_views.views import Views
 from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
 from services.monitor.mapping.following import MOST_ROBOTS
@@ -71,7 +72,7 @@ class _Map:
                     "No position is known yet",
                     "Robots appear once their gateways send transforms from map to base_link, or they see two objects.",
                     "Objects appear once somebody measures how far away they are:",
-                    command="fleetsight distance --connect ...",
+                    command=f"fleetsight distance --connect {endpoint_to_join(monitor.settings)}",
                 )
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):

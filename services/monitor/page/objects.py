@@ -12,6 +12,7 @@ from nicegui.elements.scene.objects.box import Box
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from services.monitor.fleet import STALE_S
+from services.monitor.joining import endpoint_to_join
 from services.monitor.live_views.newest import Newest
 from services.monitor.live_views.reasons import Reason, facts_of, why_nothing
 from services.monitor.live_views.shared import CrowdedError
@@ -145,6 +146,7 @@ class _Solids:
             came=age is not None,
             waited_s=time.monotonic() - self._since_s,
             deaf=self._monitor.health.problem,
+            join=endpoint_to_join(self._monitor.settings),
         )
         reason = why_nothing(self._key, Stream.OBJECTS, SERVICE, facts)
         self._stage.explain(

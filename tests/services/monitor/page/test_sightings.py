@@ -41,6 +41,11 @@ def test_only_what_is_in_view_and_known_now_is_counted() -> None:
     assert STOCK.unknown == 1
 
 
+def test_it_is_known_how_many_views_are_added_up() -> None:
+    stock = Stock([entry("r1", "box", 3), entry("r2", "box", 2), entry("r3", "box", 2, available=False)])
+    assert (stock.totals, dict(stock.views)) == ({"box": 5}, {"box": 2})
+
+
 def test_what_was_in_view_before_is_shown_when_asked_for() -> None:
     assert said(Filters()) == ["r2 pallet", "r10 box"]
     assert said(Filters(in_view=False)) == ["r2 box", "r2 pallet", "r3 person", "r4 person", "r10 box"]
