@@ -18,6 +18,7 @@ from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits,
 from services.monitor.inventory.sighting import Change
 from services.monitor.mapping.places import Places
 from services.monitor.namesakes import Namesakes
+from services.monitor.natural_order import cameras_in_order, natural_camera
 from services.monitor.troubles import NAMESAKES, THIN_LINK, problems_of
 
 RATE_WINDOW_S: Final = 5.0
@@ -237,12 +238,12 @@ class Fleet:
 
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name; also those that were heard before a restart alone."""
-        return (self.row(key, now_s) for key in self.inventory.in_order())
+        return (self.row(key, now_s) for key in cameras_in_order(self.inventory.in_order()))
 
     def take_changed(self, now_s: float) -> Iterator[Row]:
         """Yield the cameras, by robot and name, that came, went or counted something else since this was asked last."""
         changed, self._changed = self._changed, set()
-        return (self.row(key, now_s) for key in sorted(changed))
+        return (self.row(key, now_s) for key in sorted(changed, key=natural_camera))
 
     def row(self, key: CameraKey, now_s: float) -> Row:
         """Return one camera."""

@@ -7,6 +7,7 @@ from typing import Final
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
 from services.monitor.fleet import Fleet
+from services.monitor.natural_order import natural
 
 WAITING: Final = "Nothing has come yet"
 PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
@@ -101,7 +102,7 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
     if not facts.workers:
         return Reason(f"No {service} runs", f"Start one anywhere with fleetsight {service} --connect {facts.join}")
     if not facts.serving:
-        names = ", ".join(sorted(worker.worker for worker in facts.workers)[:3])
+        names = ", ".join(sorted((worker.worker for worker in facts.workers), key=natural)[:3])
         return Reason(
             f"No {service} serves {key}",
             f"There is {names}, but none for this robot: start one without --robots, or with --robots {key.robot}",
@@ -115,7 +116,7 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
 
 
 def _lasting(key: CameraKey, service: str, facts: Facts) -> str:
-    names = ", ".join(sorted(worker.worker for worker in facts.serving)[:3])
+    names = ", ".join(sorted((worker.worker for worker in facts.serving), key=natural)[:3])
     return (
         f"It was asked for {facts.waited_s:.0f} s ago. Look at Health: is there a {service} that serves {key} and does "
         f"not drop its images? {names} says that it does: see its log."

@@ -11,6 +11,7 @@ from nicegui import ui
 from schemas.keys import CameraKey
 from services.monitor.joining import endpoint_to_join
 from services.monitor.monitor import Monitor
+from services.monitor.natural_order import natural
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
 from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
@@ -107,11 +108,13 @@ class _Health:
 
     async def _load_workers(self, window: Window) -> Loaded:
         await self._shared.survey()  # takes the rates
-        workers = sorted(self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, worker.name))
+        workers = sorted(
+            self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, natural(worker.name))
+        )
         rates = self._shared.rates
         match window.sort:
             case "worker":
-                workers.sort(key=lambda worker: worker.name)
+                workers.sort(key=lambda worker: natural(worker.name))
             case "count":
                 workers.sort(key=lambda worker: len(worker.serves))
             case "rate":

@@ -17,6 +17,7 @@ from services.monitor.mapping.last_poses import LastPoses
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
+from services.monitor.natural_order import natural
 from services.monitor.page.floor_plan import url_of
 from services.monitor.page.formatting import ago, plural
 from services.monitor.page.frame import nothing_yet, page_at, page_frame
@@ -83,8 +84,8 @@ class _Map:
     def robots(self) -> list[str]:
         """Return the robots to follow: the one that was chosen, or as many as can be of those online."""
         online = self._monitor.fleet.inventory.robots()
-        self._offer(sorted(online | self._last_poses.names(time.time_ns())))
-        return [self._robot.value] if self._robot.value else sorted(online)[:MOST_ROBOTS]
+        self._offer(sorted(online | self._last_poses.names(time.time_ns()), key=natural))
+        return [self._robot.value] if self._robot.value else sorted(online, key=natural)[:MOST_ROBOTS]
 
     def _offer(self, robots: list[str]) -> None:
         known = {EVERY: "All robots", **{name: name for name in robots}}

@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 from schemas.keys import CameraKey
 from services.monitor.fleet import Row
 from services.monitor.glance import Glance
-from services.monitor.page.formatting import NS, lasting, natural
+from services.monitor.natural_order import natural, natural_camera
+from services.monitor.page.formatting import NS, lasting
 from services.monitor.snapshot import CameraLine, RobotLine
 
 QUIET_NS: Final = 5 * NS
@@ -80,7 +81,7 @@ def by_robot(cameras: tuple[CameraKey, ...]) -> Mapping[str, Sequence[CameraKey]
     of_robot = defaultdict[str, list[CameraKey]](list)
     for key in cameras:
         of_robot[key.robot].append(key)
-    return {robot: sorted(keys, key=lambda key: natural(key.camera)) for robot, keys in of_robot.items()}
+    return {robot: sorted(keys, key=natural_camera) for robot, keys in of_robot.items()}
 
 
 @lru_cache(maxsize=2)
@@ -131,5 +132,6 @@ def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tup
 
 def _unseen(cameras: Sequence[CameraLine]) -> str:
     """Say why nothing is known of cameras that are there."""
-    workers = sorted({name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)})
+    served_by = {name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)}
+    workers = sorted(served_by, key=natural)
     return f"no class lists from {', '.join(workers)}" if workers else "no detector looks after its cameras"

@@ -7,7 +7,7 @@ from operator import attrgetter
 from typing import Any, Final
 
 from services.monitor.inventory.inventory import Entry
-from services.monitor.page.formatting import natural
+from services.monitor.natural_order import natural, natural_camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class Filters:
 
 
 SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
-    "robot": lambda entry: natural(entry.sighting.key.robot),
-    "camera": lambda entry: natural(entry.sighting.key.camera),
-    "name": attrgetter("sighting.name"),
+    "robot": lambda entry: natural_camera(entry.sighting.key),
+    "camera": lambda entry: natural_camera(entry.sighting.key)[::-1],
+    "name": lambda entry: natural(entry.sighting.name),
     "count": attrgetter("sighting.count"),
     "score": attrgetter("sighting.score"),
     "first": attrgetter("sighting.first_ns"),

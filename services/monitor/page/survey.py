@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from schemas.keys import CameraKey
 from services.monitor.glance import Glance
-from services.monitor.page.formatting import natural
+from services.monitor.natural_order import cameras_in_order, natural
 from services.monitor.page.robots import DETECTOR, Robot, RobotState, Standing, robot_of
 from services.monitor.turns import in_turns
 
@@ -77,7 +77,9 @@ class Survey:
     async def unserved(self) -> Sequence[CameraKey]:
         """Return the cameras that are there and that no detector looks after."""
         if self._unserved is None:
-            self._unserved = [key async for key in in_turns(self._glance.cameras) if _is_unserved(self._glance, key)]
+            self._unserved = [
+                key async for key in in_turns(cameras_in_order(self._glance.cameras)) if _is_unserved(self._glance, key)
+            ]
         return self._unserved
 
     def _drops(self, name: str) -> int:
