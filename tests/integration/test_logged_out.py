@@ -1,4 +1,4 @@
-"""Somebody who may not look any more sees the log-in, whatever stands between their browser and the monitor."""
+"""Somebody who may not look any more sees the log-in, and finds again what they looked at; so after a restart."""
 
 import re
 from collections.abc import AsyncIterator
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import pytest_asyncio
+from nicegui import Client
 from playwright.async_api import Browser, expect
 
 from services.monitor.web.auth import middleware
@@ -56,13 +57,40 @@ async def test_somebody_whose_session_ended_while_they_were_away_logs_in_and_is_
         looking(browser, at, tmp_path) as looker,
     ):
         fleet.enter(Robot("r1", {"box": 2}))
-        page = await looker.go("/health")
+        page = await looker.go("/health?search=r1")
         await page.context.set_offline(True)
         await expect(page.get_by_text("Connection lost")).to_be_visible()
         at.access.log_out(at.cookie[1])
         await page.context.set_offline(False)
-        await page.wait_for_url(re.compile(r"/login\?next=/health"))
+        await page.wait_for_url("**/login?next=/health%3Fsearch%3Dr1")
         await page.get_by_label("Name").fill(Role.OPERATOR)
         await page.get_by_label("Password").fill(PASSWORD)
         await page.get_by_role("button", name="Log in").click()
+        await page.wait_for_url("**/health?search=r1")
         await expect(page.locator("[data-gateway=r1]")).to_be_visible()
+
+
+@pytest.mark.parametrize("path", ["/", "/inventory", "/health"])
+async def test_a_search_survives_a_restart(browser: Browser, tmp_path: Path, path: str) -> None:
+    rows = "[data-robot], [data-sighting], [data-gateway]"
+    async with warehouse(web_port=free_ports(1)) as fleet:
+        fleet.enter(Robot("r1", {"box": 2}))
+        fleet.enter(Robot("r2", {"pallet": 1}))
+        serving = served(fleet.monitor, folder=tmp_path)
+        at = await serving.__aenter__()
+        async with looking(browser, at, tmp_path) as looker:
+            page = await looker.go(path)
+            await expect(page.locator(rows)).to_have_count(2)
+            await page.get_by_label("Search").fill("r2")
+            await expect(page.locator(rows)).to_have_count(1)
+            await page.wait_for_url("**/*search=r2*")
+            await serving.__aexit__(None, None, None)
+            for client in list(Client.instances.values()):
+                client.delete()  # as when their process ends
+            await expect(page.get_by_text("Connection lost")).to_be_visible()
+            async with served(fleet.monitor, folder=tmp_path):
+                await expect(page.get_by_text("Connection lost")).to_be_hidden()
+                await expect(page.get_by_label("Search")).to_have_value("r2")
+                await expect(page.locator(rows)).to_have_count(1)
+                await page.get_by_label("Search").fill("")
+                await expect(page.locator(rows)).to_have_count(2)

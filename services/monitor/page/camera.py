@@ -35,6 +35,7 @@ AGAIN_S: Final = 3.0
 """When a picture that broke off is asked for again."""
 
 SERVICE: Final = "detector"
+ALT: Final = "The newest picture of {}, with what was found drawn on it"
 SETTLED: Final = "A count moves when class lists in a row agree, so one frame alone neither adds nor removes anything."
 KINDS: Final = {Stream.OVERLAY_DETECTION.value: "Boxes", Stream.OVERLAY_SEGMENTATION.value: "Masks"}
 
@@ -74,7 +75,7 @@ class _Live:
                 self._build_head()
                 self._stage = Stage()
                 with self._stage.filling():
-                    self._image = ui.element("img").classes("fs-picture fs-old").props('alt=""')
+                    self._image = ui.element("img").classes("fs-picture fs-old").props(f'alt="{ALT.format(key)}"')
                     self._image.on("error", self._broke_off)
                 with ui.element("div").classes("fs-line fs-muted"):
                     self._age, self._rate, self._size = ui.label(), ui.label(), ui.label()
@@ -95,7 +96,7 @@ class _Live:
             ui.label(str(self._key)).classes("fs-title")
             ui.element("div").classes("fs-spring")
             ui.toggle(KINDS, value=self._stream.stream.value, on_change=lambda event: self._choose(event.value)).props(
-                "dense unelevated no-caps"
+                'dense unelevated no-caps toggle-text-color=on-accent role=group aria-label="What is drawn"'
             ).classes("fs-toggle")
             with ui.link(target=f"/objects/{self._key}").classes("fs-link"):
                 ui.label("In 3D")

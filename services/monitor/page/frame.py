@@ -81,6 +81,7 @@ async def page_frame(
     ui.add_css(STYLE)
     ui.add_body_html(LOG_IN_AGAIN)
     links: list[Links] = []
+    still(escape(title), tag="h1").classes("fs-unseen")
     if bars:
         links.append(_bar(visitor, here))
         await pause()

@@ -12,6 +12,7 @@ from schemas.keys import CameraKey
 from services.monitor.joining import endpoint_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.natural_order import natural
+from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
 from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
@@ -60,7 +61,8 @@ class _Health:
 
     def __init__(self, shared: Shared, monitor: Monitor) -> None:
         self._monitor, self._shared = monitor, shared
-        self._wanted = Wanted()
+        self._choices = Choices()
+        self._wanted = Wanted(text=self._choices[SEARCH])
         self._unserved = ui.element("div")
         with self._unserved:
             self._unserved_text = banner("")
@@ -76,7 +78,7 @@ class _Health:
             )
         with _panel("Gateways"):
             with ui.element("div").classes("fs-panel-head"):
-                search_field("Robot, camera or class", self._look_for)
+                search_field("Robot, camera or class", self._look_for, self._wanted.text)
             self._gateways = LiveTable(
                 GATEWAY_COLUMNS,
                 self._load_gateways,
@@ -137,6 +139,7 @@ class _Health:
 
     async def _look_for(self, text: str) -> None:
         self._wanted = replace(self._wanted, text=text)
+        self._choices.keep(SEARCH, text)
         await self._gateways.begin()
 
 

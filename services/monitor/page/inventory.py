@@ -13,6 +13,7 @@ from services.monitor.inventory.inventory import Entry
 from services.monitor.joining import endpoint_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
+from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.inventory_rows import as_csv, sighting_row
@@ -60,8 +61,10 @@ class _Inventory:
         self._shared = shared
         self._monitor = monitor
         self._charts = charts
-        self._filters = Filters()
-        self._subject = Subject()
+        self._choices = Choices()
+        text, name = self._choices[SEARCH], self._choices["class"]
+        self._filters = Filters(text=text, name=name, in_view=self._choices["in_view"] != "no")
+        self._subject = Subject(name=name, text=text.strip())
         self._tiles: dict[str, Tile] = {}
         self._totals = ui.element("div").classes("fs-tiles")
         self._sums = ui.label(SUMS).classes("fs-muted fs-small")
@@ -96,14 +99,16 @@ class _Inventory:
                 self._all.set_visibility(False)
                 ui.element("div").classes("fs-spring")
                 export_link(self._monitor, "sightings")
-                ui.toggle(list(RANGES), value="1 h", on_change=self._over).props("dense flat no-caps")
+                ui.toggle(list(RANGES), value="1 h", on_change=self._over).props(
+                    'dense flat no-caps role=group aria-label="How far back"'
+                )
             self._chart = chart()
             self._why_not = ui.label().classes("fs-empty")
 
     def _head(self) -> None:
         with ui.element("div").classes("fs-panel-head"):
-            search_field("Robot, camera, class, model or worker", self._look_for)
-            ui.switch("In view now", value=True, on_change=self._in_view)
+            search_field("Robot, camera, class, model or worker", self._look_for, self._filters.text)
+            ui.switch("In view now", value=self._filters.in_view, on_change=self._in_view)
             self._found = ui.label().classes("fs-muted")
             ui.element("div").classes("fs-spring")
             ui.button("CSV", icon="download", on_click=self._download).props("flat dense").tooltip(
@@ -154,16 +159,19 @@ class _Inventory:
     async def _only(self, name: str) -> None:
         self._filters = replace(self._filters, name="" if self._filters.name == name else name)
         self._subject = replace(self._subject, name=self._filters.name)
+        self._choices.keep("class", self._filters.name)
         await self._table.begin()
         await self.draw()
 
     async def _look_for(self, text: str) -> None:
         self._filters = replace(self._filters, text=text)
+        self._choices.keep(SEARCH, text)
         await self._table.begin()
         await self._choose_all()
 
     async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
         self._filters = replace(self._filters, in_view=bool(event.value))
+        self._choices.keep("in_view", "" if event.value else "no")
         await self._table.begin()
 
     async def _over(self, event: events.ValueChangeEventArguments[str]) -> None:

@@ -12,6 +12,42 @@ ROWS: Final = 25
 CHOICES: Final = (10, 25, 50, 100)
 MAX_TEXT: Final = 100
 
+HEADER: Final = """
+<q-tr :props="props">
+  <q-th v-for="col in props.cols" :key="col.name" :props="props" :aria-sort="col.order || null">
+    <button v-if="col.sortable" type="button" class="fs-sort">{{ col.label }}</button>
+    <template v-else>{{ col.label }}</template>
+  </q-th>
+</q-tr>
+"""
+"""A click on a heading's button is one on the heading, which sorts; unlike the heading it is reached by keyboard."""
+
+BOTTOM: Final = f"""
+<div class="q-table__separator col"></div>
+<div class="q-table__control">
+  <span class="q-table__bottom-item" aria-hidden="true">Rows</span>
+  <q-select class="q-table__select inline q-table__bottom-item" dense borderless options-dense options-cover
+    aria-label="Rows per page" :options="{list(CHOICES)}" :model-value="props.pagination.rowsPerPage"
+    @update:model-value="(count) => $parent.$emit('rows', count)" />
+</div>
+<div class="q-table__control">
+  <span class="q-table__bottom-item">{{{{ (props.pagination.page - 1) * props.pagination.rowsPerPage + 1 }}}}-{{{{
+    Math.min(props.pagination.page * props.pagination.rowsPerPage, props.pagination.rowsNumber) }}}} of {{{{
+    props.pagination.rowsNumber }}}}</span>
+  <template v-if="props.pagesNumber > 1">
+    <q-btn flat round dense size="sm" icon="first_page" aria-label="First page" v-if="props.pagesNumber > 2"
+      :disable="props.isFirstPage" @click="props.firstPage" />
+    <q-btn flat round dense size="sm" icon="chevron_left" aria-label="Previous page"
+      :disable="props.isFirstPage" @click="props.prevPage" />
+    <q-btn flat round dense size="sm" icon="chevron_right" aria-label="Next page"
+      :disable="props.isLastPage" @click="props.nextPage" />
+    <q-btn flat round dense size="sm" icon="last_page" aria-label="Last page" v-if="props.pagesNumber > 2"
+      :disable="props.isLastPage" @click="props.lastPage" />
+  </template>
+</div>
+"""
+"""As the library has it, but with a name for the choice of how many rows there are, which screen readers say."""
+
 Rows = list[dict[str, Any]]
 
 
@@ -56,7 +92,9 @@ class LiveTable:
 
     def __init__(self, columns: Sequence[Column], load: Load, *, row_key: str, sort: str, body: str, card: str) -> None:
         self._load = load
+        self._row_key = row_key
         self._begun = 0
+        self._columns = columns
         self._sortable = {column.name for column in columns if column.sortable}
         self._pagination: dict[str, Any] = {
             "page": 1,
@@ -66,18 +104,18 @@ class LiveTable:
             "descending": False,
         }
         self.table = ui.table(
-            columns=[{**asdict(column), "field": row_key} for column in columns],  # templates look up what they show
+            columns=self._headings(),
             rows=[],
             row_key=row_key,
             pagination=dict(self._pagination),
         ).classes("fs-table")
-        self.table.props(
-            f':rows-per-page-options="{list(CHOICES)}" rows-per-page-label=Rows '
-            'flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 900"'
-        )
+        self.table.props('flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 900"')
+        self.table.add_slot("header", HEADER)
+        self.table.add_slot("bottom", BOTTOM)
         self.table.add_slot("body", body)
         self.table.add_slot("item", card)
         self.table.on("request", self._turn, [["pagination"]])
+        self.table.on("rows", self._resize)
 
     async def refresh(self) -> None:
         """Show what there is now, unless another one begins meanwhile: that knows better what is looked at."""
@@ -99,13 +137,32 @@ class LiveTable:
         if rows != self.table.rows or self._pagination != self.table.pagination:
             with self.table:
                 self.table.props["pagination"] = dict(self._pagination)
+                if (headings := self._headings()) != self.table.columns:
+                    self.table.columns = headings
                 self.table.rows = rows
         return None
+
+    def _headings(self) -> list[dict[str, Any]]:
+        """Return the columns as the table takes them; order: how it is sorted by one, in words of ARIA."""
+        order = "descending" if self._pagination["descending"] else "ascending"
+        return [
+            {
+                **asdict(column),
+                "field": self._row_key,  # templates look up what they show
+                "order": order if column.name == self._pagination["sortBy"] else "",
+            }
+            for column in self._columns
+        ]
 
     async def begin(self) -> None:
         """Show the first page."""
         self._pagination["page"] = 1
         await self.refresh()
+
+    async def _resize(self, event: events.GenericEventArguments) -> None:
+        size = int(event.args)
+        self._pagination["rowsPerPage"] = size if size in CHOICES else ROWS
+        await self.begin()
 
     async def _turn(self, event: events.GenericEventArguments) -> None:
         asked = event.args["pagination"]
@@ -119,11 +176,11 @@ class LiveTable:
         await self.refresh()
 
 
-def search_field(placeholder: str, look_for: Callable[[str], Awaitable[None]]) -> None:
-    """Make the field that a table is searched with; look_for: is given what somebody types."""
+def search_field(placeholder: str, look_for: Callable[[str], Awaitable[None]], text: str = "") -> None:
+    """Make the field that a table is searched with. look_for: is given what somebody types. text: what is searched."""
 
     async def changed(event: events.ValueChangeEventArguments[str | None]) -> None:
         await look_for((event.value or "")[:MAX_TEXT])
 
-    field = ui.input(placeholder=placeholder, on_change=changed)
+    field = ui.input(placeholder=placeholder, value=text, on_change=changed)
     field.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")

@@ -61,11 +61,11 @@ class _Map:
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
-                    ui.label("Map").classes("fs-title")
+                    _title("Map")
                     self._keys = still("").classes("fs-keys fs-small")
                     ui.element("div").classes("fs-spring")
                     self._robot = ui.select({EVERY: "All robots"}, value=EVERY, on_change=self._forget_bounds).props(
-                        "dense outlined options-dense"
+                        'dense outlined options-dense aria-label="Robot"'
                     )
                 self._picture = ui.html(sanitize=False).classes("fs-map")
                 self._empty = nothing_yet(
@@ -77,8 +77,8 @@ class _Map:
                 )
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
-                    ui.label("Last seen").classes("fs-title")
-                self._list = still("").classes("fs-scroll")
+                    _title("Last seen")
+                self._list = still("").classes("fs-scroll").props('tabindex=0 role=region aria-label="Last seen"')
                 self._missing = ui.label().classes("fs-line fs-muted")
 
     def robots(self) -> list[str]:
@@ -129,6 +129,11 @@ class _Map:
         more = len(marks) - MOST_LISTED
         rest = f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
         self._list.set_content("".join(row(mark, now_ns) for mark in marks[:MOST_LISTED]) + rest)
+
+
+def _title(text: str) -> None:
+    with ui.element("h2"):
+        ui.label(text)
 
 
 def keys(marks: Sequence[Mark], now_ns: int) -> str:

@@ -98,9 +98,10 @@ class _Solids:
                     ui.label(WITH_A_MOUSE).classes("fs-mouse")
                     ui.label(WITH_FINGERS).classes("fs-touch")
             with ui.element("section").classes("fs-panel"):
-                with ui.element("div").classes("fs-panel-head"):
-                    ui.label("Objects").classes("fs-title")
+                with ui.element("div").classes("fs-panel-head"), ui.element("h2"):
+                    ui.label("Objects")
                 self._list = ui.element("div").classes("fs-scroll")
+                self._list.props('tabindex=0 role=region aria-label="Objects"')
                 self._unmeasured = ui.label().classes("fs-line fs-muted")
 
     def _build_head(self) -> None:

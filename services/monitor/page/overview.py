@@ -9,6 +9,7 @@ from nicegui import events, ui
 
 from services.monitor.joining import ALSO_ELSEWHERE, endpoint_to_join, is_here_alone
 from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
+from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.confirmation import Confirmation
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
 from services.monitor.page.links import FLEET, WALL
@@ -80,11 +81,13 @@ class _Overview:
 
     def __init__(self, monitor: Monitor, shared: Shared, figures: _Figures, visitor: Visitor) -> None:
         self._monitor, self._shared, self._figures, self._visitor = monitor, shared, figures, visitor
-        self._wanted = Wanted()
+        self._choices = Choices()
+        state = next((each for each in RobotState if each == self._choices["state"]), None)
+        self._wanted = Wanted(text=self._choices[SEARCH], state=state)
         figures.chosen = self._only
         with ui.element("div").classes("fs-panel"):
             with ui.element("div").classes("fs-panel-head"):
-                search_field("Robot, camera or class", self._look_for)
+                search_field("Robot, camera or class", self._look_for, self._wanted.text)
                 self._found = ui.label().classes("fs-muted")
                 ui.element("div").classes("fs-spring")
                 with ui.link(target=WALL).classes("fs-link fs-small"):
@@ -141,10 +144,12 @@ class _Overview:
 
     async def _only(self, state: RobotState) -> None:
         self._wanted = replace(self._wanted, state=None if self._wanted.state is state else state)
+        self._choices.keep("state", self._wanted.state or "")
         await self._table.begin()
 
     async def _look_for(self, text: str) -> None:
         self._wanted = replace(self._wanted, text=text)
+        self._choices.keep(SEARCH, text)
         await self._table.begin()
 
 

@@ -65,14 +65,14 @@ def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Moni
 
 
 @asynccontextmanager
-async def served(monitor: Monitor, role: Role = Role.OPERATOR) -> AsyncIterator[Served]:
-    """Serve page and API on a free port; a user of the role is logged in."""
+async def served(monitor: Monitor, role: Role = Role.OPERATOR, folder: Path | None = None) -> AsyncIterator[Served]:
+    """Serve page and API on a free port; a user of the role is logged in. folder: where its users are kept."""
     nicegui_app.middleware_stack = None  # the page's application outlives each server of this process
     nicegui_app.user_middleware.clear()
     listener = open_listener(monitor.settings)
     url, port = url_of(listener, monitor.settings), listener.getsockname()[1]
     with TemporaryDirectory() as made:
-        folder = Path(made)
+        folder = folder or Path(made)
         access = await access_in(folder)
         serving = asyncio.create_task(serve(monitor, listener, access))
         try:
