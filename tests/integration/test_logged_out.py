@@ -92,5 +92,7 @@ async def test_a_search_survives_a_restart(browser: Browser, tmp_path: Path, pat
                 await expect(page.get_by_text("Connection lost")).to_be_hidden()
                 await expect(page.get_by_label("Search")).to_have_value("r2")
                 await expect(page.locator(rows)).to_have_count(1)
+                await page.get_by_label("Search").fill("nobody")
+                await expect(page.get_by_text("Clear the search")).to_be_visible()
                 await page.get_by_label("Search").fill("")
                 await expect(page.locator(rows)).to_have_count(2)

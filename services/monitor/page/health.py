@@ -90,6 +90,7 @@ class _Health:
             self._no_gateway = nothing_yet(
                 "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
             )
+            self._none = nothing_yet("search_off", "No gateway is like that", "Clear the search.")
         with _panel("This monitor"):
             self._itself = MonitorHealth(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
@@ -135,7 +136,11 @@ class _Health:
         robots = await survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
         shown = robots[window.begin : window.end]
         rows = [gateway_row(survey.robot(name), survey.now_ns) for name in shown]
-        return Loaded(rows, len(robots), partial(self._no_gateway.set_visibility, not robots))
+        return Loaded(rows, len(robots), partial(self._count_gateways, len(robots), survey.size))
+
+    def _count_gateways(self, found: int, every: int) -> None:
+        self._no_gateway.set_visibility(not every)
+        self._none.set_visibility(bool(every) and not found)
 
     async def _look_for(self, text: str) -> None:
         self._wanted = replace(self._wanted, text=text)
