@@ -81,9 +81,9 @@ async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
         yield Site(fleet, at, browser)
 
 
-async def faults(page: Page) -> list[str]:
-    """Return what axe-core finds that is serious, with where it is."""
-    found = await Axe().run(page)
+async def faults(page: Page, of: str = "") -> list[str]:
+    """Return what axe-core finds that is serious, with where it is. of: a selector of what is looked at, else all."""
+    found = await Axe().run(page, of or None)
     return [
         f"{fault['id']}: {node['html'][:200]} ({node['failureSummary']})"
         for fault in found.response["violations"]
@@ -126,7 +126,8 @@ async def test_a_question_keeps_nobody_out(site: Site, tmp_path: Path) -> None:
         await page.locator("[data-alert]").first.get_by_role("button", name="resolve").click()
         await expect(page.get_by_role("dialog").get_by_text("Resolve: ")).to_be_visible()
         await page.wait_for_function("document.getAnimations().length === 0")
-        assert await faults(page) == []
+        found = await faults(page, "[role=dialog]")  # the rest is behind it, and out of reach
+        assert not found, "\n".join(found)
 
 
 async def test_a_table_is_sorted_by_keyboard_and_says_how(site: Site, tmp_path: Path) -> None:
@@ -145,6 +146,21 @@ async def test_a_table_is_sorted_by_keyboard_and_says_how(site: Site, tmp_path: 
         await expect(names).to_have_text(["r10", "r3", "r2", "r1"])
         await expect(page.locator("[aria-sort]")).to_have_count(1)
         await expect(heading.get_by_role("button")).to_be_focused()
+
+
+async def test_what_has_the_focus_keeps_it_while_rows_change(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/")
+        row = page.locator("[data-robot=r2]")
+        link = row.get_by_role("link", name="front")
+        await link.focus()
+        before = await row.inner_text()
+        for _ in range(3):
+            await page.wait_for_function(
+                "([row, was]) => row.innerText !== was", arg=[await row.element_handle(), before]
+            )
+            before = await row.inner_text()
+        await expect(link).to_be_focused()
 
 
 async def test_how_many_rows_there_are_is_chosen_by_keyboard(site: Site, tmp_path: Path) -> None:

@@ -23,4 +23,6 @@ class Confirmation:
     async def given(self, what: str) -> bool:
         """Ask; return whether somebody means it, which who closes it does not."""
         self._what.set_text(what)
+        self._dialog.props["aria-label"] = what
+        self._dialog.update()
         return bool(await self._dialog == YES)

@@ -12,42 +12,6 @@ ROWS: Final = 25
 CHOICES: Final = (10, 25, 50, 100)
 MAX_TEXT: Final = 100
 
-HEADER: Final = """
-<q-tr :props="props">
-  <q-th v-for="col in props.cols" :key="col.name" :props="props" :aria-sort="col.order || null">
-    <button v-if="col.sortable" type="button" class="fs-sort">{{ col.label }}</button>
-    <template v-else>{{ col.label }}</template>
-  </q-th>
-</q-tr>
-"""
-"""A click on a heading's button is one on the heading, which sorts; unlike the heading it is reached by keyboard."""
-
-BOTTOM: Final = f"""
-<div class="q-table__separator col"></div>
-<div class="q-table__control">
-  <span class="q-table__bottom-item" aria-hidden="true">Rows</span>
-  <q-select class="q-table__select inline q-table__bottom-item" dense borderless options-dense options-cover
-    aria-label="Rows per page" :options="{list(CHOICES)}" :model-value="props.pagination.rowsPerPage"
-    @update:model-value="(count) => $parent.$emit('rows', count)" />
-</div>
-<div class="q-table__control">
-  <span class="q-table__bottom-item">{{{{ (props.pagination.page - 1) * props.pagination.rowsPerPage + 1 }}}}-{{{{
-    Math.min(props.pagination.page * props.pagination.rowsPerPage, props.pagination.rowsNumber) }}}} of {{{{
-    props.pagination.rowsNumber }}}}</span>
-  <template v-if="props.pagesNumber > 1">
-    <q-btn flat round dense size="sm" icon="first_page" aria-label="First page" v-if="props.pagesNumber > 2"
-      :disable="props.isFirstPage" @click="props.firstPage" />
-    <q-btn flat round dense size="sm" icon="chevron_left" aria-label="Previous page"
-      :disable="props.isFirstPage" @click="props.prevPage" />
-    <q-btn flat round dense size="sm" icon="chevron_right" aria-label="Next page"
-      :disable="props.isLastPage" @click="props.nextPage" />
-    <q-btn flat round dense size="sm" icon="last_page" aria-label="Last page" v-if="props.pagesNumber > 2"
-      :disable="props.isLastPage" @click="props.lastPage" />
-  </template>
-</div>
-"""
-"""As the library has it, but with a name for the choice of how many rows there are, which screen readers say."""
-
 Rows = list[dict[str, Any]]
 
 
@@ -84,6 +48,10 @@ Load = Callable[[Window], Awaitable[Loaded]]
 """Returns what is in a window. It says nothing itself: by then another window, or other rows, may be wanted."""
 
 
+class _Table(ui.table, component="live_table.js"):
+    """What a browser shows; see there."""
+
+
 class LiveTable:
     """A table whose rows `load` gives whenever `refresh` is called, or somebody turns a page or sorts.
 
@@ -103,19 +71,16 @@ class LiveTable:
             "sortBy": sort,
             "descending": False,
         }
-        self.table = ui.table(
+        self.table = _Table(
             columns=self._headings(),
             rows=[],
             row_key=row_key,
             pagination=dict(self._pagination),
         ).classes("fs-table")
         self.table.props('flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 900"')
-        self.table.add_slot("header", HEADER)
-        self.table.add_slot("bottom", BOTTOM)
-        self.table.add_slot("body", body)
-        self.table.add_slot("item", card)
+        self.table.props["body"], self.table.props["card"], self.table.props["sizes"] = body, card, CHOICES
         self.table.on("request", self._turn, [["pagination"]])
-        self.table.on("rows", self._resize)
+        self.table.on("size", self._resize)
 
     async def refresh(self) -> None:
         """Show what there is now, unless another one begins meanwhile: that knows better what is looked at."""
