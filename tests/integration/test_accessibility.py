@@ -125,7 +125,7 @@ async def test_a_question_keeps_nobody_out(site: Site, tmp_path: Path) -> None:
         page = await looker.go("/alerts")
         await page.locator("[data-alert]").first.get_by_role("button", name="resolve").click()
         await expect(page.get_by_role("dialog").get_by_text("Resolve: ")).to_be_visible()
-        await page.wait_for_function("document.getAnimations().length === 0")
+        await expect(page.locator("[class*=-enter-]")).to_have_count(0)  # it has faded in
         found = await faults(page, "[role=dialog]")  # the rest is behind it, and out of reach
         assert not found, "\n".join(found)
 
