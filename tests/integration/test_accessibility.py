@@ -132,7 +132,7 @@ async def test_a_question_keeps_nobody_out(site: Site, tmp_path: Path) -> None:
         await page.locator("[data-alert]").first.get_by_role("button", name="resolve").click()
         await expect(page.get_by_role("dialog").get_by_text("Resolve: ")).to_be_visible()
         await expect(page.locator("[class*=-enter-]")).to_have_count(0)  # it has faded in
-        # The rest is behind it, and out of reach; axe-core (4.12) takes its backdrop for what is behind a button's text.
+        # The rest is behind it, out of reach. axe-core (4.12) takes its backdrop for what is behind a button's text.
         found = await faults(page, "[role=dialog]", without="color-contrast")
         assert not found, "\n".join(found)
         answer = page.get_by_role("dialog").get_by_role("button", name="Resolve")
