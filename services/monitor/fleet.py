@@ -18,6 +18,7 @@ from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits,
 from services.monitor.inventory.sighting import Change
 from services.monitor.mapping.places import Places
 from services.monitor.namesakes import Namesakes
+from services.monitor.natural_order import cameras_in_order, natural_camera
 from services.monitor.troubles import NAMESAKES, THIN_LINK, problems_of
 
 RATE_WINDOW_S: Final = 5.0
@@ -59,6 +60,13 @@ class Row(msgspec.Struct, frozen=True, gc=False):
     def stale(self) -> bool:
         """Whether what the row shows may no longer be so."""
         return not self.online or self.age is None or self.age.seconds > self.stale_s
+
+    @property
+    def state(self) -> str:
+        """How the camera is: offline, silent or online. One that was never heard waits, and is not silent."""
+        if not self.online:
+            return "offline"
+        return "silent" if self.stale and self.age is not None else "online"
 
 
 @dataclass(slots=True)
@@ -230,12 +238,12 @@ class Fleet:
 
     def rows(self, now_s: float) -> Iterator[Row]:
         """Yield every camera, by robot and name; also those that were heard before a restart alone."""
-        return (self.row(key, now_s) for key in self.inventory.in_order())
+        return (self.row(key, now_s) for key in cameras_in_order(self.inventory.in_order()))
 
     def take_changed(self, now_s: float) -> Iterator[Row]:
         """Yield the cameras, by robot and name, that came, went or counted something else since this was asked last."""
         changed, self._changed = self._changed, set()
-        return (self.row(key, now_s) for key in sorted(changed))
+        return (self.row(key, now_s) for key in sorted(changed, key=natural_camera))
 
     def row(self, key: CameraKey, now_s: float) -> Row:
         """Return one camera."""

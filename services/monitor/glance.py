@@ -81,11 +81,16 @@ class Glance:
 
     def camera(self, key: CameraKey) -> CameraLine:
         """Return all that is shown of a camera."""
+        return self.camera_of(self.row(key))
+
+    def camera_of(self, row: Row) -> CameraLine:
+        """Return all that is shown of a camera whose row is made already."""
+        key = row.key
         dropped = _drops_of(self.fleet.gateways.get(key.robot), key.camera)
         for worker, load in self.workers.loads(key):
             _add(dropped, worker.name, load.dropped)
         view = self.fleet.inventory.camera(key)
-        return CameraLine(self.row(key), 0 if view is None else view.last_ns, dropped, self.workers.serving(key))
+        return CameraLine(row, 0 if view is None else view.last_ns, dropped, self.workers.serving(key))
 
     def robot(self, name: str) -> RobotLine:
         """Return all that is shown of a robot."""

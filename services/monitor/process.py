@@ -30,6 +30,7 @@ from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
+from services.monitor.joining import how_to_join
 from services.monitor.mapping.floor_plan_file import load_floor_plan
 from services.monitor.measuring import measure_clocks
 from services.monitor.monitor import Monitor
@@ -76,7 +77,7 @@ async def run(settings: MonitorSettings) -> None:
         def problems() -> list[str]:
             return [*monitor.problems(), *([] if web is None else web.notes())]
 
-        notes = [_how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
+        notes = [how_to_join(settings), *([] if web is None else [f"page: {web.url}"])]
         group.create_task(show(fleet, Console(), settings.refresh_s, note="\n".join(notes), problems=problems))
 
 
@@ -277,9 +278,3 @@ def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:
 
 def _camera(fleet: Fleet, key: str, *, alive: bool) -> None:
     fleet.camera_presence(keys.parse_stream(key).camera, alive=alive)
-
-
-def _how_to_join(settings: MonitorSettings) -> str:
-    if settings.listen:
-        return f"gateways and detectors join with --connect {settings.listen[0].partition('#')[0]}"
-    return f"connects to {', '.join(settings.connect) or 'whom scouting finds'}"

@@ -9,11 +9,16 @@ T = TypeVar("T")
 
 
 class Recent(Generic[T]):
-    """Something that takes a while to make: whoever asks gets what is no older than `max_age_s`, or waits for it."""
+    """Something that takes a while to make: whoever asks gets what is no older than `max_age_s`, or waits for it.
 
-    def __init__(self, make: Callable[[], Awaitable[T]], max_age_s: float) -> None:
+    share: of the time, that making it may take. What takes less is made anew sooner than after `max_age_s`.
+    """
+
+    def __init__(self, make: Callable[[], Awaitable[T]], max_age_s: float, *, share: float = 0.0) -> None:
         self._make = make
         self._max_age_s = max_age_s
+        self._share = share
+        self._took_s = 0.0
         self._made: tuple[float, T] | None = None
         self._failed: tuple[float, Exception] | None = None
         self._making = asyncio.Lock()
@@ -25,10 +30,14 @@ class Recent(Generic[T]):
             if self._failed is not None and asked_s <= self._failed[0]:
                 raise self._failed[1]
             began_s = time.monotonic()
-            if self._made is None or began_s - self._made[0] > self._max_age_s:
+            if self._made is None or self._is_old(began_s - self._made[0]):
                 try:
                     self._made = (began_s, await self._make())
                 except Exception as error:
                     self._failed = (time.monotonic(), error)
                     raise
+                self._took_s = time.monotonic() - began_s
             return self._made[1]
+
+    def _is_old(self, age_s: float) -> bool:
+        return age_s > self._max_age_s or self._took_s < self._share * age_s

@@ -1,12 +1,15 @@
 """The fleet as a table for a terminal, or as plain lines where there is none."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
 
 from rich.table import Table
 from rich.text import Text
 
 from schemas.printing import printable
 from services.monitor.fleet import Age, Row
+
+STYLES: Final = {"online": "green", "silent": "yellow", "offline": "bold red"}
 
 
 def render(rows: Iterable[Row], notes: Sequence[str], more: int) -> Table:
@@ -23,11 +26,10 @@ def render(rows: Iterable[Row], notes: Sequence[str], more: int) -> Table:
     ):
         table.add_column(heading, justify=justify)  # type: ignore[arg-type]
     for row in rows:
-        state = Text("online", "green") if row.online else Text("offline", "bold red")
         table.add_row(
             Text(row.key.robot),
             Text(row.key.camera),
-            state,
+            Text(row.state, STYLES[row.state]),
             Text(classes(row)),
             Text(age(row.age)),
             Text(f"{row.rate_hz:.1f}/s"),

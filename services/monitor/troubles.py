@@ -5,6 +5,7 @@ from typing import Final
 
 from schemas.printing import printable
 from schemas.status import GatewayStatus
+from services.monitor.natural_order import natural
 
 MAX_SHOWN: Final = 5
 
@@ -16,7 +17,7 @@ THIN_LINK: Final = "has class lists that come more than 2 s late; a thin link ne
 
 def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:
     """Return a line for each thing that is wrong with a robot."""
-    return [printable(f"{robot} {problem}") for robot in sorted(problems) for problem in problems[robot]]
+    return [printable(f"{robot} {problem}") for robot in sorted(problems, key=natural) for problem in problems[robot]]
 
 
 def shortened(lines: Sequence[str], most: int = MAX_SHOWN) -> list[str]:

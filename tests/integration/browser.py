@@ -71,7 +71,9 @@ async def looking(
     """Open a browser window of a size; when it closes nothing may have gone wrong in it, or come from elsewhere."""
     width, height = SIZES[size]
     viewport: ViewportSize = {"width": width, "height": height}
-    context = await browser.new_context(viewport=viewport, color_scheme=scheme, has_touch=touch, is_mobile=touch)
+    context = await browser.new_context(
+        viewport=viewport, color_scheme=scheme, has_touch=touch, is_mobile=touch, ignore_https_errors=True
+    )
     context.set_default_timeout(PATIENCE_MS)
     name, value = at.cookie
     await context.add_cookies([{"name": name, "value": value, "url": at.url}])

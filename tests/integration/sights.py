@@ -36,11 +36,15 @@ SIZES = {"box": (0.6, 0.5, 0.8), "pallet": (1.2, 0.8, 0.15), "forklift": (1.6, 1
 
 @dataclass
 class Robot:
-    """One robot with one camera. wanted: which streams somebody subscribes to now."""
+    """One robot with one camera. wanted: which streams somebody subscribes to now.
+
+    flickers: a class that is found in every other frame as well; empty for none.
+    """
 
     name: str
     publishers: dict[str, Publisher]
     seq: int = 0
+    flickers: str = ""
 
     @property
     def wanted(self) -> set[str]:
@@ -83,6 +87,8 @@ class Robot:
 
     def _classes(self) -> ClassList:
         names = [name for name, *_ in THINGS]
+        if self.flickers and self.seq % 2:
+            names.append(self.flickers)
         seen = [ClassCount(name, names.count(name), 0.9) for name in sorted(set(names))]
         return ClassList(header=self.header(), classes=seen, model="warehouse.pt", worker="w1")
 

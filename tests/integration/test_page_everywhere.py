@@ -9,6 +9,7 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, expect
 
+from services.monitor.joining import endpoint_to_join
 from services.monitor.live_views import reasons
 from tests.integration.browser import PATIENCE_MS, SIZES, Size, looking, open_browser
 from tests.integration.in_sight import out_of_sight
@@ -138,3 +139,16 @@ async def test_an_empty_page_says_what_to_do(browser: Browser, tmp_path: Path) -
             page = await looker.go(path)
             for text in said:
                 await expect(page.get_by_text(text).first).to_be_visible()
+
+
+@pytest.mark.parametrize("advertise", [None, "tls/central.example:17447"])
+async def test_people_are_told_an_address_that_they_can_connect_to(
+    browser: Browser, tmp_path: Path, advertise: str | None
+) -> None:
+    listens = {"listen": ["tcp/0.0.0.0:7447"], "advertise": advertise}
+    async with warehouse(**listens) as empty, served(empty.monitor) as at, looking(browser, at, tmp_path) as looker:
+        told = advertise or endpoint_to_join(empty.monitor.settings)
+        for path in ("/", "/inventory", "/health", "/map", "/wall"):
+            page = await looker.go(path)
+            await expect(page.get_by_text(told).first).to_be_visible()
+            assert "0.0.0.0" not in await page.locator("body").inner_text(), path  # noqa: S104 - nobody binds to it

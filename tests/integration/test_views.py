@@ -91,6 +91,22 @@ async def test_an_overlay_is_drawn_while_somebody_looks_at_its_camera(site: Site
     await until(lambda: MASKS not in site.robot.wanted)
 
 
+async def test_what_is_in_the_picture_and_what_is_settled_are_told_apart(site: Site, tmp_path: Path) -> None:
+    site.robot.flickers = "ghost"
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/cameras/r1/front")
+        await expect(page.get_by_role("heading", name="In this picture")).to_be_visible()
+        await expect(page.get_by_role("heading", name="In view, settled")).to_be_visible()
+        in_picture = page.locator(".fs-frame .fs-chip")
+        await expect(in_picture.filter(has_text="box")).to_have_text("2box")
+        await expect(in_picture.filter(has_text="ghost")).to_have_text("1ghost")
+        await looker.picture("camera-frame-desk-light")
+        await expect(in_picture.filter(has_text="ghost")).to_have_count(0)
+        await expect(page.locator(".fs-row", has_text="box").locator(".fs-many")).to_have_text("2")
+        await expect(page.locator(".fs-row", has_text="ghost")).to_have_count(0)
+    site.robot.flickers = ""
+
+
 async def test_what_another_model_counts_differently_is_told_while_it_does(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path) as looker:
         page = await looker.go("/cameras/r1/front")

@@ -96,7 +96,7 @@ async def test_where_nothing_is_wrong_and_where_nobody_is_that_is_said(
     ):
         page = await looker.go("/wall")
         await expect(page.get_by_text("No robot has joined yet")).to_be_visible()
-        await expect(page.get_by_text("No critical alert is open and no robot is lost.")).to_be_visible()
+        await expect(page.get_by_text("No critical alert is open and no robot is offline or silent.")).to_be_visible()
         assert await page.evaluate(SMALLEST_PX) >= 22
         empty.enter(Robot("r1", {"box": 2}))
         await expect(page.locator("[data-robot=r1]")).to_contain_text("2 box")

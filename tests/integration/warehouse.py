@@ -135,21 +135,21 @@ async def detector(bus: Bus, robots: Sequence[Robot]) -> None:
 
 
 class Warehouse:
-    """Robots that come and go, seen by a monitor."""
+    """Robots that come and go, seen by a monitor. bus: that they are on."""
 
     def __init__(self, monitor: Monitor, bus: Bus) -> None:
         self.monitor = monitor
-        self._bus = bus
+        self.bus = bus
         self._running: dict[str, asyncio.Task[None]] = {}
 
     def enter(self, robot: Robot) -> Robot:
         """Have a robot join."""
-        self._running[robot.key.robot] = asyncio.create_task(robot.drive(self._bus))
+        self._running[robot.key.robot] = asyncio.create_task(robot.drive(self.bus))
         return robot
 
     def serve(self, robots: Sequence[Robot]) -> None:
         """Have a detector serve the robots' cameras."""
-        self._running["detector"] = asyncio.create_task(detector(self._bus, robots))
+        self._running["detector"] = asyncio.create_task(detector(self.bus, robots))
 
     async def leave(self, *names: str) -> None:
         """Have robots go; all that is there if none are named."""

@@ -8,9 +8,13 @@ from typing import Any, Final, TextIO
 from sqlalchemy import Table
 
 from services.monitor.export.settings import moment
+from services.monitor.figures import rounded
 
 TIME: Final = "_ns"
 """How the names of columns end that are times in nanoseconds; exported ones are without, in UTC to the microsecond."""
+
+AS_IN_JSON: Final = {"name": "class", "first_ns": "first_seen"}
+"""Columns that the HTTP API calls otherwise than the tables do: files call them as it does."""
 
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 """What text begins with that spreadsheets run instead of showing it: classes and workers may be called anything."""
@@ -20,7 +24,7 @@ async def write_csv(
     batches: AsyncIterator[Sequence[Mapping[str, Any]]], table: Table, file: TextIO, *, for_people: bool
 ) -> int:
     """Write rows below a heading; return how many. for_people: a spreadsheet may open it, so formulas are made text."""
-    writer = csv.DictWriter(file, [column.name.removesuffix(TIME) for column in table.columns])
+    writer = csv.DictWriter(file, [exported_name(column.name) for column in table.columns])
     writer.writeheader()
     count = 0
     async for batch in batches:
@@ -30,10 +34,15 @@ async def write_csv(
     return count
 
 
+def exported_name(column: str) -> str:
+    """Return what files call a column of a table."""
+    return AS_IN_JSON.get(column, column.removesuffix(TIME))
+
+
 def exported(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row as it is exported."""
     return {
-        str(name).removesuffix(TIME): moment(value).isoformat(timespec="microseconds") if name.endswith(TIME) else value
+        exported_name(name): moment(value).isoformat(timespec="microseconds") if name.endswith(TIME) else rounded(value)
         for name, value in row.items()
     }
 
@@ -49,14 +58,16 @@ def write_parquet(source: Path, target: Path, table: Table) -> None:
 
     kinds = {str: pl.String, int: pl.Int64, float: pl.Float64, bool: pl.String}
     schema = {
-        column.name.removesuffix(TIME): pl.String if column.name.endswith(TIME) else kinds[column.type.python_type]
+        exported_name(column.name): pl.String if column.name.endswith(TIME) else kinds[column.type.python_type]
         for column in table.columns
     }
     times = [
-        pl.col(column.name.removesuffix(TIME)).str.to_datetime(time_unit="us", time_zone="UTC")
+        pl.col(exported_name(column.name)).str.to_datetime(time_unit="us", time_zone="UTC")
         for column in table.columns
         if column.name.endswith(TIME)
     ]
-    flags = [pl.col(column.name) == "True" for column in table.columns if column.type.python_type is bool]
+    flags = [
+        pl.col(exported_name(column.name)) == "True" for column in table.columns if column.type.python_type is bool
+    ]
     rows = pl.scan_csv(source, schema=schema).with_columns(pl.col(pl.String).fill_null(""))
     rows.with_columns(*times, *flags).sink_parquet(target)

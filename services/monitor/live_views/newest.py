@@ -3,10 +3,12 @@
 import asyncio
 from typing import Final, Generic, TypeVar
 
-from bus import LATEST, Bus, Sample
+from bus import LATEST, QUEUE, Bus, Latest, Queue, Sample
 from schemas import codec
 from schemas.codec import Message
+from schemas.detections import ClassList
 from schemas.errors import SchemaError
+from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import Stream, StreamKey
 from schemas.objects import ObjectClouds
@@ -14,6 +16,9 @@ from services.monitor.live_views.shared import Shared
 
 MOST_STREAMS: Final = 64
 """How many different streams are looked at through one monitor at the same time."""
+
+MOST_LISTS: Final = 64
+"""How many class lists of one camera are kept: a picture comes some frames after the list of its own."""
 
 M = TypeVar("M", bound=Message)
 
@@ -42,8 +47,28 @@ class Newest(Generic[M]):
         return self.message
 
 
+class FrameLists(Newest[ClassList]):
+    """The newest class lists of a camera, by the frame that each is about."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._of: dict[tuple[str, int], ClassList] = {}
+
+    def take(self, message: ClassList, received_ns: int) -> None:
+        """Take a newer one; the oldest over MOST_LISTS is forgotten."""
+        super().take(message, received_ns)
+        self._of[message.header.boot_id, message.header.seq] = message
+        if len(self._of) > MOST_LISTS:
+            del self._of[next(iter(self._of))]
+
+    def of(self, frame: Header) -> ClassList | None:
+        """Return what a model counted in a frame; None if that is not known."""
+        return self._of.get((frame.boot_id, frame.seq))
+
+
 Pictures = Shared[StreamKey, Newest[ImageFrame]]
 Clouds = Shared[StreamKey, Newest[ObjectClouds]]
+Lists = Shared[StreamKey, FrameLists]
 
 OVERLAYS: Final = (Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 
@@ -58,13 +83,20 @@ def clouds(bus: Bus) -> Clouds:
     return Shared(_nothing, lambda key, newest: follow(bus, key, ObjectClouds, newest), MOST_STREAMS)
 
 
+def lists(bus: Bus) -> Lists:
+    """Return what was counted in each of the newest frames of the cameras that people look at."""
+    return Shared(
+        lambda _: FrameLists(), lambda key, newest: follow(bus, key, ClassList, newest, QUEUE(MOST_LISTS)), MOST_STREAMS
+    )
+
+
 def _nothing(_: StreamKey) -> Newest[M]:
     return Newest()
 
 
-async def follow(bus: Bus, key: StreamKey, schema: type[M], newest: Newest[M]) -> None:
+async def follow(bus: Bus, key: StreamKey, schema: type[M], newest: Newest[M], keep: Latest | Queue = LATEST) -> None:
     """Subscribe to the stream until cancelled; what it is no good for is left out and said."""
-    async with bus.subscribe(str(key), LATEST, history=False) as subscription:
+    async with bus.subscribe(str(key), keep, history=False) as subscription:
         async for sample in subscription:
             try:
                 newest.take(_read(sample, key, schema), sample.received_ns)
@@ -74,6 +106,6 @@ async def follow(bus: Bus, key: StreamKey, schema: type[M], newest: Newest[M]) -
 
 def _read(sample: Sample, key: StreamKey, schema: type[M]) -> M:
     message = codec.decode(schema, sample.payload, sample.encoding)
-    assert isinstance(message, ImageFrame | ObjectClouds)  # noqa: S101 - the two that are asked for
+    assert isinstance(message, ImageFrame | ObjectClouds | ClassList)  # noqa: S101 - those that are asked for
     codec.check_identity(message.header, key.camera)
     return message

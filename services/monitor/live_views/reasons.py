@@ -7,12 +7,7 @@ from typing import Final
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
 from services.monitor.fleet import Fleet
-
-STARTS: Final = {
-    "detector": "fleetsight detector --connect ...",
-    "cloud": "fleetsight cloud --connect ...",
-}
-"""How somebody starts a worker of each service that makes what is looked at."""
+from services.monitor.natural_order import natural
 
 WAITING: Final = "Nothing has come yet"
 PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
@@ -36,6 +31,7 @@ class Facts:
     """What is known of a camera. serving: workers of the service that look after it. workers: all that are there.
 
     came: something was shown before. waited_s: since it was asked for. deaf: why the monitor cannot hear the fleet.
+    join: the endpoint that workers are to connect to.
     """
 
     known: bool
@@ -46,10 +42,11 @@ class Facts:
     came: bool = False
     waited_s: float = 0.0
     deaf: str = ""
+    join: str = ""
 
 
 def facts_of(
-    fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool, waited_s: float, deaf: str
+    fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool, waited_s: float, deaf: str, join: str
 ) -> Facts:
     """Return what is known of a camera. workers: those of the service that are there now. See `Facts`."""
     there = tuple(workers)
@@ -62,6 +59,7 @@ def facts_of(
         came=came,
         waited_s=waited_s,
         deaf=deaf,
+        join=join,
     )
 
 
@@ -102,9 +100,9 @@ def why_nothing(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
 
 def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> Reason:
     if not facts.workers:
-        return Reason(f"No {service} runs", f"Start one anywhere with {STARTS[service]}")
+        return Reason(f"No {service} runs", f"Start one anywhere with fleetsight {service} --connect {facts.join}")
     if not facts.serving:
-        names = ", ".join(sorted(worker.worker for worker in facts.workers)[:3])
+        names = ", ".join(sorted((worker.worker for worker in facts.workers), key=natural)[:3])
         return Reason(
             f"No {service} serves {key}",
             f"There is {names}, but none for this robot: start one without --robots, or with --robots {key.robot}",
@@ -118,7 +116,7 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
 
 
 def _lasting(key: CameraKey, service: str, facts: Facts) -> str:
-    names = ", ".join(sorted(worker.worker for worker in facts.serving)[:3])
+    names = ", ".join(sorted((worker.worker for worker in facts.serving), key=natural)[:3])
     return (
         f"It was asked for {facts.waited_s:.0f} s ago. Look at Health: is there a {service} that serves {key} and does "
         f"not drop its images? {names} says that it does: see its log."

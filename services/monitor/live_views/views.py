@@ -3,19 +3,21 @@
 from collections.abc import Callable
 
 from bus import Bus
-from services.monitor.live_views.newest import clouds, pictures
+from services.monitor.live_views.newest import clouds, lists, pictures
 from services.monitor.mapping.following import robots
 from services.monitor.mapping.last_poses import LastPoses
 
 
 class Views:
-    """pictures: overlays. clouds: of objects. robots: where they are. Each is subscribed to while somebody looks.
+    """pictures: overlays. lists: class lists by frame. clouds: of objects. robots: where they are.
 
+    Each is subscribed to while somebody looks.
     last_poses: where robots were when somebody looked. is_forgotten: see `LastPoses`.
     """
 
     def __init__(self, bus: Bus, is_forgotten: Callable[[str], bool]) -> None:
         self.pictures = pictures(bus)
+        self.lists = lists(bus)
         self.clouds = clouds(bus)
         self.robots = robots(bus)
         self.last_poses = LastPoses(is_forgotten)

@@ -9,7 +9,8 @@ from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.doubt import known_until_ns
 from services.monitor.history.acts import Act
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.page.formatting import NOTHING, ago, iso, natural
+from services.monitor.natural_order import natural
+from services.monitor.page.formatting import NOTHING, ago, iso
 
 URGENCY: Final = {severity: number for number, severity in enumerate(reversed(Severity))}
 """Severities, the most urgent first."""
@@ -58,7 +59,7 @@ def sorted_alerts(alerts: Sequence[Alert], sort: str, *, descending: bool) -> li
     """Return alerts by severity, robot, state or the time they were raised or ended."""
     match sort:
         case "robot":
-            found = sorted(alerts, key=lambda each: (natural(each.robot), each.camera))
+            found = sorted(alerts, key=lambda each: (natural(each.robot), natural(each.camera)))
         case "state":
             found = sorted(alerts, key=lambda each: NEED[each.state])
         case "raised":

@@ -23,6 +23,7 @@ from services.monitor.page.alert_rows import (
     wanted_alerts,
 )
 from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
+from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.confirmation import Confirmation
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
@@ -39,7 +40,7 @@ OPEN_COLUMNS: Final = (
     Column("robot", "Where"),
     Column("state", "State"),
     Column("raised", "Raised", align="right"),
-    Column("deeds", "", sortable=False, align="right"),
+    Column("deeds", "Actions", sortable=False, align="right"),
 )
 
 ENDED_COLUMNS: Final = (
@@ -67,8 +68,9 @@ class _Alerts:
         self._monitor = monitor
         self._kept = kept
         self._visitor = visitor
-        self._severity: Severity | None = None
-        self._text = ""
+        self._choices = Choices()
+        self._severity = next((each for each in Severity if each == self._choices["severity"]), None)
+        self._text = self._choices[SEARCH]
         self._elsewhere = ui.element("div")
         with self._elsewhere:
             self._elsewhere_text = banner("")
@@ -93,7 +95,7 @@ class _Alerts:
             with ui.element("div").classes("fs-panel-head"):
                 with ui.element("h2"):
                     ui.label("Open")
-                search_field("Robot, rule or text", self._look_for)
+                search_field("Robot, rule or text", self._look_for, self._text)
                 self._found = ui.label().classes("fs-muted")
             self._open = LiveTable(
                 OPEN_COLUMNS, self._load_open, row_key="id", sort="severity", body=OPEN_BODY, card=CARD
@@ -182,10 +184,12 @@ class _Alerts:
 
     async def _only(self, severity: Severity) -> None:
         self._severity = None if self._severity is severity else severity
+        self._choices.keep("severity", self._severity or "")
         await self._open.begin()
 
     async def _look_for(self, text: str) -> None:
         self._text = text
+        self._choices.keep(SEARCH, text)
         await self._open.begin()
 
     async def _do(self, event: events.GenericEventArguments) -> None:

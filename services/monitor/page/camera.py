@@ -8,13 +8,16 @@ from typing import Final
 
 from nicegui import ui
 
+from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from services.monitor.fleet import STALE_S, Age
 from services.monitor.inventory.sighting import Sighting
+from services.monitor.joining import endpoint_to_join
 from services.monitor.live_views.mjpeg import path_of
-from services.monitor.live_views.newest import Newest
+from services.monitor.live_views.newest import FrameLists, Newest
 from services.monitor.live_views.reasons import Reason, facts_of, why_nothing
+from services.monitor.live_views.shared import CrowdedError
 from services.monitor.live_views.views import Views
 from services.monitor.monitor import Monitor
 from services.monitor.page.formatting import age_text, ago, rate_text
@@ -25,10 +28,15 @@ from services.monitor.page.visibility import PageVisibility
 
 PATH: Final = "/cameras/{robot}/{camera}"
 REFRESH_S: Final = 0.5
+TICK_S: Final = 0.1
+"""How soon after a picture it is said what was counted in it."""
+
 AGAIN_S: Final = 3.0
 """When a picture that broke off is asked for again."""
 
 SERVICE: Final = "detector"
+ALT: Final = "The newest picture of {}, with what was found drawn on it"
+SETTLED: Final = "A count moves when class lists in a row agree, so one frame alone neither adds nor removes anything."
 KINDS: Final = {Stream.OVERLAY_DETECTION.value: "Boxes", Stream.OVERLAY_SEGMENTATION.value: "Masks"}
 
 
@@ -45,10 +53,11 @@ def add_camera(monitor: Monitor, views: Views) -> None:
             live = _Live(monitor, views, key)
             visibility = PageVisibility()
         while await visibility.begins():
-            live.show()
-            while not await visibility.ends(REFRESH_S):
-                live.refresh()
-            live.hide()
+            try:
+                async with views.lists.hold(StreamKey(key, Stream.CLASSES)) as lists:
+                    await live.run(visibility, lists)
+            except CrowdedError:
+                await live.run(visibility, FrameLists())
 
 
 class _Live:
@@ -66,13 +75,18 @@ class _Live:
                 self._build_head()
                 self._stage = Stage()
                 with self._stage.filling():
-                    self._image = ui.element("img").classes("fs-picture fs-old").props('alt=""')
+                    self._image = ui.element("img").classes("fs-picture fs-old").props(f'alt="{ALT.format(key)}"')
                     self._image.on("error", self._broke_off)
                 with ui.element("div").classes("fs-line fs-muted"):
                     self._age, self._rate, self._size = ui.label(), ui.label(), ui.label()
             with ui.element("section").classes("fs-panel"):
-                with ui.element("div").classes("fs-panel-head"):
-                    self._when = ui.label().classes("fs-title")
+                self._in_picture = ui.element("div")
+                with self._in_picture:
+                    with ui.element("div").classes("fs-panel-head"), ui.element("h2"):
+                        self._which_picture = ui.label()
+                    self._counted = still("").classes("fs-line fs-frame")
+                with ui.element("div").classes("fs-panel-head"), ui.element("h2").props(f'title="{SETTLED}"'):
+                    self._when = ui.label()
                 self._classes = still("").classes("fs-classes")
                 self._otherwise = ui.label().classes("fs-line")
                 self._served = ui.label().classes("fs-line fs-muted")
@@ -82,7 +96,7 @@ class _Live:
             ui.label(str(self._key)).classes("fs-title")
             ui.element("div").classes("fs-spring")
             ui.toggle(KINDS, value=self._stream.stream.value, on_change=lambda event: self._choose(event.value)).props(
-                "dense unelevated no-caps"
+                'dense unelevated no-caps toggle-text-color=on-accent role=group aria-label="What is drawn"'
             ).classes("fs-toggle")
             with ui.link(target=f"/objects/{self._key}").classes("fs-link"):
                 ui.label("In 3D")
@@ -90,6 +104,17 @@ class _Live:
     def _choose(self, stream: str) -> None:
         self._stream = StreamKey(self._key, Stream(stream))
         self.show()
+
+    async def run(self, visibility: PageVisibility, lists: FrameLists) -> None:
+        """Show the camera while somebody looks. lists: what was counted in its newest frames."""
+        self.show()
+        refreshed_s = 0.0
+        while not await visibility.ends(TICK_S):
+            self._tell_of_frame(lists)
+            if time.monotonic() - refreshed_s >= REFRESH_S:
+                refreshed_s = time.monotonic()
+                self.refresh()
+        self.hide()
 
     def show(self) -> None:
         """Ask for the picture, from now on."""
@@ -117,6 +142,7 @@ class _Live:
         age = self._age_of(newest, now_ns)
         fresh = age is not None and age.seconds <= STALE_S
         self._image.classes(**{"remove" if fresh else "add": "fs-old"})
+        self._which_picture.set_text("In this picture" if fresh else "In the last picture")
         self._explain(newest, age, fresh=fresh)
         self._tell(newest, age)
         self._list(now_ns)
@@ -136,6 +162,7 @@ class _Live:
             came=age is not None,
             waited_s=waited_s,
             deaf=self._monitor.health.problem,
+            join=endpoint_to_join(self._monitor.settings),
         )
         served = ", ".join(f"{worker.worker} ({worker.model})" for worker in facts.serving)
         self._served.set_text(f"Found by {served}" if served else "No detector looks at it")
@@ -146,6 +173,14 @@ class _Live:
         else:
             reason = why_nothing(self._key, self._stream.stream, SERVICE, facts)
             self._stage.explain(reason, f"The picture is {age_text(age)} old" if age else "")
+
+    def _tell_of_frame(self, lists: FrameLists) -> None:
+        """Say what the model counted in the very frame that the picture shows."""
+        newest = self._views.pictures.peek(self._stream)
+        frame = None if newest is None else newest.message
+        self._in_picture.set_visibility(frame is not None)
+        if frame is not None:
+            self._counted.set_content(counted_in(lists.of(frame.header)))
 
     def _tell(self, newest: Newest[ImageFrame] | None, age: Age | None) -> None:
         if newest is None or newest.message is None:
@@ -164,11 +199,22 @@ class _Live:
         since_ns = now_ns - inventory.limits.stale_ns
         seen = sorted(view.sightings(since_ns), key=lambda each: each.name) if view else []
         available = view is not None and inventory.speaks(view, now_ns)
-        self._when.set_text("In view" if available or not seen else "In view when it was heard last")
+        self._when.set_text(f"In view{'' if available or not seen else ' when it was heard last'}, settled")
         self._classes.set_content(rows([each for each in seen if each.count], now_ns, available=available))
         counted = otherwise(view.disagreements(since_ns)) if view is not None and available else ""
         self._otherwise.set_text(counted)
         self._otherwise.set_visibility(bool(counted))
+
+
+def counted_in(frame: ClassList | None) -> str:
+    """Return as HTML what a model counted in one frame; None where that is not known."""
+    if frame is None:
+        return '<span class="fs-muted">Not known</span>'
+    chips = "".join(
+        f'<span class="fs-chip" title="the surest: {each.score:.0%}"><b>{each.count}</b>{escape(each.name)}</span>'
+        for each in frame.classes
+    )
+    return chips or '<span class="fs-muted">Nothing</span>'
 
 
 def otherwise(disagreements: Mapping[str, tuple[int, int]]) -> str:

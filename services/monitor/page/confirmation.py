@@ -16,9 +16,13 @@ class Confirmation:
             ui.label(advice).classes("fs-muted")
             with ui.element("div").classes("fs-answers"):
                 ui.button(leave, on_click=lambda: self._dialog.submit("")).props("flat no-caps autofocus")
-                ui.button(do, on_click=lambda: self._dialog.submit(YES)).props("unelevated no-caps color=primary")
+                ui.button(do, on_click=lambda: self._dialog.submit(YES)).props(
+                    "unelevated no-caps text-color=on-accent"
+                )
 
     async def given(self, what: str) -> bool:
         """Ask; return whether somebody means it, which who closes it does not."""
         self._what.set_text(what)
+        self._dialog.props["aria-label"] = what
+        self._dialog.update()
         return bool(await self._dialog == YES)

@@ -1,8 +1,6 @@
 """Times, counts and ages as the page says them. Pure."""
 
-import re
 from datetime import UTC, datetime
-from functools import lru_cache
 from typing import Final
 
 from services.monitor.fleet import Age
@@ -60,9 +58,3 @@ def iso(at_ns: int) -> str:
 def plural(count: int, one: str, many: str = "") -> str:
     """Return a count and its noun: 1 camera, 2 cameras, 1,200 classes."""
     return f"{count:,} {one if count == 1 else many or one + 's'}"
-
-
-@lru_cache(maxsize=50_000)
-def natural(name: str) -> tuple[tuple[int, str], ...]:
-    """Return what names are sorted by, so that r2 comes before r10."""
-    return tuple((int(digits or -1), text.casefold()) for digits, text in re.findall(r"(\d{1,18})|(\D+)", name))

@@ -26,6 +26,16 @@ PATIENCE_S: Final = 30.0
 STYLE: Final = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
 THEME_COOKIE: Final = "fleetsight-theme"
 
+LOG_IN_AGAIN: Final = """<script>
+setInterval(async () => {
+  if (window.socket?.connected) return;
+  const answer = await fetch('/api/v1/me', {cache: 'no-store'}).catch(() => null);
+  if (answer?.status === 401) location.reload();
+}, 2000);
+</script>"""
+"""Loads a page again whose connection is gone and whose visitor is logged out, so that the server sends them to the
+log-in. The page's own library would try for ever to connect, and be refused."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Theme:
@@ -69,7 +79,9 @@ async def page_frame(
     visit = VISITS.begin(visitor.name, client)
     ui.page_title(f"{title} \N{MIDDLE DOT} fleetsight")
     ui.add_css(STYLE)
+    ui.add_body_html(LOG_IN_AGAIN)
     links: list[Links] = []
+    still(escape(title), tag="h1").classes("fs-unseen")
     if bars:
         links.append(_bar(visitor, here))
         await pause()
@@ -81,7 +93,7 @@ async def page_frame(
 
     async def refresh() -> None:
         if not visitor.may_look:
-            ui.navigate.to("/")
+            ui.navigate.reload()
             client.content.clear()
             return
         banners.refresh()
@@ -130,11 +142,12 @@ def banner(text: str, *, bad: bool = False) -> ui.label:
         return ui.label(text)
 
 
-def nothing_yet(icon: str, what: str, *do: str, command: str = "") -> ui.html:
-    """Say that there is nothing, and what to do about it; return what says so."""
+def nothing_yet(icon: str, what: str, *do: str, command: str = "", more: str = "") -> ui.html:
+    """Say that there is nothing, and what to do about it; return what says so. more: what is below the command."""
     lines = "".join(f"<div>{escape(line)}</div>" for line in do)
     code = f'<div class="fs-code">{escape(command)}</div>' if command else ""
-    return still(f"{icon_of(icon)}<strong>{escape(what)}</strong>{lines}{code}").classes("fs-empty")
+    below = f"<div>{escape(more)}</div>" if more else ""
+    return still(f"{icon_of(icon)}<strong>{escape(what)}</strong>{lines}{code}{below}").classes("fs-empty")
 
 
 def export_link(monitor: Monitor, what: str) -> None:

@@ -9,14 +9,16 @@ from typing import Final
 from nicegui import ui
 
 from schemas.keys import CameraKey
+from services.monitor.joining import endpoint_to_join
 from services.monitor.monitor import Monitor
+from services.monitor.natural_order import natural
+from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
 from services.monitor.page.health_rows import gateway_row, worker_row
 from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
 from services.monitor.page.links import HEALTH
 from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
 from services.monitor.page.monitor_health import MonitorHealth
-from services.monitor.page.robots import robot_of
 from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Wanted
 
@@ -59,7 +61,8 @@ class _Health:
 
     def __init__(self, shared: Shared, monitor: Monitor) -> None:
         self._monitor, self._shared = monitor, shared
-        self._wanted = Wanted()
+        self._choices = Choices()
+        self._wanted = Wanted(text=self._choices[SEARCH])
         self._unserved = ui.element("div")
         with self._unserved:
             self._unserved_text = banner("")
@@ -71,11 +74,11 @@ class _Health:
                 "memory",
                 "No worker has said anything yet",
                 "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
-                command="fleetsight detector --connect tcp/MONITOR:7447",
+                command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
         with _panel("Gateways"):
             with ui.element("div").classes("fs-panel-head"):
-                search_field("Robot, camera or class", self._look_for)
+                search_field("Robot, camera or class", self._look_for, self._wanted.text)
             self._gateways = LiveTable(
                 GATEWAY_COLUMNS,
                 self._load_gateways,
@@ -87,6 +90,7 @@ class _Health:
             self._no_gateway = nothing_yet(
                 "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
             )
+            self._none = nothing_yet("search_off", "No gateway is like that", "Clear the search.")
         with _panel("This monitor"):
             self._itself = MonitorHealth(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
@@ -107,11 +111,13 @@ class _Health:
 
     async def _load_workers(self, window: Window) -> Loaded:
         await self._shared.survey()  # takes the rates
-        workers = sorted(self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, worker.name))
+        workers = sorted(
+            self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, natural(worker.name))
+        )
         rates = self._shared.rates
         match window.sort:
             case "worker":
-                workers.sort(key=lambda worker: worker.name)
+                workers.sort(key=lambda worker: natural(worker.name))
             case "count":
                 workers.sort(key=lambda worker: len(worker.serves))
             case "rate":
@@ -128,13 +134,17 @@ class _Health:
     async def _load_gateways(self, window: Window) -> Loaded:
         survey = await self._shared.survey()
         robots = await survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
-        glance = self._monitor.glance()
         shown = robots[window.begin : window.end]
-        rows = [gateway_row(robot_of(glance, name), glance.now_ns) for name in shown]
-        return Loaded(rows, len(robots), partial(self._no_gateway.set_visibility, not robots))
+        rows = [gateway_row(survey.robot(name), survey.now_ns) for name in shown]
+        return Loaded(rows, len(robots), partial(self._count_gateways, len(robots), survey.size))
+
+    def _count_gateways(self, found: int, every: int) -> None:
+        self._no_gateway.set_visibility(not every)
+        self._none.set_visibility(bool(every) and not found)
 
     async def _look_for(self, text: str) -> None:
         self._wanted = replace(self._wanted, text=text)
+        self._choices.keep(SEARCH, text)
         await self._gateways.begin()
 
 

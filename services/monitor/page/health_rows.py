@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from schemas.header import MAX_COUNT
 from schemas.status import StreamStatus, WorkerStatus
+from services.monitor.natural_order import natural
 from services.monitor.page.formatting import NOTHING, NS, ago, brief, iso, rate_text
 from services.monitor.page.robots import Robot, RobotState
 from services.monitor.snapshot import WorkerLine
@@ -46,7 +47,7 @@ def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any
     for load in worker.status.cameras:
         dropped.update(load.dropped)
     serves = [
-        f"{load.robot}/{load.camera}" + (f" at {load.budget_hz:g}/s" if load.budget_hz is not None else "")
+        f"{load.robot}/{load.camera}" + (f" at {load.budget_hz:.3g}/s" if load.budget_hz is not None else "")
         for load in worker.serves
     ]
     return {
@@ -57,7 +58,7 @@ def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any
         "version": worker.status.version,
         "model": worker.status.model or NOTHING,
         "count": len(serves),
-        "serves": sorted(serves)[:MAX_SHOWN],
+        "serves": sorted(serves, key=natural)[:MAX_SHOWN],
         "more": f"and {len(serves) - MAX_SHOWN} more" if len(serves) > MAX_SHOWN else "",
         "rate": rate_text(rate_hz),
         "frames": brief(inferred(worker.status)),

@@ -10,8 +10,10 @@ from typing import Final
 from nicegui import events, ui
 
 from services.monitor.inventory.inventory import Entry
+from services.monitor.joining import endpoint_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
+from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
 from services.monitor.page.inventory_rows import as_csv, sighting_row
@@ -24,6 +26,11 @@ from services.monitor.page.tiles import Tile
 
 MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000
+
+SUMS: Final = (
+    "These numbers, and those of the chart, add up what each camera has in view: what two cameras see counts twice. "
+    "The map has each thing once."
+)
 
 COLUMNS: Final = (
     Column("robot", "Robot"),
@@ -54,10 +61,13 @@ class _Inventory:
         self._shared = shared
         self._monitor = monitor
         self._charts = charts
-        self._filters = Filters()
-        self._subject = Subject()
+        self._choices = Choices()
+        text, name = self._choices[SEARCH], self._choices["class"]
+        self._filters = Filters(text=text, name=name, in_view=self._choices["in_view"] != "no")
+        self._subject = Subject(name=name, text=text.strip())
         self._tiles: dict[str, Tile] = {}
         self._totals = ui.element("div").classes("fs-tiles")
+        self._sums = ui.label(SUMS).classes("fs-muted fs-small")
         self._draw_panel()
         with ui.element("div").classes("fs-panel"):
             self._head()
@@ -70,7 +80,7 @@ class _Inventory:
                 "Nothing was seen yet",
                 "Class lists come from a detector, once a robot with a camera has joined. Start one where there is "
                 "a CPU or GPU to spare:",
-                command="fleetsight detector --connect tcp/MONITOR:7447",
+                command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
             self._none = nothing_yet(
                 "search_off",
@@ -89,14 +99,16 @@ class _Inventory:
                 self._all.set_visibility(False)
                 ui.element("div").classes("fs-spring")
                 export_link(self._monitor, "sightings")
-                ui.toggle(list(RANGES), value="1 h", on_change=self._over).props("dense flat no-caps")
+                ui.toggle(list(RANGES), value="1 h", on_change=self._over).props(
+                    'dense flat no-caps role=group aria-label="How far back"'
+                )
             self._chart = chart()
             self._why_not = ui.label().classes("fs-empty")
 
     def _head(self) -> None:
         with ui.element("div").classes("fs-panel-head"):
-            search_field("Robot, camera, class, model or worker", self._look_for)
-            ui.switch("In view now", value=True, on_change=self._in_view)
+            search_field("Robot, camera, class, model or worker", self._look_for, self._filters.text)
+            ui.switch("In view now", value=self._filters.in_view, on_change=self._in_view)
             self._found = ui.label().classes("fs-muted")
             ui.element("div").classes("fs-spring")
             ui.button("CSV", icon="download", on_click=self._download).props("flat dense").tooltip(
@@ -135,25 +147,31 @@ class _Inventory:
             with self._totals:
                 self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
         for name, tile in self._tiles.items():
-            tile.show(f"{stock.totals.get(name, 0):,}", on=name == self._filters.name)
+            views = stock.views[name]
+            of = f"in {views:,} views" if views > 1 else ""
+            tile.show(f"{stock.totals.get(name, 0):,}", of, on=name == self._filters.name)
         unknown = f", {stock.unknown:,} more not known now" if self._filters.in_view and stock.unknown else ""
         self._found.set_text(plural(len(found), "sighting") + unknown)
+        self._sums.set_visibility(any(views > 1 for views in stock.views.values()))
         self._nothing.set_visibility(not stock.entries)
         self._none.set_visibility(bool(stock.entries) and not found)
 
     async def _only(self, name: str) -> None:
         self._filters = replace(self._filters, name="" if self._filters.name == name else name)
         self._subject = replace(self._subject, name=self._filters.name)
+        self._choices.keep("class", self._filters.name)
         await self._table.begin()
         await self.draw()
 
     async def _look_for(self, text: str) -> None:
         self._filters = replace(self._filters, text=text)
+        self._choices.keep(SEARCH, text)
         await self._table.begin()
         await self._choose_all()
 
     async def _in_view(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
         self._filters = replace(self._filters, in_view=bool(event.value))
+        self._choices.keep("in_view", "" if event.value else "no")
         await self._table.begin()
 
     async def _over(self, event: events.ValueChangeEventArguments[str]) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from services.monitor.export.writing import as_text
+from services.monitor.figures import rounded
 from services.monitor.inventory.inventory import Entry
 from services.monitor.page.formatting import NOTHING, ago, iso
 
 CSV_COLUMNS: Final = (
-    "robot", "camera", "class", "count", "confidence", "nearest_m", "first_seen", "last_seen", "available", "model",
+    "robot", "camera", "class", "count", "score", "nearest_m", "first_seen", "last_seen", "available", "model",
     "worker",
 )  # fmt: skip
 
@@ -44,7 +45,7 @@ def as_csv(entries: Iterable[Entry]) -> str:
     for entry in entries:
         of = entry.sighting
         cells = (
-            of.key.robot, of.key.camera, of.name, of.count, round(of.score, 4), of.nearest_m, iso(of.first_ns),
+            of.key.robot, of.key.camera, of.name, of.count, rounded(of.score), rounded(of.nearest_m), iso(of.first_ns),
             iso(of.last_ns), entry.available, of.model, of.worker,
         )  # fmt: skip
         writer.writerow(map(as_text, cells))

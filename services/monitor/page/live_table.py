@@ -48,6 +48,10 @@ Load = Callable[[Window], Awaitable[Loaded]]
 """Returns what is in a window. It says nothing itself: by then another window, or other rows, may be wanted."""
 
 
+class _Table(ui.table, component="live_table.js"):
+    """What a browser shows; see there."""
+
+
 class LiveTable:
     """A table whose rows `load` gives whenever `refresh` is called, or somebody turns a page or sorts.
 
@@ -56,7 +60,9 @@ class LiveTable:
 
     def __init__(self, columns: Sequence[Column], load: Load, *, row_key: str, sort: str, body: str, card: str) -> None:
         self._load = load
+        self._row_key = row_key
         self._begun = 0
+        self._columns = columns
         self._sortable = {column.name for column in columns if column.sortable}
         self._pagination: dict[str, Any] = {
             "page": 1,
@@ -65,19 +71,16 @@ class LiveTable:
             "sortBy": sort,
             "descending": False,
         }
-        self.table = ui.table(
-            columns=[{**asdict(column), "field": row_key} for column in columns],  # templates look up what they show
+        self.table = _Table(
+            columns=self._headings(),
             rows=[],
             row_key=row_key,
             pagination=dict(self._pagination),
         ).classes("fs-table")
-        self.table.props(
-            f':rows-per-page-options="{list(CHOICES)}" rows-per-page-label=Rows '
-            'flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 900"'
-        )
-        self.table.add_slot("body", body)
-        self.table.add_slot("item", card)
+        self.table.props('flat dense binary-state-sort hide-no-data :grid="Quasar.Screen.width < 900"')
+        self.table.props["body"], self.table.props["card"], self.table.props["sizes"] = body, card, CHOICES
         self.table.on("request", self._turn, [["pagination"]])
+        self.table.on("size", self._resize)
 
     async def refresh(self) -> None:
         """Show what there is now, unless another one begins meanwhile: that knows better what is looked at."""
@@ -99,13 +102,32 @@ class LiveTable:
         if rows != self.table.rows or self._pagination != self.table.pagination:
             with self.table:
                 self.table.props["pagination"] = dict(self._pagination)
+                if (headings := self._headings()) != self.table.columns:
+                    self.table.columns = headings
                 self.table.rows = rows
         return None
+
+    def _headings(self) -> list[dict[str, Any]]:
+        """Return the columns as the table takes them; order: how it is sorted by one, in words of ARIA."""
+        order = "descending" if self._pagination["descending"] else "ascending"
+        return [
+            {
+                **asdict(column),
+                "field": self._row_key,  # templates look up what they show
+                "order": order if column.name == self._pagination["sortBy"] else "",
+            }
+            for column in self._columns
+        ]
 
     async def begin(self) -> None:
         """Show the first page."""
         self._pagination["page"] = 1
         await self.refresh()
+
+    async def _resize(self, event: events.GenericEventArguments) -> None:
+        size = int(event.args)
+        self._pagination["rowsPerPage"] = size if size in CHOICES else ROWS
+        await self.begin()
 
     async def _turn(self, event: events.GenericEventArguments) -> None:
         asked = event.args["pagination"]
@@ -119,11 +141,11 @@ class LiveTable:
         await self.refresh()
 
 
-def search_field(placeholder: str, look_for: Callable[[str], Awaitable[None]]) -> None:
-    """Make the field that a table is searched with; look_for: is given what somebody types."""
+def search_field(placeholder: str, look_for: Callable[[str], Awaitable[None]], text: str = "") -> None:
+    """Make the field that a table is searched with. look_for: is given what somebody types. text: what is searched."""
 
     async def changed(event: events.ValueChangeEventArguments[str | None]) -> None:
         await look_for((event.value or "")[:MAX_TEXT])
 
-    field = ui.input(placeholder=placeholder, on_change=changed)
+    field = ui.input(placeholder=placeholder, value=text, on_change=changed)
     field.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")

@@ -8,6 +8,7 @@ from typing import Final
 
 from nicegui import ui
 
+from services.monitor.joining import endpoint_to_join
 from services.monitor.live_views.views import Views
 from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
 from services.monitor.mapping.following import MOST_ROBOTS
@@ -16,6 +17,7 @@ from services.monitor.mapping.last_poses import LastPoses
 from services.monitor.mapping.places import Mark
 from services.monitor.mapping.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor
+from services.monitor.natural_order import natural
 from services.monitor.page.floor_plan import url_of
 from services.monitor.page.formatting import ago, plural
 from services.monitor.page.frame import nothing_yet, page_at, page_frame
@@ -59,11 +61,11 @@ class _Map:
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
-                    ui.label("Map").classes("fs-title")
+                    _title("Map")
                     self._keys = still("").classes("fs-keys fs-small")
                     ui.element("div").classes("fs-spring")
                     self._robot = ui.select({EVERY: "All robots"}, value=EVERY, on_change=self._forget_bounds).props(
-                        "dense outlined options-dense"
+                        'dense outlined options-dense aria-label="Robot"'
                     )
                 self._picture = ui.html(sanitize=False).classes("fs-map")
                 self._empty = nothing_yet(
@@ -71,19 +73,19 @@ class _Map:
                     "No position is known yet",
                     "Robots appear once their gateways send transforms from map to base_link, or they see two objects.",
                     "Objects appear once somebody measures how far away they are:",
-                    command="fleetsight distance --connect ...",
+                    command=f"fleetsight distance --connect {endpoint_to_join(monitor.settings)}",
                 )
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
-                    ui.label("Last seen").classes("fs-title")
-                self._list = still("").classes("fs-scroll")
+                    _title("Last seen")
+                self._list = still("").classes("fs-scroll").props('tabindex=0 role=region aria-label="Last seen"')
                 self._missing = ui.label().classes("fs-line fs-muted")
 
     def robots(self) -> list[str]:
         """Return the robots to follow: the one that was chosen, or as many as can be of those online."""
         online = self._monitor.fleet.inventory.robots()
-        self._offer(sorted(online | self._last_poses.names(time.time_ns())))
-        return [self._robot.value] if self._robot.value else sorted(online)[:MOST_ROBOTS]
+        self._offer(sorted(online | self._last_poses.names(time.time_ns()), key=natural))
+        return [self._robot.value] if self._robot.value else sorted(online, key=natural)[:MOST_ROBOTS]
 
     def _offer(self, robots: list[str]) -> None:
         known = {EVERY: "All robots", **{name: name for name in robots}}
@@ -127,6 +129,11 @@ class _Map:
         more = len(marks) - MOST_LISTED
         rest = f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
         self._list.set_content("".join(row(mark, now_ns) for mark in marks[:MOST_LISTED]) + rest)
+
+
+def _title(text: str) -> None:
+    with ui.element("h2"):
+        ui.label(text)
 
 
 def keys(marks: Sequence[Mark], now_ns: int) -> str:

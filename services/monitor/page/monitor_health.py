@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from nicegui import ui
 
 from services.monitor.history.settings import NONE
+from services.monitor.joining import endpoints_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.page.formatting import NS, lasting
 from services.monitor.troubles import shortened
@@ -32,7 +33,7 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
     """Yield what a monitor says of itself: always the same things in the same order."""
     history, settings = monitor.history.status, monitor.settings
     yield "Running for", lasting((now_ns - monitor.started_ns) / NS)
-    yield "Robots join at", ", ".join([*settings.listen, *settings.connect]) or "what scouting finds"
+    yield "Robots join at", ", ".join(endpoints_to_join(settings)) or "what scouting finds"
     if settings.history == NONE:
         kept = "not kept: started with --history none"
     else:

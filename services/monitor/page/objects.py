@@ -12,6 +12,7 @@ from nicegui.elements.scene.objects.box import Box
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from services.monitor.fleet import STALE_S
+from services.monitor.joining import endpoint_to_join
 from services.monitor.live_views.newest import Newest
 from services.monitor.live_views.reasons import Reason, facts_of, why_nothing
 from services.monitor.live_views.shared import CrowdedError
@@ -97,9 +98,10 @@ class _Solids:
                     ui.label(WITH_A_MOUSE).classes("fs-mouse")
                     ui.label(WITH_FINGERS).classes("fs-touch")
             with ui.element("section").classes("fs-panel"):
-                with ui.element("div").classes("fs-panel-head"):
-                    ui.label("Objects").classes("fs-title")
+                with ui.element("div").classes("fs-panel-head"), ui.element("h2"):
+                    ui.label("Objects")
                 self._list = ui.element("div").classes("fs-scroll")
+                self._list.props('tabindex=0 role=region aria-label="Objects"')
                 self._unmeasured = ui.label().classes("fs-line fs-muted")
 
     def _build_head(self) -> None:
@@ -145,6 +147,7 @@ class _Solids:
             came=age is not None,
             waited_s=time.monotonic() - self._since_s,
             deaf=self._monitor.health.problem,
+            join=endpoint_to_join(self._monitor.settings),
         )
         reason = why_nothing(self._key, Stream.OBJECTS, SERVICE, facts)
         self._stage.explain(

@@ -7,13 +7,15 @@ from typing import Final
 
 from nicegui import events, ui
 
+from services.monitor.joining import ALSO_ELSEWHERE, endpoint_to_join, is_here_alone
 from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
+from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.confirmation import Confirmation
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
 from services.monitor.page.links import FLEET, WALL
 from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
 from services.monitor.page.overview_rows import robot_row
-from services.monitor.page.robots import RobotState, robot_of
+from services.monitor.page.robots import RobotState
 from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
@@ -79,11 +81,13 @@ class _Overview:
 
     def __init__(self, monitor: Monitor, shared: Shared, figures: _Figures, visitor: Visitor) -> None:
         self._monitor, self._shared, self._figures, self._visitor = monitor, shared, figures, visitor
-        self._wanted = Wanted()
+        self._choices = Choices()
+        state = next((each for each in RobotState if each == self._choices["state"]), None)
+        self._wanted = Wanted(text=self._choices[SEARCH], state=state)
         figures.chosen = self._only
         with ui.element("div").classes("fs-panel"):
             with ui.element("div").classes("fs-panel-head"):
-                search_field("Robot, camera or class", self._look_for)
+                search_field("Robot, camera or class", self._look_for, self._wanted.text)
                 self._found = ui.label().classes("fs-muted")
                 ui.element("div").classes("fs-spring")
                 with ui.link(target=WALL).classes("fs-link fs-small"):
@@ -111,10 +115,9 @@ class _Overview:
         survey = await self._shared.survey()
         wanted = replace(self._wanted, sort=window.sort, descending=window.descending)
         robots = await survey.robots(wanted)
-        glance = self._monitor.glance()
         shown = robots[window.begin : window.end]
         may_act = self._may_act
-        rows = [robot_row(robot_of(glance, name), glance.now_ns, may_act=may_act) for name in shown]
+        rows = [robot_row(survey.robot(name), survey.now_ns, may_act=may_act) for name in shown]
         return Loaded(rows, len(robots), partial(self._count, survey, len(robots)))
 
     @property
@@ -141,22 +144,22 @@ class _Overview:
 
     async def _only(self, state: RobotState) -> None:
         self._wanted = replace(self._wanted, state=None if self._wanted.state is state else state)
+        self._choices.keep("state", self._wanted.state or "")
         await self._table.begin()
 
     async def _look_for(self, text: str) -> None:
         self._wanted = replace(self._wanted, text=text)
+        self._choices.keep(SEARCH, text)
         await self._table.begin()
 
 
 def nobody_yet(monitor: Monitor) -> ui.html:
     """Say that no robot has joined, and how one does; return what says so."""
+    endpoint = endpoint_to_join(monitor.settings)
     return nothing_yet(
         "smart_toy",
         "No robot has joined yet",
         "Start a gateway beside a robot's ROS master; it shows up here within a second:",
-        command=f"fleetsight gateway --robot r1 --connect {_endpoint(monitor)}",
+        command=f"fleetsight gateway --robot r1 --connect {endpoint}",
+        more=ALSO_ELSEWHERE if is_here_alone(endpoint) else "",
     )
-
-
-def _endpoint(monitor: Monitor) -> str:
-    return next(iter([*monitor.settings.listen, *monitor.settings.connect]), "tcp/MONITOR:7447")

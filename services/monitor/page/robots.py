@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
 from typing import Final, NamedTuple
@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 from schemas.keys import CameraKey
 from services.monitor.fleet import Row
 from services.monitor.glance import Glance
-from services.monitor.page.formatting import NS, lasting, natural
+from services.monitor.natural_order import natural, natural_camera
+from services.monitor.page.formatting import NS, lasting
 from services.monitor.snapshot import CameraLine, RobotLine
 
 QUIET_NS: Final = 5 * NS
@@ -44,10 +45,15 @@ class Robot:
 
 
 class Standing(NamedTuple):
-    """What a robot is counted and sorted by. last_ns, age_s, rate_hz: as RobotLine has them. live: cameras that are."""
+    """One robot at the moment of a survey: what it is counted, sorted and shown by.
+
+    rows: its cameras. last_ns, problems, age_s, rate_hz: as RobotLine has them. live: how many cameras are not stale.
+    """
 
     name: str
     state: RobotState
+    rows: tuple[Row, ...]
+    problems: tuple[str, ...]
     last_ns: int
     age_s: float
     rate_hz: float
@@ -59,23 +65,23 @@ def standings_of(glance: Glance) -> Iterator[Standing]:
     of_robot = by_robot(glance.cameras)
     for name in in_natural_order(glance.robots):
         keys = of_robot.get(name, ())
-        rows = [glance.row(key) for key in keys]
+        rows = tuple([glance.row(key) for key in keys])
         last_ns = glance.last_ns(name, keys)
-        wrong = any(glance.fleet.problems_of(name))
+        problems = tuple(glance.fleet.problems_of(name))
         online = glance.fleet.inventory.is_alive(name)
-        state = state_of(rows, glance.now_ns - last_ns, online=online, wrong=wrong)
+        state = state_of(rows, glance.now_ns - last_ns, online=online, wrong=bool(problems))
         age_s = min((row.age.seconds for row in rows if row.age is not None), default=float("inf"))
         live = sum(not row.stale for row in rows)
-        yield Standing(name, state, last_ns, age_s, sum(row.rate_hz for row in rows), live)
+        yield Standing(name, state, rows, problems, last_ns, age_s, sum(row.rate_hz for row in rows), live)
 
 
 @lru_cache(maxsize=2)
 def by_robot(cameras: tuple[CameraKey, ...]) -> Mapping[str, Sequence[CameraKey]]:
-    """Return each robot's cameras; those of a fleet are the same for hours."""
+    """Return each robot's cameras, as people sort names; those of a fleet are the same for hours."""
     of_robot = defaultdict[str, list[CameraKey]](list)
     for key in cameras:
         of_robot[key.robot].append(key)
-    return dict(of_robot)
+    return {robot: sorted(keys, key=natural_camera) for robot, keys in of_robot.items()}
 
 
 @lru_cache(maxsize=2)
@@ -96,10 +102,15 @@ def state_of(rows: Sequence[Row], silent_ns: int, *, online: bool, wrong: bool) 
     return RobotState.TROUBLE if wrong else RobotState.ONLINE
 
 
-def robot_of(glance: Glance, name: str) -> Robot:
-    """Paint a robot."""
-    cameras = tuple(glance.camera(key) for key in glance.cameras_of(name))
-    line = glance.robot_of(name, cameras)
+def robot_of(glance: Glance, of: Standing) -> Robot:
+    """Return all that is shown of a robot, with the state that it is counted with."""
+    cameras = tuple(glance.camera_of(row) for row in of.rows)
+    line = replace(
+        glance.robot_of(of.name, cameras),
+        online=of.state is not RobotState.OFFLINE,
+        last_ns=of.last_ns,
+        problems=of.problems,
+    )
     return Robot(line, cameras, *standing(line, cameras, glance.now_ns))
 
 
@@ -121,5 +132,6 @@ def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tup
 
 def _unseen(cameras: Sequence[CameraLine]) -> str:
     """Say why nothing is known of cameras that are there."""
-    workers = sorted({name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)})
+    served_by = {name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)}
+    workers = sorted(served_by, key=natural)
     return f"no class lists from {', '.join(workers)}" if workers else "no detector looks after its cameras"

@@ -12,7 +12,10 @@ from services.monitor.recent import Recent
 from services.monitor.turns import in_turns
 
 MAX_AGE_S: Final = 1.9
-"""How old what is said of all robots, or of all that is in view, may be; what is shown of one is of now."""
+"""How old what is said of all robots, or of all that is in view, may be."""
+
+SHARE: Final = 0.05
+"""Of the time, that making it may take: of a small fleet it is made whenever somebody asks."""
 
 
 class Shared:
@@ -23,8 +26,8 @@ class Shared:
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
-        self._survey = Recent(self._take_survey, MAX_AGE_S)
-        self._stock = Recent(self._take_stock, MAX_AGE_S)
+        self._survey = Recent(self._take_survey, MAX_AGE_S, share=SHARE)
+        self._stock = Recent(self._take_stock, MAX_AGE_S, share=SHARE)
         self._rates = WorkerRates()
         self.rates: Mapping[str, float] = {}
 

@@ -7,7 +7,7 @@ from operator import attrgetter
 from typing import Any, Final
 
 from services.monitor.inventory.inventory import Entry
-from services.monitor.page.formatting import natural
+from services.monitor.natural_order import natural, natural_camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +25,9 @@ class Filters:
 
 
 SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
-    "robot": lambda entry: natural(entry.sighting.key.robot),
-    "camera": lambda entry: natural(entry.sighting.key.camera),
-    "name": attrgetter("sighting.name"),
+    "robot": lambda entry: natural_camera(entry.sighting.key),
+    "camera": lambda entry: natural_camera(entry.sighting.key)[::-1],
+    "name": lambda entry: natural(entry.sighting.name),
     "count": attrgetter("sighting.count"),
     "score": attrgetter("sighting.score"),
     "first": attrgetter("sighting.first_ns"),
@@ -39,7 +39,8 @@ SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
 class Stock:
     """Every sighting at one moment. What was asked for once is kept, as many ask the same.
 
-    totals: how many objects of each class are in view where that is known now, the most first.
+    totals: how many objects of each class are in view where that is known now, the most first. It is a sum over the
+    views of cameras: what two of them see counts twice. views: how many cameras have each class in view.
     unknown: sightings that went on when their cameras fell silent, or their robots went.
     """
 
@@ -47,10 +48,11 @@ class Stock:
         self.entries = entries
         self._kept: dict[Filters, Sequence[Entry]] = {}
         self.unknown = sum(entry.sighting.count > 0 and not entry.available for entry in entries)
-        totals = Counter[str]()
+        totals, self.views = Counter[str](), Counter[str]()
         for entry in entries:
             if is_in_view(entry):
                 totals[entry.sighting.name] += entry.sighting.count
+                self.views[entry.sighting.name] += 1
         self.totals: Mapping[str, int] = dict(totals.most_common())
 
     def wanted(self, filters: Filters) -> Sequence[Entry]:

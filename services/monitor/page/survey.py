@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from schemas.keys import CameraKey
 from services.monitor.glance import Glance
-from services.monitor.page.formatting import natural
-from services.monitor.page.robots import DETECTOR, RobotState, Standing
+from services.monitor.natural_order import cameras_in_order, natural
+from services.monitor.page.robots import DETECTOR, Robot, RobotState, Standing, robot_of
 from services.monitor.turns import in_turns
 
 WORST_FIRST: Final = {state: place for place, state in enumerate(RobotState)}
@@ -33,11 +33,16 @@ class Wanted:
 
 
 class Survey:
-    """All robots at one moment: counted, searched and sorted. What was asked for once is kept, as many ask the same."""
+    """All robots at one moment: counted, searched, sorted and shown, so that what is counted is what is shown.
+
+    now_ns: that moment, epoch. What was asked for once is kept, as many ask the same.
+    """
 
     def __init__(self, glance: Glance, standings: Sequence[Standing]) -> None:
         self._glance = glance
         self._standings = standings
+        self._by_name = {each.name: each for each in standings}
+        self.now_ns = glance.now_ns
         self._kept: dict[Wanted, Sequence[str]] = {}
         self._unserved: Sequence[CameraKey] | None = None
         self.counts: Mapping[RobotState, int] = Counter(each.state for each in standings)
@@ -50,13 +55,17 @@ class Survey:
         """How many robots there are."""
         return len(self._standings)
 
+    def robot(self, name: str) -> Robot:
+        """Return all that is shown of a robot."""
+        return robot_of(self._glance, self._by_name[name])
+
     async def robots(self, wanted: Wanted) -> Sequence[str]:
         """Return the names of the robots that are wanted in the order that is."""
         if wanted not in self._kept:
             text = wanted.text.strip().casefold()
             found = [each for each in self._standings if wanted.state in (None, each.state)]
             if text:
-                found = [each async for each in in_turns(found) if _has(self._glance, each.name, text)]
+                found = [each async for each in in_turns(found) if _has(each, text)]
             if wanted.sort == "dropped":
                 drops = {each.name: self._drops(each.name) async for each in in_turns(found)}
                 found.sort(key=lambda each: drops[each.name], reverse=wanted.descending)
@@ -68,17 +77,19 @@ class Survey:
     async def unserved(self) -> Sequence[CameraKey]:
         """Return the cameras that are there and that no detector looks after."""
         if self._unserved is None:
-            self._unserved = [key async for key in in_turns(self._glance.cameras) if _is_unserved(self._glance, key)]
+            self._unserved = [
+                key async for key in in_turns(cameras_in_order(self._glance.cameras)) if _is_unserved(self._glance, key)
+            ]
         return self._unserved
 
     def _drops(self, name: str) -> int:
         return self._glance.drops(name, self._glance.cameras_of(name))
 
 
-def _has(glance: Glance, name: str, text: str) -> bool:
-    return text in name.casefold() or any(
-        text in key.camera.casefold() or any(text in each.name.casefold() for each in glance.row(key).classes or ())
-        for key in glance.cameras_of(name)
+def _has(robot: Standing, text: str) -> bool:
+    return text in robot.name.casefold() or any(
+        text in row.key.camera.casefold() or any(text in each.name.casefold() for each in row.classes or ())
+        for row in robot.rows
     )
 
 

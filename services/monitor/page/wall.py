@@ -17,7 +17,7 @@ from services.monitor.page.formatting import NOTHING
 from services.monitor.page.frame import REFRESH_S, page_at, page_frame
 from services.monitor.page.links import WALL, still
 from services.monitor.page.overview import nobody_yet
-from services.monitor.page.robots import RobotState, robot_of
+from services.monitor.page.robots import RobotState
 from services.monitor.page.shared import Shared
 from services.monitor.page.survey import Survey, Wanted
 from services.monitor.page.wall_rows import alert_line, lost_line, pressing, robot_cell, turned
@@ -96,8 +96,8 @@ class _Wall:
         turn = int(time.monotonic() / TURN_S)
         lost = [name for state in LOST for name in await survey.robots(Wanted(state=state))]
         there = [name for state in THERE for name in await survey.robots(Wanted(state=state))]
-        self._show_needs(pressing(alerts or (), lost), unknown, turn)
-        self._show_robots(there, turn)
+        self._show_needs(survey, pressing(alerts or (), lost), unknown, turn)
+        self._show_robots(survey, there, turn)
         self._robots.set_visibility(survey.size > 0)
         self._nobody.set_visibility(not survey.size)
 
@@ -108,27 +108,26 @@ class _Wall:
         except HistoryError as error:
             return None, str(error)
 
-    def _show_needs(self, needs: Sequence[Alert | str], unknown: str, turn: int) -> None:
+    def _show_needs(self, survey: Survey, needs: Sequence[Alert | str], unknown: str, turn: int) -> None:
         shown, which = turned(needs, self._fits.lines, turn)
-        glance = self._monitor.glance()
+        inventory, now_ns = self._monitor.fleet.inventory, survey.now_ns
         lines = [
-            lost_line(robot_of(glance, each), glance.now_ns)
+            lost_line(survey.robot(each), now_ns)
             if isinstance(each, str)
-            else alert_line(each, doubt_of(each, glance.fleet.inventory, glance.now_ns), glance.now_ns)
+            else alert_line(each, doubt_of(each, inventory, now_ns), now_ns)
             for each in shown
         ]
         if unknown:
             why = f"Nobody knows which alerts are open: {unknown}"
             lines.insert(0, f'<div class="fs-calm fs-warn">{escape(why)}</div>')
         elif not needs:
-            lines.append('<div class="fs-calm">No critical alert is open and no robot is lost.</div>')
+            lines.append('<div class="fs-calm">No critical alert is open and no robot is offline or silent.</div>')
         self._needs.set_content("".join(lines))
         self._which_needs.set_text(str(which))
 
-    def _show_robots(self, names: Sequence[str], turn: int) -> None:
+    def _show_robots(self, survey: Survey, names: Sequence[str], turn: int) -> None:
         shown, which = turned(names, self._fits.cells, turn)
-        glance = self._monitor.glance()
-        self._robots.set_content("".join(robot_cell(robot_of(glance, name)) for name in shown))
+        self._robots.set_content("".join(robot_cell(survey.robot(name)) for name in shown))
         self._which_robots.set_text(str(which))
 
     async def _take_room(self, event: events.GenericEventArguments) -> None:

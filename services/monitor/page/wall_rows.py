@@ -76,14 +76,15 @@ def robot_cell(robot: Robot) -> str:
 
 
 def in_view(robot: Robot) -> str:
-    """Say what all cameras of a robot that are live have in view, the most first."""
+    """Say what all cameras of a robot that are live have in view, the most first, and if several are added up."""
     live = [each.row.classes for each in robot.cameras if not each.row.stale and each.row.classes is not None]
     if not live:
         return "what is in view is not known"
     counts = Counter[str]()
     for classes in live:
         counts.update({seen.name: seen.count for seen in classes})
-    return ", ".join(f"{count} {name}" for name, count in counts.most_common()) or "nothing in view"
+    seen = ", ".join(f"{count} {name}" for name, count in counts.most_common())
+    return f"{seen} in {len(live)} views" if seen and len(live) > 1 else seen or "nothing in view"
 
 
 def _cut(text: str, name: str = "") -> str:

@@ -111,7 +111,7 @@ def _silent(look: Look) -> Finding:
         return Finding("", holds=False)
     if look.silent_ns is None:
         return Finding("", holds=None)
-    return Finding("", holds=True, text=f"{look.key} says nothing", since_ns=look.silent_ns)
+    return Finding("", holds=True, text=f"{look.key} is silent", since_ns=look.silent_ns)
 
 
 def _nearer(rule: NearerRule, look: Look) -> Finding:

@@ -160,7 +160,7 @@ class RuleEngine:
             if len(self._robots) < MAX_SUBJECTS:
                 self._robots[robot] = rules
         for rule in rules:
-            found = Finding("", None if alive is None else not alive, f"{robot} is silent")
+            found = Finding("", None if alive is None else not alive, f"{robot} is offline")
             self._find(rule, (robot, "", ""), found, now_ns)
 
     def has_room_again(self) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Final
 
 from services.monitor.history.engine import engine_of, name_of
+from services.monitor.natural_order import natural
 from services.monitor.users.settings import UsersSettings
 from services.monitor.web.auth.passwords import MAX_LENGTH, Passwords, mistake_in
 from services.monitor.web.auth.people import MAX_USERS, Kind, Login, User, digest_of, mistake_in_name, new_secret
@@ -40,7 +41,9 @@ async def run(settings: UsersSettings) -> None:
     there = {user.name: user for user in await store.users()}
     sys.stderr.write(f"database: {name_of(engine_of(url))}\n")
     if settings.task == "list":
-        sys.stdout.writelines(f"{user.name} {user.role}\n" for user in there.values())
+        sys.stdout.writelines(
+            f"{user.name} {user.role}\n" for user in sorted(there.values(), key=lambda user: natural(user.name))
+        )
     elif added:
         sys.stdout.write(await _add(settings, store, there, hashed) + "\n")
     else:

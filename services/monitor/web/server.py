@@ -26,6 +26,8 @@ MAX_FRAME_BYTES: Final = 256 * 1024
 GZIP_LEVEL: Final = 1
 """Compression happens on the event loop: the usual level 9 takes four times as long for a tenth less."""
 
+LANGUAGE: Final = "en-US"
+
 ICON: Final = "👁"
 
 
@@ -46,6 +48,7 @@ async def serve(monitor: Monitor, listener: socket.socket, access: Access) -> No
         title="fleetsight",
         favicon=ICON,
         dark=None,
+        language=LANGUAGE,
         show_welcome_message=False,
         tailwind=False,
         gzip_middleware_factory=partial(GZipMiddleware, compresslevel=GZIP_LEVEL),

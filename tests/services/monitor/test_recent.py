@@ -21,6 +21,20 @@ async def test_it_is_made_once_for_all_who_ask_and_again_when_it_is_old() -> Non
     assert [await fresh.get(), await fresh.get()] == [2, 3]
 
 
+async def test_what_takes_little_is_made_anew_sooner() -> None:
+    made = 0
+
+    async def make() -> int:
+        nonlocal made
+        await asyncio.sleep(0.001)
+        made += 1
+        return made
+
+    cheap, dear = Recent(make, 60, share=1_000_000), Recent(make, 60, share=0.000_001)
+    assert [await cheap.get(), await cheap.get()] == [1, 2]
+    assert [await dear.get(), await dear.get()] == [3, 3]
+
+
 async def test_what_fails_is_tried_again() -> None:
     tries: Iterator[int | ValueError] = iter([ValueError("no"), 7])
 

@@ -1,5 +1,6 @@
 import io
 
+from msgspec.structs import replace
 from rich.console import Console
 
 from schemas.detections import ClassCount
@@ -34,6 +35,11 @@ def test_every_column_of_every_row() -> None:
         ["r2", "front", "offline", "nothing", "> 9.0 s", "0.0/s"],
         ["r3", "front", "online", "waiting for class lists", "-", "0.0/s"],
     ]
+
+
+def test_a_camera_that_nobody_speaks_for_is_silent_on_a_terminal_too() -> None:
+    assert "silent" in drawn(replace(BUSY, age=Age(9, exact=True)))
+    assert "silent" not in drawn(BUSY)
 
 
 def test_an_empty_fleet_says_so_and_notes_are_shown() -> None:

@@ -7,6 +7,7 @@ import msgspec
 from fastapi import Response
 
 from services.monitor.export.settings import moment
+from services.monitor.figures import rounded
 from services.monitor.inventory.inventory import Entry
 from services.monitor.snapshot import CameraLine, RobotLine
 from services.monitor.web.api.models import Part, known_moment
@@ -37,8 +38,8 @@ def robot_body(line: RobotLine) -> Body:
         "online": line.online,
         "last_seen": known_moment(line.last_ns),
         "cameras": line.cameras,
-        "age_s": line.age_s,
-        "rate_hz": line.rate_hz,
+        "age_s": rounded(line.age_s),
+        "rate_hz": rounded(line.rate_hz),
         "waiting_for": "" if line.gateway is None else line.gateway.waiting_for,
         "problems": line.problems,
         "dropped": line.dropped,
@@ -55,10 +56,12 @@ def camera_body(line: CameraLine) -> Body:
         "online": row.online,
         "stale": row.stale,
         "last_seen": known_moment(line.last_ns),
-        "age_s": None if row.age is None else row.age.seconds,
+        "age_s": None if row.age is None else rounded(row.age.seconds),
         "age_exact": row.age is not None and row.age.exact,
-        "rate_hz": row.rate_hz,
-        "classes": None if seen is None else [{"name": of.name, "count": of.count, "score": of.score} for of in seen],
+        "rate_hz": rounded(row.rate_hz),
+        "classes": None
+        if seen is None
+        else [{"name": of.name, "count": of.count, "score": rounded(of.score)} for of in seen],
         "served_by": line.served_by,
         "dropped": line.dropped,
     }
@@ -72,10 +75,10 @@ def sighting_body(entry: Entry) -> Body:
         "camera": of.key.camera,
         "class": of.name,
         "count": of.count,
-        "score": of.score,
+        "score": rounded(of.score),
         "first_seen": known_moment(of.first_ns),
         "last_seen": known_moment(of.last_ns),
-        "nearest_m": of.nearest_m,
+        "nearest_m": rounded(of.nearest_m),
         "model": of.model,
         "worker": of.worker,
         "available": entry.available,

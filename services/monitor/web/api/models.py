@@ -2,19 +2,22 @@
 
 from collections.abc import Mapping
 from datetime import datetime
-from typing import Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import GatewayStatus
 from services.monitor.export.settings import moment
+from services.monitor.figures import rounded
 from services.monitor.history.acts import Act
 from services.monitor.history.intervals import Interval
 from services.monitor.snapshot import WorkerLine
 from services.monitor.web.auth.visitor import Role
 
 T = TypeVar("T")
+
+Figure = Annotated[float, AfterValidator(rounded)]
 
 
 class Part(BaseModel):
@@ -149,7 +152,7 @@ class LoadAnswer(Part):
     serving: bool
     inferred: int
     dropped: Mapping[str, int]
-    budget_hz: float | None
+    budget_hz: Figure | None
 
 
 class WorkerAnswer(Part):
@@ -174,8 +177,8 @@ class StreamAnswer(Part):
     publishers: int
     received: int
     forwarded: int
-    received_hz: float
-    forwarded_hz: float
+    received_hz: Figure
+    forwarded_hz: Figure
     bytes: int
     compression: str
     missing: int
@@ -274,8 +277,8 @@ def interval_answer(of: Interval) -> IntervalAnswer:
         since=moment(of.since_ns),
         until=moment(of.until_ns),
         open=of.open,
-        score=of.score,
-        closest_m=of.closest_m,
+        score=rounded(of.score),
+        closest_m=rounded(of.closest_m),
         first_seen=moment(of.first_ns),
         model=of.model,
         worker=of.worker,

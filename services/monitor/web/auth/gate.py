@@ -42,11 +42,12 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Asking:
-    """A request as far as it says what it may do. method: of a WebSocket it is empty."""
+    """A request as far as it says what it may do. method: of a WebSocket it is empty. query: of its URL, as it came."""
 
     method: str
     path: str
     headers: Mapping[str, str]
+    query: str = ""
 
     @property
     def is_socket(self) -> bool:

@@ -93,7 +93,8 @@ class AccessMiddleware:
             return problem(401, "log in, or send a token: Authorization: Bearer ...", {"WWW-Authenticate": "Bearer"})
         if self._access.needs_setup:
             return RedirectResponse(SET_UP, 303)
-        return RedirectResponse(f"{LOG_IN}?next={quote(asking.path, safe='/')}" if asking.path != "/" else LOG_IN, 303)
+        asked = f"{asking.path}?{asking.query}" if asking.query else asking.path
+        return RedirectResponse(f"{LOG_IN}?next={quote(asked, safe='/')}" if asked != "/" else LOG_IN, 303)
 
     async def _socket(self, visitor: Visitor, scope: Scope, receive: Receive, send: Send) -> None:
         watched = _Watched(visitor, receive, send, self._gone_s)
@@ -177,4 +178,4 @@ def _asking(scope: Scope) -> Asking:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
         between = "; " if name == "cookie" else ", "  # one that is there twice is no longer what it should be
         headers[name] = f"{headers[name]}{between}{value}" if name in headers else value
-    return Asking(scope.get("method", ""), scope["path"], headers)
+    return Asking(scope.get("method", ""), scope["path"], headers, scope.get("query_string", b"").decode("latin-1"))

@@ -1,13 +1,16 @@
 """Users, and the sessions and tokens by which they are known. Pure."""
 
 import hashlib
+import re
 import secrets
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from schemas.keys import NAME
 from services.monitor.web.auth.visitor import Role
+
+USER_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+'@\-]{0,63}")
+"""E-mail addresses are names too."""
 
 MAX_USERS: Final = 1_000
 MAX_LOGINS: Final = 100
@@ -60,6 +63,9 @@ def digest_of(secret: str) -> str:
 
 def mistake_in_name(name: str) -> str:
     """Return what is wrong with a user's name, or nothing."""
-    if NAME.fullmatch(name):
+    if USER_NAME.fullmatch(name):
         return ""
-    return "a user's name has 1 to 64 letters, digits, '_', '-' or '.', a letter or digit first"
+    return (
+        "a user's name has 1 to 64 letters, digits and of _ - . + ' @, a letter or digit first, as in bob or "
+        "bob@fleet.example"
+    )

@@ -4,11 +4,12 @@ from collections import Counter
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import polars as pl
 import pytest
-from pydantic import ValidationError
+from msgspec.structs import replace
+from pydantic import BaseModel, ValidationError
 
 from services.monitor.export import writing
 from services.monitor.export.process import run
@@ -18,14 +19,15 @@ from services.monitor.history import engine
 from services.monitor.history.clock_trust import Doubt
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.store import Store
+from services.monitor.web.api.models import AlertAnswer, IntervalAnswer
 from tests.schemas.results import alert
 from tests.services.monitor.history.filling import fill
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
 
 NAMES = [
-    *("robot", "camera", "name", "since", "until", "open"),
-    *("count", "score", "closest_m", "first", "model", "worker"),
+    *("robot", "camera", "class", "since", "until", "open"),
+    *("count", "score", "closest_m", "first_seen", "model", "worker"),
 ]
 
 
@@ -53,7 +55,7 @@ async def test_csv_has_every_column_and_what_goes_on_ends_at_the_heartbeat(
 ) -> None:
     rows = await exported(url, tmp_path / "seen.csv")
     assert list(rows[0]) == NAMES
-    assert [row["name"] for row in rows] == ['"bo,x"\n箱', "box", "box"]
+    assert [row["class"] for row in rows] == ['"bo,x"\n箱', "box", "box"]
     assert rows[2]["since"] == "1970-01-01T00:00:05.000000+00:00"
     assert (rows[2]["until"], rows[2]["open"]) == ("1970-01-01T00:00:09.000000+00:00", "True")
     assert capsys.readouterr().out == f"{tmp_path}/seen.csv: 3 sightings\n"
@@ -109,7 +111,7 @@ async def test_parquet_has_types(url: str, tmp_path: Path) -> None:
     await run(ExportSettings(task="export", history=url, to=to))
     frame = pl.read_parquet(to)
     assert frame.columns == NAMES
-    assert frame["name"].to_list() == ['"bo,x"\n箱', "box", "box"]
+    assert frame["class"].to_list() == ['"bo,x"\n箱', "box", "box"]
     assert frame["since"].to_list()[0] == datetime(1970, 1, 1, 0, 0, 1, tzinfo=UTC)
     assert (frame["open"].to_list(), frame["count"].to_list()) == ([False, False, True], [2, 2, 2])
     assert frame["closest_m"].to_list() == [1.25] * 3
@@ -124,9 +126,31 @@ async def test_csv_has_no_formulas_and_parquet_what_was_said(tmp_path: Path, nam
     finally:
         await store.close()
     (row,) = await exported(url, tmp_path / "seen.csv")
-    assert (row["name"], row["score"], row["robot"]) == (f"'{name}", "0.5", "r1")
+    assert (row["class"], row["score"], row["robot"]) == (f"'{name}", "0.5", "r1")
     await run(ExportSettings(task="export", history=url, to=parquet))
-    assert pl.read_parquet(parquet)["name"].to_list() == [name]
+    assert pl.read_parquet(parquet)["class"].to_list() == [name]
+
+
+@pytest.mark.parametrize(("what", "answer"), [("sightings", IntervalAnswer), ("alerts", AlertAnswer)])
+async def test_columns_are_called_as_in_json(
+    url: str, tmp_path: Path, what: Literal["sightings", "alerts"], answer: type[BaseModel]
+) -> None:
+    fields = {field.serialization_alias or name for name, field in answer.model_fields.items()}
+    (row, *_) = await exported(url, tmp_path / "kept.csv", what=what)
+    assert set(row) == fields - {"known_until", "acts"}, "of an alert these are made when it is asked for"
+    await run(ExportSettings(task="export", history=url, to=tmp_path / "kept.parquet", what=what))
+    assert pl.read_parquet(tmp_path / "kept.parquet").columns == list(row)
+
+
+async def test_figures_have_no_more_digits_than_are_known(tmp_path: Path) -> None:
+    url, odd = f"sqlite:///{tmp_path}/history.db", replace(interval(1, 2), score=0.87654321, closest_m=2.1213203435)
+    store = await Store.open(url)
+    try:
+        await store.write([odd], [], 9 * S)
+    finally:
+        await store.close()
+    (row,) = await exported(url, tmp_path / "seen.csv")
+    assert (row["score"], row["closest_m"]) == ("0.877", "2.121")
 
 
 async def test_alerts_are_exported_too(url: str, tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ async def test_history_is_exported_read_and_has_rules_tried_against_it(
         await store.write(seen, [alert()], 9 * S, [Act("a1", AlertState.ACKNOWLEDGED, "ann", 7)])
     await export(ExportSettings(task="export", history=url, to=tmp_path / "seen.csv"))
     rows = list(csv.DictReader(StringIO((tmp_path / "seen.csv").read_text(encoding="utf-8"))))
-    assert [(row["name"], row["closest_m"]) for row in rows] == [("box", "1.25"), ('"bo,x"\n箱', "1.25")]
+    assert [(row["class"], row["closest_m"]) for row in rows] == [("box", "1.25"), ('"bo,x"\n箱', "1.25")]
     rules = tmp_path / "rules.yaml"
     rules.write_text("rules: [{name: many, when: over, class: box, count: 1}]", encoding="utf-8")
     await try_rules(RulesSettings(task="test", file=rules, history=url))

@@ -10,10 +10,11 @@ from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
-from services.monitor.live_views.newest import Newest, clouds, pictures
+from services.monitor.live_views.newest import MOST_LISTS, FrameLists, Newest, clouds, pictures
 from tests.contract.waiting import until
 from tests.schemas.frames import header, image
 from tests.schemas.results import clouds as object_clouds
+from tests.services.monitor.inventory.seeing import seen
 
 KEY = StreamKey(CameraKey("r1", "front"), Stream.OVERLAY_DETECTION)
 
@@ -67,6 +68,17 @@ async def test_who_is_slow_gets_the_newest() -> None:
     assert (await waiting).header.seq == 3
     assert (newest.number, newest.received_ns) == (3, 3)
     assert (await newest.after(0)).header.seq == 3
+
+
+def test_what_was_counted_in_a_frame_is_found_by_the_frame_and_the_oldest_is_forgotten() -> None:
+    lists = FrameLists()
+    for seq in range(MOST_LISTS + 1):
+        lists.take(seen(seq, {"box": seq}), 1)
+    newest = lists.of(seen(MOST_LISTS, {}).header)
+    assert newest is not None
+    assert newest.classes[0].count == MOST_LISTS
+    assert lists.of(seen(0, {}).header) is None
+    assert lists.of(seen(5, {}, boot_id="another").header) is None
 
 
 async def test_object_clouds_are_looked_at_the_same_way() -> None:

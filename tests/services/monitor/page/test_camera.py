@@ -1,6 +1,6 @@
 from services.monitor.inventory.sighting import Sighting
-from services.monitor.page.camera import otherwise, rows
-from tests.services.monitor.inventory.seeing import FRONT, S
+from services.monitor.page.camera import counted_in, otherwise, rows
+from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 NOW = 1_000 * S
 
@@ -20,6 +20,14 @@ def test_what_is_in_view_is_grey_when_it_is_not_of_now() -> None:
 def test_nothing_is_told_from_what_is_not_known() -> None:
     assert "Nothing" in rows([], NOW, available=True)
     assert "Not known" in rows([], NOW, available=False)
+
+
+def test_what_was_counted_in_a_frame_is_told_and_what_is_not_known_is_not_nothing() -> None:
+    told = counted_in(seen(7, {"box": 2, "<img src=x>": 1}))
+    assert "<b>2</b>box" in told
+    assert "<img" not in told
+    assert "Nothing" in counted_in(seen(8, {}))
+    assert "Not known" in counted_in(None)
 
 
 def test_names_are_text() -> None:

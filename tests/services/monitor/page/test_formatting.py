@@ -1,7 +1,7 @@
 import pytest
 
 from services.monitor.fleet import Age
-from services.monitor.page.formatting import NS, age_text, ago, brief, iso, lasting, natural, plural, rate_text
+from services.monitor.page.formatting import NS, age_text, ago, brief, iso, lasting, plural, rate_text
 
 
 @pytest.mark.parametrize(
@@ -51,14 +51,3 @@ def test_rates_and_nouns() -> None:
 def test_times_are_iso_in_utc() -> None:
     assert iso(0) == ""
     assert iso(1_500_000_000) == "1970-01-01T00:00:01.500+00:00"
-
-
-def test_names_are_sorted_as_people_count() -> None:
-    assert sorted(["r10", "R2", "r1", "", "forklift-7", "r2a"], key=natural) == [
-        "",
-        "forklift-7",
-        "r1",
-        "R2",
-        "r2a",
-        "r10",
-    ]

@@ -1,9 +1,10 @@
 from dataclasses import replace
 
+import msgspec
 from nicegui.json import dumps
 
 from schemas.header import MAX_COUNT
-from schemas.status import StreamStatus
+from schemas.status import CameraLoad, StreamStatus
 from services.monitor.page.health_rows import MAX_SHOWN, WorkerRates, dropped_cells, gateway_row, worker_row
 from tests.services.monitor.page.shown import NOW, S, camera, robot, shown, worker
 
@@ -43,6 +44,14 @@ def test_a_worker_says_whom_it_serves_and_what_it_lost() -> None:
     assert (row["count"], row["more"]) == (MAX_SHOWN + 2, "and 2 more")
     assert row["serves"][0] == "r1/c0 at 5/s"
     assert (row["frames"], row["dropped"], row["reasons"]) == ("1.4k", "28", ((28, "late"),))
+
+
+def test_a_worker_s_cameras_are_in_order_and_their_rates_have_digits_that_one_can_read() -> None:
+    names = ("r10", "r2", "r1")
+    loads = [CameraLoad(robot=name, camera="front", inferred=0, serving=True, budget_hz=3.51516) for name in names]
+    of = worker()
+    row = worker_row(replace(of, status=msgspec.structs.replace(of.status, cameras=loads)), 1.0, NOW)
+    assert row["serves"] == ["r1/front at 3.52/s", "r2/front at 3.52/s", "r10/front at 3.52/s"]
 
 
 def test_no_count_is_higher_than_a_page_can_take() -> None:

@@ -8,6 +8,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
 from services.monitor.inventory.sighting import Sighting
 from services.monitor.page.inventory_rows import CSV_COLUMNS, as_csv, sighting_row
+from services.monitor.web.api.models import SightingAnswer
 
 S = 1_000_000_000
 SIGHTING = Sighting(
@@ -33,6 +34,14 @@ def test_a_sighting_that_is_of_now_was_seen_now() -> None:
 def test_a_sighting_that_is_not_available_was_seen_a_while_ago() -> None:
     row = sighting_row(Entry(SIGHTING, available=False), 130 * S)
     assert (row["available"], row["last"]) == (False, "1 min ago")
+
+
+def test_the_columns_are_called_as_in_json() -> None:
+    fields = {field.serialization_alias or name for name, field in SightingAnswer.model_fields.items()}
+    assert set(CSV_COLUMNS) == fields
+    odd = replace(SIGHTING, score=0.87654321, nearest_m=2.1213203435)
+    _, row = csv.reader(io.StringIO(as_csv([Entry(odd, available=True)])))
+    assert row[4:6] == ["0.877", "2.121"]
 
 
 def test_what_is_downloaded_can_be_read_again_whatever_a_class_is_called() -> None:

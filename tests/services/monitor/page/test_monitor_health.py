@@ -14,6 +14,7 @@ async def test_a_monitor_says_how_it_is() -> None:
         monitor = monitor_on(bus)
         monitor.fleet.left_out["malformed messages"] += 1_200
         said = dict(facts(monitor, monitor.started_ns + 65 * S))
+    assert said["Robots join at"] == "tcp/127.0.0.1:7447"
     assert said["Running for"] == "1 min"
     assert said["History"] == "not kept: started with --history none"
     assert said["Rules"] == "none: start with --rules rules.yaml"

@@ -1,3 +1,5 @@
+from msgspec.structs import replace
+
 from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
 from services.monitor.inventory.sighting import Sighting
@@ -41,9 +43,27 @@ def test_only_what_is_in_view_and_known_now_is_counted() -> None:
     assert STOCK.unknown == 1
 
 
+def test_it_is_known_how_many_views_are_added_up() -> None:
+    stock = Stock([entry("r1", "box", 3), entry("r2", "box", 2), entry("r3", "box", 2, available=False)])
+    assert (stock.totals, dict(stock.views)) == ({"box": 5}, {"box": 2})
+
+
 def test_what_was_in_view_before_is_shown_when_asked_for() -> None:
     assert said(Filters()) == ["r2 pallet", "r10 box"]
     assert said(Filters(in_view=False)) == ["r2 box", "r2 pallet", "r3 person", "r4 person", "r10 box"]
+
+
+def test_robots_and_their_cameras_are_sorted_as_people_count() -> None:
+    names = ("r10", "r2", "r1")
+    cameras = [(name, camera) for name in names for camera in ("cam10", "cam9")]
+    entries = [
+        Entry(replace(entry(name, "box", 1).sighting, key=CameraKey(name, camera)), available=True)
+        for name, camera in cameras
+    ]
+    found = Stock(entries).wanted(Filters())
+    assert [str(each.sighting.key) for each in found[:3]] == ["r1/cam9", "r1/cam10", "r2/cam9"]
+    by_camera = Stock(entries).wanted(Filters(sort="camera"))
+    assert [str(each.sighting.key) for each in by_camera[:2]] == ["r1/cam9", "r2/cam9"]
 
 
 def test_sightings_are_filtered_by_class_and_text() -> None:

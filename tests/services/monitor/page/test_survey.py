@@ -88,6 +88,17 @@ def test_a_robot_is_counted_as_what_it_is_shown_as() -> None:
     made = fleet()
     glance = Glance(made, Workers(made, NOW), NOW, NOW_S)
     for each in standings_of(glance):
-        shown = robot_of(glance, each.name)
+        shown = robot_of(glance, each)
         assert (shown.state, shown.line.last_ns, shown.line.rate_hz) == (each.state, each.last_ns, each.rate_hz)
         assert shown.line.age_s == each.age_s
+
+
+def test_what_is_counted_is_what_is_shown_whatever_happens_meanwhile() -> None:
+    made = fleet()
+    glance = Glance(made, Workers(made, NOW), NOW, NOW_S)
+    found = Survey(glance, list(standings_of(glance)))
+    made.robot_presence("r1", alive=False)
+    made.robot_presence("r2", alive=True)
+    assert found.counts[RobotState.OFFLINE] == 1
+    assert (found.robot("r1").state, found.robot("r2").state) == (RobotState.ONLINE, RobotState.OFFLINE)
+    assert not found.robot("r1").cameras[1].row.stale

@@ -12,7 +12,7 @@ GONE = Alert(
     severity=Severity.CRITICAL,
     state=AlertState.RAISED,
     robot="r1",
-    text="r1 is silent",
+    text="r1 is offline",
     raised_ns=NOW - 90 * S,
     changed_ns=NOW,
 )
@@ -47,7 +47,7 @@ def test_an_alert_says_how_old_it_is_who_looks_after_it_and_whether_it_is_known_
     assert "acknowledged, 1 min ago" in line
     assert "fs-stale" not in line
     doubtful = alert_line(GONE, "not known now: r1 is offline", NOW)
-    assert "r1 is silent, not known now: r1 is offline" in doubtful
+    assert "r1 is offline, not known now: r1 is offline" in doubtful
     assert "fs-stale" in doubtful
 
 
@@ -64,7 +64,7 @@ def test_a_robot_says_what_is_wrong_and_what_its_live_cameras_have_in_view() -> 
         camera(name="c", age_s=60.0, classes=[("person", 9)]),
     ]
     of = shown(robot(problems=("waits for a ROS master",)), *cameras)
-    assert in_view(of) == f"5 box, 1 {ODD}"
+    assert in_view(of) == f"5 box, 1 {ODD} in 2 views"
     cell = robot_cell(of)
     assert "waits for a ROS master" in cell
     assert "fs-trouble" in cell

@@ -103,13 +103,13 @@ def test_silence_of_robots_and_of_cameras() -> None:
     ruling.engine.robot("r1", alive=False, now_ns=S)
     assert ruling.due(10.9) == []
     assert ruling.due(11) == ["1 raised"]
-    assert ruling.texts() == ["r1 is silent"]
+    assert ruling.texts() == ["r1 is offline"]
     ruling.engine.robot("r1", alive=True, now_ns=12 * S)
     assert ruling.due(12) == ["1 resolved"]
     assert ruling.look(13, speaks=False, silent_ns=13 * S) == []
     assert ruling.look(13, speaks=False, key=REAR) == []
     assert ruling.look(13, speaks=False, silent_ns=13 * S, key=REAR) == ["2 raised"]
-    assert ruling.texts() == ["r1/rear says nothing"]
+    assert ruling.texts() == ["r1/rear is silent"]
     assert ruling.look(14, key=REAR) == ["2 resolved"]
 
 

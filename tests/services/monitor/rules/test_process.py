@@ -61,7 +61,7 @@ async def test_silence_and_disagreements_are_tried(tmp_path: Path, capsys: pytes
     await written(f"sqlite:///{tmp_path}/history.db", [*there_and_gone, disagreement(5, 30)], 99)
     odd, gone, agreed, summary = await printed(tmp_path, BOTH, capsys)
     assert odd.endswith("raised warning odd: two models count 2 and 1 box in view of r1/front")
-    assert gone.endswith("raised warning gone: r1 is silent")
+    assert gone.endswith("raised warning gone: r1 is offline")
     assert "resolved warning odd" in agreed
     assert summary == "2 rules, 0 intervals, 2 alerts"
 
@@ -70,7 +70,7 @@ async def test_what_goes_on_is_tried_whenever_it_began(tmp_path: Path, capsys: p
     some = [there(1, 1, "", is_open=True), there(2, 20), there(2, 50), HISTORY[-1]]
     await written(f"sqlite:///{tmp_path}/history.db", some, 99)
     raised, summary = await printed(tmp_path, BOTH, capsys, since="1970-01-01T00:00:40Z")
-    assert "gone: r1 is silent" in raised
+    assert "gone: r1 is offline" in raised
     assert summary == "2 rules, 1 intervals, 1 alerts"
 
 
@@ -199,12 +199,12 @@ async def test_what_a_monitor_raised_is_what_its_history_raises(
     live_ones = [(alert.changed_ns, f"{alert.state} warning {alert.rule}: {alert.text}") for alert in raised]
     assert {said for _, said in live_ones} >= {
         "raised warning odd: two models count 2 and 1 box in view of r1/front",
-        "raised warning mute: r1/front says nothing",
+        "raised warning mute: r1/front is silent",
         "raised warning left: box disappeared from view of r1/front",
         "resolved warning many: 2 box in view of r1/front, over 1",
-        "resolved warning gone: r2 is silent",
-        "raised warning gone: r3 is silent",
-        "resolved warning gone: r3 is silent",
+        "resolved warning gone: r2 is offline",
+        "raised warning gone: r3 is offline",
+        "resolved warning gone: r3 is offline",
     }
     assert sorted(line.split(" ", 1)[1] for line in tried) == sorted(said for _, said in live_ones)
     for line, (at_ns, said) in zip(tried, live_ones, strict=True):

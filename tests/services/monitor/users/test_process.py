@@ -120,6 +120,25 @@ async def test_a_password_that_will_not_do_makes_none(tmp_path: Path, monkeypatc
     assert names(tmp_path) == []
 
 
+async def test_an_e_mail_address_is_a_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("r10@fleet.example", "ann.o'neil+night-shift@fleet.example", "r2@fleet.example"):
+        says(monkeypatch, PASSWORD)
+        await users(tmp_path, "add", name)
+    access = access_to(tmp_path)
+    await access.look()
+    assert await access.log_in("r2@fleet.example", PASSWORD, "a")
+    await users(tmp_path, "list")
+    assert [line.split("@")[0] for line in capsys.readouterr().out.splitlines()[-3:]] == [
+        "ann.o'neil+night-shift",
+        "r2",
+        "r10",
+    ]
+    with pytest.raises(UsersError, match=r"as in bob or bob@fleet\.example"):
+        await users(tmp_path, "add", "@fleet.example")
+
+
 async def test_the_database_is_named_beside_what_programs_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -39,11 +39,19 @@ class Served:
     """Where a monitor is served.
 
     cookie: name and value of what a browser has in which somebody is logged in. token: of the same user.
+    access, users: who may log in, and the database that says so.
     """
 
     url: str
     cookie: tuple[str, str]
     token: str
+    access: Access
+    users: UserStore
+
+    async def remove(self, user: str) -> None:
+        """Remove a user, as `fleetsight users remove` does, and have the monitor notice."""
+        await self.users.remove(user)
+        await self.access.look()
 
 
 def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Monitor:
@@ -57,21 +65,22 @@ def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Moni
 
 
 @asynccontextmanager
-async def served(monitor: Monitor, role: Role = Role.OPERATOR) -> AsyncIterator[Served]:
-    """Serve page and API on a free port; a user of the role is logged in."""
+async def served(monitor: Monitor, role: Role = Role.OPERATOR, folder: Path | None = None) -> AsyncIterator[Served]:
+    """Serve page and API on a free port; a user of the role is logged in. folder: where its users are kept."""
     nicegui_app.middleware_stack = None  # the page's application outlives each server of this process
     nicegui_app.user_middleware.clear()
     listener = open_listener(monitor.settings)
-    url = url_of(listener, monitor.settings)
+    url, port = url_of(listener, monitor.settings), listener.getsockname()[1]
     with TemporaryDirectory() as made:
-        folder = Path(made)
+        folder = folder or Path(made)
         access = await access_in(folder)
         serving = asyncio.create_task(serve(monitor, listener, access))
         try:
             async with asyncio.timeout(60), httpx.AsyncClient(timeout=60) as client:
-                await client.get(f"{url}/healthz")
+                await client.get(f"http://127.0.0.1:{port}/healthz")
             session = await access.log_in(role, PASSWORD, "here")
-            yield Served(url, (cookie_of(monitor.settings), session), await token_of(access, folder, role))
+            token = await token_of(access, folder, role)
+            yield Served(url, (cookie_of(monitor.settings), session), token, access, UserStore(users_in(folder)))
         finally:
             serving.cancel()
             with suppress(asyncio.CancelledError):

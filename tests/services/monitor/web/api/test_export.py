@@ -26,9 +26,9 @@ async def test_history_is_downloaded_as_parquet(tmp_path: Path) -> None:
     assert answer.headers["Content-Disposition"] == 'attachment; filename="sightings.parquet"'
     assert answer.headers["Content-Type"] == "application/vnd.apache.parquet"
     frame = pl.read_parquet(io.BytesIO(answer.content))
-    assert frame["name"].to_list() == ["box", "pallet"]
+    assert frame["class"].to_list() == ["box", "pallet"]
     assert frame["count"].to_list() == [2, 2]
-    assert pl.read_parquet(io.BytesIO(boxes.content))["name"].to_list() == ["box"]
+    assert pl.read_parquet(io.BytesIO(boxes.content))["class"].to_list() == ["box"]
 
 
 async def test_parquet_without_its_extra_is_refused_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -99,6 +99,7 @@ async def test_a_wrong_token_counts_even_beside_a_good_session(web: Web) -> None
 async def test_a_stranger_is_sent_to_log_in_and_back(web: Web) -> None:
     async with web.stranger() as stranger:
         assert (await stranger.get("/alerts/x y")).headers["Location"] == "/login?next=/alerts/x%20y"
+        assert (await stranger.get("/?search=r%201")).headers["Location"] == "/login?next=/%3Fsearch%3Dr%25201"
         assert (await stranger.get("/")).headers["Location"] == "/login"
         assert (await stranger.get("/_nicegui/x.js")).headers["Location"].startswith("/login")
 
