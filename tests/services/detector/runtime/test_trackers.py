@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection
+from services.detector.evidence import neutral_score
 from services.detector.runtime.offline import keep_offline
 from services.detector.tracking import Tracker
 from tests.services.detector.requests import frame_of
@@ -41,6 +42,42 @@ def tracker_in(model_folder: Path, kind: str = "botsort") -> Tracker:
     from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
 
     return UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack")
+
+
+@pytest.mark.parametrize("kind", ["bytetrack", "botsort"])
+@pytest.mark.parametrize("score", [0.26, 0.3, 0.33])
+def test_a_steady_object_of_a_model_that_is_not_known_has_a_number_at_most_a_frame_after_ultralytics_own(
+    kind: str, score: float, model_folder: Path
+) -> None:
+    keep_offline(model_folder / "ultralytics", download=False)
+    from ultralytics.engine.results import Boxes  # noqa: PLC0415 - it must be offline by then
+    from ultralytics.trackers.bot_sort import BOTSORT  # noqa: PLC0415 - as above
+    from ultralytics.trackers.byte_tracker import BYTETracker  # noqa: PLC0415 - as above
+    from ultralytics.utils import ROOT, YAML, IterableSimpleNamespace  # noqa: PLC0415 - as above
+
+    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - as above
+
+    args = IterableSimpleNamespace(**YAML.load(ROOT / "cfg" / "trackers" / f"{kind}.yaml"))
+    theirs = BOTSORT(args) if kind == "botsort" else BYTETracker(args)
+    tracker = UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack", lambda: neutral_score(0.25))
+    picture = textured(240, 320)
+
+    def numbers(first: int) -> tuple[list[int], list[int]]:
+        """Show both the same object, and return in which frames of it each gives it a number."""
+        ours, bare = [], []
+        for step in range(first, first + 6):
+            box = Box(10 + 100 * (first > 0), 20, 50 + 100 * (first > 0), 60)
+            found = [Detection(name="box", score=score, box=box)]
+            if tracker.update(found, frame_of(picture, seq=step)) != [None]:
+                ours.append(step - first)
+            row = np.array([[box.x1, box.y1, box.x2, box.y2, score, 0]], np.float32)
+            if len(theirs.update(Boxes(row, (240, 320)), picture)):
+                bare.append(step - first)
+        return ours, bare
+
+    for first in (0, 6):
+        ours, bare = numbers(first)
+        assert ours[0] <= (bare[0] + 1 if bare else 2)  # later than in the first frame, low scores have none there
 
 
 def follower(model_folder: Path, hz: int = 5) -> Callable[..., int | None]:
