@@ -69,8 +69,7 @@ def test_the_file_that_is_named_is_the_model_whatever_its_name(
     file = written(built, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     assert loaded(name, model_folder).name == file.name
-    assert loaded(name, model_folder, download=True).name == file.name
-    assert loaded(file, model_folder).name == file.name
+    assert loaded(file, model_folder, download=True).name == file.name
 
 
 def test_a_file_of_the_name_that_ultralytics_would_make_of_it_is_another_model(
@@ -140,11 +139,10 @@ def test_names_that_are_not_one_for_each_class(
     assert said == f"{wrong}: give its model one name for each class, numbered from 0, and save it again"
 
 
-@pytest.mark.parametrize(
-    "value", [np.float32(1), np.float64(1), np.int64(1), np.int32(1), np.bool_(1), np.float16(1), np.str_("x")]
-)
-def test_numbers_of_numpy_are_data(value: object, built: Any, tmp_path: Path, model_folder: Path) -> None:
-    loaded(written(built, tmp_path / "numbers.pt", best_fitness=value), model_folder)
+def test_numbers_of_numpy_are_data(built: Any, tmp_path: Path, model_folder: Path) -> None:
+    kinds = (np.float16, np.float32, np.float64, np.int32, np.int64, np.uint8, np.bool_)
+    values = [*(kind(1) for kind in kinds), np.str_("x")]
+    loaded(written(built, tmp_path / "numbers.pt", results=values), model_folder)
 
 
 def test_a_type_that_is_no_data_is_named(built: Any, tmp_path: Path, model_folder: Path) -> None:
@@ -174,11 +172,10 @@ def test_the_first_yolov5_is_explained_as_ultralytics_does(
 
 
 @pytest.mark.parametrize("channels", [1, 4])
-def test_a_model_of_images_of_other_channels(channels: int, built: Any, tmp_path: Path, model_folder: Path) -> None:
-    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - after `keep_offline`
+def test_a_model_of_images_of_other_channels(channels: int, tmp_path: Path, model_folder: Path) -> None:
+    from ultralytics.nn.tasks import DetectionModel  # noqa: PLC0415 - after `keep_offline`
 
-    del built
-    file = written(built_models.build("yolov5n.yaml", channels=channels), tmp_path / "grey.pt")
+    file = written(DetectionModel("yolov5n.yaml", ch=channels, verbose=False), tmp_path / "grey.pt")
     assert refusal(file, model_folder) == (
         f"it is for images of {channels} channels, and cameras have 3: train it on RGB"
     )

@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
@@ -8,9 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection
-from services.detector.evidence import neutral_score
+from schemas.tuning import Tuning
+from services.detector.evidence import NEUTRAL, neutral_score
+from services.detector.runtime.loading import tracking
 from services.detector.runtime.offline import keep_offline
+from services.detector.settings import DetectorSettings
 from services.detector.tracking import Tracker
+from tests.services.detector.fakes import FakeModel
 from tests.services.detector.requests import frame_of
 
 
@@ -187,3 +192,31 @@ def test_an_image_of_a_few_pixels_is_no_hindrance(model_folder: Path) -> None:
     box = Detection(name="box", score=0.9, box=Box(0, 0, 2, 2))
     for step in range(3):
         assert tracker.update([box], frame_of(np.zeros((2, 2, 3), np.uint8), seq=step)) == [1]
+
+
+@pytest.mark.parametrize(
+    ("fields", "confidence", "neutral"),
+    [
+        ({}, 0.25, NEUTRAL),
+        ({}, 0.05, NEUTRAL),
+        ({"model": "own.pt"}, 0.25, neutral_score(0.25)),
+        ({"model": "own.pt"}, 0.05, neutral_score(0.05)),
+        ({"detection_model": "own.pt"}, 0.05, neutral_score(0.05)),
+        ({"model": "own.pt", "track_score": 0.4}, 0.05, 0.4),
+        ({"track_score": 0.4}, 0.05, 0.4),
+    ],
+)
+def test_the_score_that_speaks_for_a_track_follows_the_model_unless_it_is_given(
+    fields: dict[str, Any], confidence: float, neutral: float, tmp_path: Path, model_folder: Path
+) -> None:
+    keep_offline(model_folder / "ultralytics", download=False)
+    (tmp_path / "own.pt").touch()
+    files = {name: str(tmp_path / value) for name, value in fields.items() if isinstance(value, str)}
+    settings = DetectorSettings.model_validate({**fields, **files})
+    model = FakeModel()
+    following = tracking(settings, model)
+    assert following is not None
+    model.tune(Tuning(confidence=confidence))
+    tracker: Any = following._make()
+    following.close()
+    assert tracker._neutral() == neutral
