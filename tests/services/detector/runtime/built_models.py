@@ -40,10 +40,11 @@ def build(architecture: str, *, seed: int = 0, classes: int = CLASSES, channels:
     torch.manual_seed(seed)
     config = tasks.yaml_model_load(architecture)
     model: Any = _model_class(config)(config, ch=channels, nc=classes, verbose=False)
+    head = model.model[-1]
     if isinstance(model, tasks.YOLOEModel):
-        texts = normalize(torch.randn(1, classes, model.model[-1].embed), dim=2)
+        texts = normalize(torch.randn(1, classes, head.embed), dim=2)
         model.set_classes([str(each) for each in range(classes)], texts)
-    _vary_head(model.model[-1])
+    _vary_head(head)
     images = interpolate(torch.rand(6, channels, SIDE // 8, SIDE // 8), SIDE, mode="bicubic").clamp(0, 1)
     _normalise(model, images)
     _scatter_scores(model, images)
