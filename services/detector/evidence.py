@@ -13,12 +13,16 @@ from collections.abc import Iterable
 from typing import Final
 
 NEUTRAL: Final = 0.33
-"""The score at which, on simulated drives, two in five detections are right: about half the F1 that is reached there,
-which is the chance from which on it pays to count one in (Lipton et al., "Optimal Thresholding of Classifiers to
-Maximize F1 Measure", 2014)."""
+"""The score at which, on simulated drives, two in five detections of the shipped model are right: about half the F1
+that is reached there, which is the chance from which on it pays to count one in (Lipton et al., "Optimal Thresholding
+of Classifiers to Maximize F1 Measure", 2014)."""
 
 ENOUGH: Final = 0.8
 """What a track must gather for its number: one sighting at a score of 0.53, or several that are less sure."""
+
+LEEWAY: Final = ENOUGH / 2 + 0.01
+"""By how much in log odds the least score that is reported speaks for a thing, where the model is not known: two
+sightings are enough for a number."""
 
 SUREST: Final = 0.98
 """What a single sighting counts as at most: a model that says 1 is not infinitely sure."""
@@ -31,9 +35,13 @@ MAX_TRACKS: Final = 10_000
 
 
 class Evidence:
-    """Numbers, from 1 on without gaps, for those of a tracker's tracks that have earned one."""
+    """Numbers, from 1 on without gaps, for those of a tracker's tracks that have earned one.
 
-    def __init__(self) -> None:
+    neutral: the score, between 0 and 1, that speaks neither for a thing nor against it.
+    """
+
+    def __init__(self, neutral: float = NEUTRAL) -> None:
+        self.neutral = neutral
         self._sums: OrderedDict[int, float] = OrderedDict()
         self._numbers: dict[int, int] = {}
         self._count = 0
@@ -43,7 +51,7 @@ class Evidence:
         return [self._weighed(track, score) for track, score in sightings]
 
     def _weighed(self, track: int, score: float) -> int | None:
-        gathered = min(MOST, self._sums.pop(track, 0.0) + _log_odds(score) - _log_odds(NEUTRAL))
+        gathered = min(MOST, self._sums.pop(track, 0.0) + _log_odds(_clipped(score)) - _log_odds(self.neutral))
         self._sums[track] = gathered
         if len(self._sums) > MAX_TRACKS:
             forgotten, _ = self._sums.popitem(last=False)
@@ -56,6 +64,14 @@ class Evidence:
         return self._numbers[track]
 
 
+def neutral_score(confidence: float) -> float:
+    """Return the neutral score of a model of which only the least score that it reports is known; see LEEWAY."""
+    return 1 / (1 + math.exp(LEEWAY - _log_odds(_clipped(confidence))))
+
+
+def _clipped(score: float) -> float:
+    return min(max(score, 1 - SUREST), SUREST)
+
+
 def _log_odds(score: float) -> float:
-    certain = min(max(score, 1 - SUREST), SUREST)
-    return math.log(certain / (1 - certain))
+    return math.log(score / (1 - score))

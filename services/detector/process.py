@@ -46,7 +46,7 @@ async def work(settings: DetectorSettings, model: Model) -> int:
     """Serve with a model that works until cancelled; when it works no longer, log why and return the exit code."""
     role = OPINION if settings.opinion else DETECTOR
     tokens, leaving = settings.tokens(role.service), Leaving()
-    following = None if role.lists_only else tracking(settings.tracker)
+    following = None if role.lists_only else tracking(settings, model)
     try:
         async with open_bus(settings) as bus, answering(bus, model, settings.worker, role, leaving):
             worker = Worker(

@@ -101,7 +101,7 @@ def _names_by_heading(model: type[BaseModel]) -> dict[str, list[str]]:
 def _setting(name: str, model: type[BaseModel], width: int) -> list[str]:
     field = model.model_fields[name]
     option = "--" + (field.alias or name).replace("_", "-")
-    if field.annotation is bool:
+    if field.annotation in (bool, bool | None):
         option += f", --no-{option[2:]}"
     else:
         option += f" {_placeholder(field.annotation)}"

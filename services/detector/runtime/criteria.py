@@ -15,13 +15,18 @@ MAX_LISTED: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """What counts as a detection; see `schemas.tuning.Tuning`. labels: of those classes; None for all."""
+    """What counts as a detection; see `schemas.tuning.Tuning`.
+
+    labels: of those classes; None for all. agnostic: of overlapping boxes only the best one counts, whatever their
+    classes.
+    """
 
     confidence: float = 0.25
     iou: float = 0.7
     max_detections: int = 300
     classes: tuple[str, ...] = ()
     labels: NDArray[np.int64] | None = None
+    agnostic: bool = False
 
     def tuned(self, tuning: Tuning, names: Mapping[int, str]) -> "Criteria":
         """Return these criteria with what a tuning changes. names: of the model's classes, by label.

@@ -8,15 +8,16 @@ import shutil
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.metadata import packages_distributions, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.engine import BATCH_ON_GPU
+from services.detector.runtime.postprocess import Head
 
 if TYPE_CHECKING:
     from services.detector.runtime.weights import Weights
@@ -63,7 +64,7 @@ def exported(
     Raises:
         ModelError: the export failed, or the weights are no longer those that were loaded.
     """
-    name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu)
+    name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu, head=weights.head)
     for place in (cache, spare):
         file = place / name / FILES[kind]
         if file != damaged and os.access(file, os.R_OK):  # unlike Path's questions, answers where nobody may look
@@ -78,9 +79,10 @@ def exported(
         raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
 
 
-def entry(digest: str, kind: str, longest: int, exporters: Sequence[str], gpu: str) -> str:
+def entry(digest: str, kind: str, longest: int, exporters: Sequence[str], gpu: str, *, head: Head = "nms") -> str:
     """Return an export's name in the cache. exporters: with their versions. gpu: an engine is for that kind alone."""
-    about = [longest, BATCHES[kind], *exporters, gpu if kind == "engine" else ""]
+    branch = ["nms-free"] if head == "nms-free" else []
+    about = [longest, BATCHES[kind], *exporters, gpu if kind == "engine" else "", *branch]
     return f"{digest[:32]}-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}-{kind}"
 
 
@@ -111,9 +113,9 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
         copy = Path(shutil.copy(weights.path, making / "model.pt"))
         if hashlib.sha256(copy.read_bytes()).hexdigest() != weights.digest:  # it would be kept as what it is not
             raise ModelError(f"{weights.path.name} has been replaced since it was loaded: start again")
-        made = _made(copy, kind, device, longest)
+        made = _made(copy, weights, kind, device, longest)
         copy.unlink()
-        if made != making / FILES[kind]:
+        if made != (making / FILES[kind]).absolute():
             raise RuntimeError(f"it is not where it should be: {made}")
         put_in_place(making, folder)
         with (folder / FILES[kind]).open("rb"):
@@ -122,8 +124,8 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
         shutil.rmtree(own, ignore_errors=True)
 
 
-def _made(copy: Path, kind: str, device: str, longest: int) -> Path:
-    """Have Ultralytics export a copy of the weights into its folder.
+def _made(copy: Path, weights: "Weights", kind: str, device: str, longest: int) -> Path:
+    """Have Ultralytics export a copy of the weights into its folder, with the branch of its head that is used.
 
     Raises:
         OSError: that cannot be written.
@@ -132,22 +134,43 @@ def _made(copy: Path, kind: str, device: str, longest: int) -> Path:
     import torch  # noqa: PLC0415 - it is heavy, and is here by now
     from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
 
+    from services.detector.runtime.branches import keep_branch  # noqa: PLC0415 - it is heavy too
+    from services.detector.runtime.checkpoint import exact_names  # noqa: PLC0415 - as above
+
     threads = torch.get_num_threads()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            model = YOLO(copy)
-            return Path(
-                model.export(
-                    format=kind, dynamic=True, batch=BATCHES[kind], imgsz=longest, device=device, verbose=False
-                )
-            )
+            with exact_names():
+                model: Any = YOLO(copy.absolute())
+            keep_branch(model.model, weights.head)
+            model.model.names = dict(weights.names)
+            options = {"dynamic": True, "batch": BATCHES[kind], "imgsz": longest, "device": device, "verbose": False}
+            with _without_graphs():
+                return Path(model.export(format=kind, **options))
     except OSError as error:
         if error.errno in UNWRITABLE:
             raise
         raise RuntimeError(first_line(error)) from error
     finally:
         torch.set_num_threads(threads)  # Ultralytics has set a number of its own
+
+
+@contextmanager
+def _without_graphs() -> Iterator[None]:
+    """Keep torch from writing the graph of a model that it cannot export to stdout: thousands of lines.
+
+    Its switch for that is turned on by every export, and nobody is asked.
+    """
+    import torch  # noqa: PLC0415 - as above
+
+    switches = vars(torch._C)  # noqa: SLF001 - there are no others
+    theirs = switches["_jit_set_onnx_log_enabled"]
+    switches["_jit_set_onnx_log_enabled"] = lambda _: theirs(False)  # noqa: FBT003 - as torch calls it
+    try:
+        yield
+    finally:
+        switches["_jit_set_onnx_log_enabled"] = theirs
 
 
 def discard(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Images of any size into the model's input, and places in that input back into the image. Pure."""
+"""Images of any size into a model's input, and places in that input back into the image. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -31,17 +31,20 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Letterbox:
-    """An image in the middle of a model's input: scaled to fit, padded to a multiple of the model's stride."""
+    """An image in the middle of a model's input, scaled and padded to fit, or stretched to all of it."""
 
     rows: Axis
     columns: Axis
 
     @classmethod
-    def fit(cls, height: int, width: int, longest: int, stride: int) -> "Letterbox":
+    def fit(cls, height: int, width: int, longest: int, stride: int, *, stretched: bool = False) -> "Letterbox":
         """Scale an image's longer side to `longest`, and pad it to the smallest input, as Ultralytics' `rect` does.
 
-        All in pixels; the input's sides are multiples of `stride`.
+        All in pixels; the input's sides are multiples of `stride`. stretched: both sides to `longest`, as RT-DETR's.
         """
+        if stretched:
+            side = longest + -longest % stride
+            return cls(Axis(height, side, 0, side), Axis(width, side, 0, side))
         scale = min(longest / height, longest / width)
         return cls(_axis(height, scale, stride), _axis(width, scale, stride))
 

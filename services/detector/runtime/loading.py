@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final
 
 import cv2
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from schemas.printing import printable
 from schemas.tuning import Tuning
+from services.detector.evidence import NEUTRAL, neutral_score
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
@@ -85,10 +86,11 @@ def _read(settings: DetectorSettings, folder: Path, option: str) -> _Read:
     keep_offline(folder, download=settings.download)
     from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it is heavy
 
-    weights = load_weights(settings.model, option, refine=settings.refine)
+    weights = load_weights(settings.model, option, refine=settings.refine, nms=settings.nms, download=settings.download)
     what = f"{option} {settings.model}"
+    agnostic = weights.agnostic if settings.agnostic_nms is None else settings.agnostic_nms
     try:
-        return _Read(weights, Criteria().tuned(_tuning(settings), weights.names), what)
+        return _Read(weights, Criteria(agnostic=agnostic).tuned(_tuning(settings), weights.names), what)
     except TuningError as error:
         raise ModelError(f"--classes with {what}: {error}") from error
 
@@ -106,11 +108,12 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
         runtime, engine, reference = _engines(settings, weights, device, longest, folder)
         if refiner is None and weights.refiner is not None:
             refiner = _refiner(weights.refiner, runtime, device, _threads(settings))
+        name, segments = printable(weights.path.name), weights.segments
         return Pipeline(
-            Facts(printable(weights.path.name), runtime, weights.names, weights.segments, longest, weights.stride),
+            Facts(name, runtime, weights.names, segments, longest, weights.stride, weights.head),
             engine,
             read.criteria,
-            blank=_blank(longest, weights.stride),
+            blank=_blank(weights, longest),
             reference=None if runtime == "torch" else reference,
             refiner=refiner,
             max_batch=BATCH_ON_GPU if on_gpu else 1,
@@ -122,13 +125,19 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
         raise ModelError(f"{read.what}: not a model that can be used: {first_line(error)}") from error
 
 
-def tracking(tracker: Literal["off", "bytetrack", "botsort"]) -> Tracking | None:
-    """Return what follows objects from frame to frame; a model must have been loaded here."""
-    if tracker == "off":
+def tracking(settings: DetectorSettings, model: Model) -> Tracking | None:
+    """Return what follows the objects of a model from frame to frame; the model must have been loaded here."""
+    if settings.tracker == "off":
         return None
     from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
 
-    return Tracking(partial(UltralyticsTracker, tracker))
+    known = settings.track_score or (NEUTRAL if settings.is_shipped else None)
+
+    def neutral() -> float:
+        confidence = model.tuning.confidence
+        return known or neutral_score(settings.confidence if confidence is None else confidence)
+
+    return Tracking(partial(UltralyticsTracker, settings.tracker, neutral))
 
 
 def _tuning(settings: DetectorSettings) -> Tuning:
@@ -146,19 +155,21 @@ def _engines(
     """Return the runtime, the model under it, and the model under torch."""
     import torch  # noqa: PLC0415
 
+    from services.detector.runtime.branches import keep_branch  # noqa: PLC0415 - it is heavy
     from services.detector.runtime.torch_engine import TorchEngine  # noqa: PLC0415
 
     threads = _threads(settings)
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
-    reference = TorchEngine(weights.yolo.model, device)
+    keep_branch(weights.model, weights.head)
+    reference = TorchEngine(weights.model, device)
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
     gpu = "" if device.type != "cuda" else torch.cuda.get_device_name(device)
     place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported", gpu=gpu)
-    blank = _blank(longest, weights.stride)
+    blank = _blank(weights, longest)
 
     def make(runtime: Runtime) -> Engine:
         made = _make(runtime, weights=weights, device=device, place=place, reference=reference)
-        prove(made, blank, weights.names, weights.stride)
+        prove(made, blank, weights.names, weights.stride, weights.head)
         return made
 
     if settings.runtime == "auto":
@@ -241,6 +252,6 @@ def _loaded(engine: Callable[[Path], Engine], file: Callable[..., Path]) -> Engi
         return engine(file(damaged=path))
 
 
-def _blank(longest: int, stride: int) -> NDArray[np.uint8]:
-    height, width = Letterbox.fit(480, 640, longest, stride).shape
+def _blank(weights: "Weights", longest: int) -> NDArray[np.uint8]:
+    height, width = Letterbox.fit(480, 640, longest, weights.stride, stretched=weights.head == "rt-detr").shape
     return np.zeros((1, height, width, 3), np.uint8)

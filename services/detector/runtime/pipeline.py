@@ -23,7 +23,7 @@ from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine, OutOfMemoryError
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.postprocess import Output, OutputError, objects
+from services.detector.runtime.postprocess import Head, Output, OutputError, objects
 from services.detector.runtime.proof import prove
 from services.detector.runtime.refinement.closeups import CloseUps, close_ups
 from services.detector.runtime.refinement.refiner import Refined, Refiner
@@ -33,7 +33,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a model is. names: of its classes, by label. longest: its input's longer side in pixels."""
+    """What a model is. names: of its classes, by label. longest: its input's longer side in pixels.
+
+    head: how objects are read off its output.
+    """
 
     name: str
     runtime: str
@@ -41,6 +44,11 @@ class Facts:
     segments: bool
     longest: int
     stride: int
+    head: Head = "nms"
+
+    def letterbox(self, height: int, width: int) -> Letterbox:
+        """Return how an image of this size is put into the model's input."""
+        return Letterbox.fit(height, width, self.longest, self.stride, stretched=self.head == "rt-detr")
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +151,7 @@ class Pipeline:
     def _prepare(self, index: int, frame: ImageFrame) -> _Prepared | Failed:
         began_ns = time.perf_counter_ns()
         try:
-            letterbox = Letterbox.fit(frame.height, frame.width, self.facts.longest, self.facts.stride)
+            letterbox = self.facts.letterbox(frame.height, frame.width)
             pixels = np.empty((*letterbox.shape, 3), np.uint8)
             letterbox.apply(to_bgr(frame), pixels)
         except PictureError as error:
@@ -175,7 +183,9 @@ class Pipeline:
     def _prove(self) -> None:
         """Raise ModelError unless the engine still works: a GPU that had an error computes nothing, or nonsense."""
         try:
-            self._computing.submit(prove, self._engine, self._blank, self.facts.names, self.facts.stride).result()
+            facts = self.facts
+            about = (self._blank, facts.names, facts.stride, facts.head)
+            self._computing.submit(prove, self._engine, *about).result()
         except Exception as error:
             raise ModelError(f"{self.name} works no longer: {first_line(error)}") from error
 
@@ -207,7 +217,8 @@ class Pipeline:
         height, width = batch.shape[1:3]
         as_it_is = Letterbox.fit(height, width, max(height, width), self.facts.stride)
         here, there = (
-            objects(each, as_it_is, self._criteria, self.facts.names, masks=False) for each in (ours, theirs)
+            objects(each, as_it_is, self._criteria, self.facts.names, masks=False, head=self.facts.head)
+            for each in (ours, theirs)
         )
         return difference(here, there, self._criteria.confidence)
 
@@ -217,8 +228,8 @@ class Pipeline:
             if isinstance(output, Exception):
                 return Failed(FAILED, output)
             refine = None if self._refiner is None else partial(self._refined, self._refiner, prepared.pixels)
-            letterbox, names = prepared.letterbox, self.facts.names
-            found = objects(output, letterbox, self._criteria, names, masks=masks, refine=refine)
+            letterbox, names, head = prepared.letterbox, self.facts.names, self.facts.head
+            found = objects(output, letterbox, self._criteria, names, masks=masks, refine=refine, head=head)
         except OutputError as error:
             self._prove()
             return Failed(FAILED, error)

@@ -1,8 +1,8 @@
 """A model's output to objects, as Ultralytics does it, but each mask only where its box is, and its own. Pure."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Literal
 
 import msgspec
 import numpy as np
@@ -23,16 +23,25 @@ from services.geometry.masks import Window
 Floats = NDArray[np.float32]
 
 MAX_CANDIDATES: Final = 30_000
+LEAST_LOOKED_AT: Final = 300
+"""Candidates of an NMS-free head among which those of the classes that are reported are looked for, however few of them
+are."""
 PLACES: Final = 4
 """Numbers of a box."""
 ENDED: Final = 6
 """Numbers of a box, its score and its class, in the output of a model that suppresses doubles itself."""
 
+Head = Literal["nms", "nms-free", "rt-detr"]
+"""How objects are read off an output. nms: overlapping boxes are taken for one object. nms-free: each box is one, and
+has every class that is sure enough. rt-detr: boxes are shares of a stretched image, and each is one object."""
 
 MOSTLY: Final = 0.5
 """The share of a mask that surer objects of its class may cover at most: masks of things that there are do not overlap,
 whatever their boxes do, and what shows no more of its own is one of them again, or a part of it."""
 
+
+FEW: Final = 16
+"""Places of the prototypes, each of a pixel or more, below which none of a mask's may be a pixel of the image."""
 
 NOTHING: Final = np.float32(-10)
 """Log odds of what is surely none of an object's."""
@@ -47,7 +56,8 @@ class Output:
     """What a model says of one image.
 
     predictions: (4 + classes + mask coefficients) x anchors, boxes as centre and size in pixels of the input; or, of a
-    model that suppresses doubles itself, objects x (corners, score, class, mask coefficients).
+    model that suppresses doubles itself, objects x (corners, score, class, mask coefficients); or, of RT-DETR, objects
+    x (centre and size as shares of the input, score, class).
     prototypes: mask coefficients x height x width; None of a model without masks.
     """
 
@@ -68,23 +78,25 @@ def objects(
     *,
     masks: bool,
     refine: Refine | None = None,
+    head: Head = "nms",
 ) -> list[Detection]:
     """Return the objects of an image, best score first, with masks if asked for and known, refined if that is known.
+
+    An object of whose mask there is no pixel is left out, whether masks are asked for or not.
 
     Raises:
         OutputError: the output is not that of a model with these classes, or not a number.
     """
-    dense = _is_dense(output, len(names))
-    found = _candidates(output, len(names), criteria, dense=dense)
-    most = criteria.max_detections
-    kept = found[suppressed(found.corners, found.labels, criteria.iou, most)] if dense else found[:most]
+    found = _candidates(output, letterbox, len(names), criteria, head)
+    doubles = head == "nms" and _is_dense(output, len(names))
+    kept = found[_without_doubles(found, criteria) if doubles else slice(criteria.max_detections)]
     if output.prototypes is not None:
+        if len(kept.labels) and not np.isfinite(output.prototypes).all():
+            raise OutputError("prototypes of masks that are not numbers")
         kept = kept[_apart(kept, output.prototypes, letterbox)]
     boxes = _in_image(kept.corners, letterbox)
     encoded: list[Mask | None] = [None] * len(boxes)
     if masks and output.prototypes is not None and len(boxes):
-        if not np.isfinite(output.prototypes).all():
-            raise OutputError("prototypes of masks that are not numbers")
         size = letterbox.rows.image, letterbox.columns.image
         looked = None if refine is None else refine(kept, output.prototypes)
         if looked is None:
@@ -106,19 +118,23 @@ def _judged(mask: Mask, quality: float) -> Mask:
 
 
 def _is_dense(output: Output, classes: int) -> bool:
-    """Return whether doubles are still in an output."""
-    extra = 0 if output.prototypes is None else len(output.prototypes)
-    match output.predictions.shape:
-        case (numbers, _) if numbers == PLACES + classes + extra:
-            return True
-        case (_, numbers) if numbers == ENDED + extra:
-            return False
-    raise OutputError(f"an output of {output.predictions.shape} from a model of {classes} classes")
+    """Return whether an output has a number for every place of the image."""
+    return len(output.predictions) == PLACES + classes + _coefficients(output)
 
 
-def _candidates(output: Output, classes: int, criteria: Criteria, *, dense: bool) -> Candidates:
+def _coefficients(output: Output) -> int:
+    """Return how many mask coefficients an object has."""
+    return 0 if output.prototypes is None else len(output.prototypes)
+
+
+def _without_doubles(found: Candidates, criteria: Criteria) -> NDArray[np.int64]:
+    labels = np.zeros_like(found.labels) if criteria.agnostic else found.labels
+    return suppressed(found.corners, labels, criteria.iou, criteria.max_detections)
+
+
+def _candidates(output: Output, letterbox: Letterbox, classes: int, criteria: Criteria, head: Head) -> Candidates:
     """Return what is sure enough and of a class that is reported, best first."""
-    found = _dense(output, classes, criteria) if dense else _ended(output, classes, criteria)
+    found = _read(output, letterbox, classes, criteria, head)
     if not (np.isfinite(found.corners).all() and np.isfinite(found.coefficients).all()):
         raise OutputError("a box or a mask that is not a number")
     if criteria.labels is not None:
@@ -126,15 +142,46 @@ def _candidates(output: Output, classes: int, criteria: Criteria, *, dense: bool
     return found[np.argsort(-found.scores, kind="stable")[:MAX_CANDIDATES]]
 
 
-def _dense(output: Output, classes: int, criteria: Criteria) -> Candidates:
+def _read(output: Output, letterbox: Letterbox, classes: int, criteria: Criteria, head: Head) -> Candidates:
+    match output.predictions.shape:
+        case (_, numbers) if head == "rt-detr" and numbers == ENDED:
+            return _queries(output, letterbox, classes, criteria)
+        case (_, _) if head != "rt-detr" and _is_dense(output, classes):
+            every = head == "nms-free" and not criteria.agnostic
+            return _every_class(output, classes, criteria) if every else _best_class(output, classes, criteria)
+        case (_, numbers) if head != "rt-detr" and numbers == ENDED + _coefficients(output):
+            return _ended(output, classes, criteria)
+    raise OutputError(f"an output of {output.predictions.shape} from a model of {classes} classes")
+
+
+def _best_class(output: Output, classes: int, criteria: Criteria) -> Candidates:
     scores = output.predictions[PLACES : PLACES + classes]
     sure = _sure(scores.max(axis=0), criteria)
-    chosen = np.ascontiguousarray(output.predictions[:, sure].T, np.float32)
-    labels = chosen[:, PLACES : PLACES + classes].argmax(axis=1)
-    best = np.take_along_axis(chosen, PLACES + labels[:, None], axis=1)[:, 0]
-    centres, halves = chosen[:, :2], chosen[:, 2:PLACES] / 2
-    corners = np.concatenate([centres - halves, centres + halves], axis=1)
-    return Candidates(corners, best, labels, chosen[:, PLACES + classes :])
+    return _at(output, sure, np.asarray(scores[:, sure].argmax(axis=0), np.int64), classes)
+
+
+def _every_class(output: Output, classes: int, criteria: Criteria) -> Candidates:
+    """Return a candidate for each class that is sure enough at a place: the surest, as many as Ultralytics does."""
+    scores = output.predictions[PLACES : PLACES + classes].reshape(-1)
+    sure = _sure(scores, criteria)
+    places = output.predictions.shape[1]
+    most = min(max(criteria.max_detections, LEAST_LOOKED_AT), places)
+    if len(sure) > most:
+        sure = sure[np.argpartition(-scores[sure], most - 1)[:most]]
+    labels, at = np.divmod(np.sort(sure), places)
+    return _at(output, at, np.asarray(labels, np.int64), classes)
+
+
+def _at(output: Output, places: NDArray[np.intp], labels: NDArray[np.int64], classes: int) -> Candidates:
+    """Return what an output has at places, of one class each."""
+    chosen = np.ascontiguousarray(output.predictions[:, places].T, np.float32)
+    scores = np.take_along_axis(chosen, PLACES + labels[:, None], axis=1)[:, 0]
+    return Candidates(_corners(chosen), scores, labels, chosen[:, PLACES + classes :])
+
+
+def _corners(rows: Floats) -> Floats:
+    centres, halves = rows[:, :2], rows[:, 2:PLACES] / 2
+    return np.concatenate([centres - halves, centres + halves], axis=1)
 
 
 def _sure(scores: Floats, criteria: Criteria) -> NDArray[np.intp]:
@@ -152,21 +199,37 @@ def _ended(output: Output, classes: int, criteria: Criteria) -> Candidates:
     return Candidates(rows[:, :PLACES], rows[:, PLACES], labels, rows[:, ENDED:])
 
 
+def _queries(output: Output, letterbox: Letterbox, classes: int, criteria: Criteria) -> Candidates:
+    found = _ended(output, classes, criteria)
+    size = np.array([letterbox.columns.input, letterbox.rows.input] * 2, np.float32)
+    return replace(found, corners=_corners(found.corners * size))
+
+
 def _apart(found: Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArray[np.int64]:
-    """Return which objects, best first, are not MOSTLY covered by better ones of their class."""
+    """Return which objects, best first, have a pixel, and are not MOSTLY covered by better ones of their class."""
     height, width = prototypes.shape[1:]
     scale = np.array([width / letterbox.columns.input, height / letterbox.rows.input] * 2, np.float32)
     windows = np.clip(np.rint(found.corners * scale), 0, [width, height] * 2).astype(int).tolist()
+    few = FEW * max(1.0, height * width / (letterbox.rows.image * letterbox.columns.image))
     covered: dict[int, NDArray[np.bool_]] = {}
     apart: list[int] = []
     for n, (label, (left, top, right, bottom)) in enumerate(zip(found.labels.tolist(), windows, strict=True)):
         window = (slice(top, bottom), slice(left, right))
         mask = np.einsum("c,chw->hw", found.coefficients[n], prototypes[:, *window]) > 0  # no BLAS, so no threads
+        own = np.count_nonzero(mask)
+        if own <= few and not _is_seen(found[n : n + 1], prototypes, letterbox):
+            continue
         before = covered.setdefault(label, np.zeros((height, width), np.bool_))[window]
-        if np.count_nonzero(mask & before) <= MOSTLY * np.count_nonzero(mask):
+        if np.count_nonzero(mask & before) <= MOSTLY * own:
             before |= mask
             apart.append(n)
     return np.array(apart, np.int64)
+
+
+def _is_seen(found: Candidates, prototypes: Floats, letterbox: Letterbox) -> bool:
+    """Return whether the mask of the only object found has a pixel of the image."""
+    (window,) = _windows(found.coefficients, _in_image(found.corners, letterbox), prototypes, letterbox)
+    return bool(window.pixels.any())
 
 
 def _in_image(corners: Floats, letterbox: Letterbox) -> Floats:

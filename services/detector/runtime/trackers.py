@@ -1,7 +1,7 @@
 """Ultralytics' trackers, each on the results of one camera alone. They know no appearance, so they fetch no model."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -10,12 +10,11 @@ from ultralytics.engine.results import Boxes
 from ultralytics.trackers.bot_sort import BOTSORT
 from ultralytics.trackers.byte_tracker import BYTETracker
 from ultralytics.trackers.utils.kalman_filter import KalmanFilterXYWH
-from ultralytics.utils import YAML, IterableSimpleNamespace
-from ultralytics.utils.checks import check_yaml
+from ultralytics.utils import ROOT, YAML, IterableSimpleNamespace
 
 from schemas.detections import Detection
 from schemas.image import ImageFrame
-from services.detector.evidence import Evidence
+from services.detector.evidence import NEUTRAL, Evidence
 from services.detector.pixels import glance
 from services.detector.runtime.camera_motion import Motion, moved
 from services.detector.runtime.overlap import at_border, boxes_of, overlaps
@@ -107,13 +106,17 @@ CLASSES: Final[dict[Kind, type[Any]]] = {"bytetrack": BYTETracker, "botsort": Mo
 
 
 class UltralyticsTracker:
-    """Follows the objects of one camera."""
+    """Follows the objects of one camera.
 
-    def __init__(self, kind: Kind) -> None:
-        settings = {**YAML.load(check_yaml(f"{kind}.yaml")), **OURS[kind]}
+    neutral: returns the score that speaks neither for a thing nor against it now; see `Evidence`.
+    """
+
+    def __init__(self, kind: Kind, neutral: Callable[[], float] = lambda: NEUTRAL) -> None:
+        settings = {**YAML.load(ROOT / "cfg" / "trackers" / f"{kind}.yaml"), **OURS[kind]}
         self._tracker = CLASSES[kind](IterableSimpleNamespace(**settings))
         self._motion = Motion() if kind == "botsort" else None
-        self._evidence = Evidence()
+        self._neutral = neutral
+        self._evidence = Evidence(neutral())
         self._times_ns: deque[int] = deque(maxlen=MAX_FRAMES_LOST)
 
     def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
@@ -128,6 +131,7 @@ class UltralyticsTracker:
             flow = self._motion.look(glance(frame, LOOKED_AT))
         tracks = self._tracker.update(boxes, flow).reshape(-1, INDEX + 1)
         numbers: list[int | None] = [None] * len(objects)
+        self._evidence.neutral = self._neutral()
         earned = self._evidence.weigh((int(row[NUMBER]), float(row[SCORE])) for row in tracks)
         for row, number in zip(tracks, earned, strict=True):
             numbers[int(row[INDEX])] = number

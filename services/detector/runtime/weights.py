@@ -1,7 +1,6 @@
-"""An Ultralytics checkpoint: what it is a model of, and its module."""
+"""Weights of a model: what it is a model of, and its module."""
 
 import hashlib
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,9 @@ from ultralytics.nn import tasks
 from ultralytics.utils.torch_utils import select_device
 
 from services.detector.model import ModelError, first_line
+from services.detector.runtime.branches import HeadError, head_of
+from services.detector.runtime.checkpoint import CheckpointError, read_checkpoint
+from services.detector.runtime.postprocess import Head
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.torch_refiner import network_in
 
@@ -21,11 +23,10 @@ TASKS: Final = (SEGMENT, "detect")
 SUFFIX: Final = ".pt"
 NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
 """What the extra [detector] asks for; Ultralytics before 8.4.68 does not read weights as data alone."""
-NO_PICKLE: Final = "damaged, or not written by torch"
-"""What it means where all that an error says is a number out of the file."""
-SHOUTED: Final = "ERROR \u274c\ufe0f "
 DEFAULT_SIDE: Final = 640
 """What Ultralytics trains at unless told otherwise."""
+COLOURS: Final = 3
+"""Channels of a camera's image."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,51 +34,101 @@ class Weights:
     """A loaded checkpoint.
 
     digest: of the file's content. longest: the input's longer side in training, in pixels. refiner: of its masks, if
-    the file has one and it is wanted.
+    the file has one and it is wanted. head: how objects are read off the output. agnostic: whether the model's own
+    default is to suppress overlapping boxes whatever their classes, as of YOLOE.
     """
 
     path: Path
     digest: str
-    yolo: Any
+    model: Any
     names: Mapping[int, str]
     segments: bool
     longest: int
     stride: int
     refiner: RefinerNetwork | None
+    head: Head = "nms"
+    agnostic: bool = False
 
 
-def load_weights(model: str, option: str = "--model", *, refine: bool = True) -> Weights:
-    """Read a checkpoint; nothing in it is executed. refine: with its refiner.
+def load_weights(
+    model: str, option: str = "--model", *, refine: bool = True, nms: bool | None = None, download: bool = False
+) -> Weights:
+    """Read a checkpoint; nothing in it is executed. The file that is named is the one that is read.
+
+    refine: with its refiner. nms: whether overlapping boxes are suppressed, or the model's NMS-free head is used; None
+    for Ultralytics' own default. download: let Ultralytics fetch what is not here.
 
     Raises:
         ModelError: the file is no checkpoint, or of a task that finds no objects, or would be executed.
     """
+    what = f"{option} {model}"
     if not getattr(getattr(tasks, "_SafeLoad", None), "SUPPORTED", False):
-        raise ModelError(f"{option} {model}: what is in it would be executed: {NEEDED} or later are needed")
-    if not model.endswith(SUFFIX):
-        raise ModelError(f"{option} {model}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
+        raise ModelError(f"{what}: what is in it would be executed: {NEEDED} or later are needed")
+    if Path(model).suffix.lower() != SUFFIX:
+        raise ModelError(f"{what}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what is wrong is said in one line
-            yolo: Any = YOLO(model)
-        path = Path(yolo.ckpt_path)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        names = {int(label): str(name) for label, name in yolo.model.names.items()}
-        stride = max(32, int(yolo.model.stride.max()))
-        longest = _longest(yolo)
-        masks = getattr(yolo.model.model[-1], "nm", None)  # what Ultralytics calls the number of its prototypes
-        refiner = network_in(yolo.ckpt or {}, len(names), masks) if refine and masks is not None else None
+        path = Path(model)
+        if download and not path.is_file():
+            fetched: Any = YOLO(model)
+            path = Path(fetched.ckpt_path)
+        module, content = read_checkpoint(path)
+        _check(module, what)
+        head = head_of(module, nms=nms)
+        names = module.names = _names(module)
+        masks = getattr(module.model[-1], "nm", None)  # what Ultralytics calls the number of its prototypes
+        return Weights(
+            path,
+            hashlib.sha256(path.read_bytes()).hexdigest(),
+            module,
+            names,
+            module.task == SEGMENT,
+            _longest(content),
+            stride=max(32, int(module.stride.max())),
+            refiner=network_in(content, len(names), masks) if refine and masks is not None else None,
+            head=head,
+            agnostic=isinstance(module, tasks.YOLOEModel),
+        )
+    except ModelError:
+        raise
+    except HeadError as error:
+        raise ModelError(f"{'--nms' if nms else '--no-nms'} with {what}: {error}") from error
     except Exception as error:
-        why = NO_PICKLE if isinstance(error, LookupError) else first_line(error).removeprefix(SHOUTED)
-        raise ModelError(f"{option} {model}: not a model that can be used: {why}") from error
-    if yolo.task not in TASKS:
-        raise ModelError(f"{option} {model}: a model for {yolo.task!r}, not for one of {', '.join(TASKS)}")
-    return Weights(path, digest, yolo, names, yolo.task == SEGMENT, longest, stride, refiner)
+        why = str(error) if isinstance(error, CheckpointError) else first_line(error)
+        raise ModelError(f"{what}: not a model that can be used: {why}") from error
 
 
-def _longest(yolo: Any) -> int:
+def _check(module: Any, what: str) -> None:
+    """Raise ModelError or CheckpointError for a model of another task, or of other images than a camera's."""
+    if module.task not in TASKS:
+        raise ModelError(f"{what}: a model for {module.task!r}, not for one of {', '.join(TASKS)}")
+    channels = getattr(module, "yaml", {}).get("channels", COLOURS)
+    if channels != COLOURS:
+        raise CheckpointError(f"it is for images of {channels} channels, and cameras have {COLOURS}: train it on RGB")
+
+
+def _names(module: Any) -> dict[int, str]:
+    """Return the names of a model's classes, by label; renamed ones are often a list.
+
+    Raises:
+        CheckpointError: they are not one for each class.
+    """
+    classes = module.model[-1].nc
+    given = getattr(module, "names", None) or [f"class{label}" for label in range(classes)]
+    named = given if isinstance(given, Mapping) else dict(enumerate(given))
+    if {str(label) for label in named} != {str(label) for label in range(classes)}:
+        about = f"{len(named)} names for {classes} classes" if len(named) != classes else "names of other classes"
+        raise CheckpointError(f"{about}: give its model one name for each class, numbered from 0, and save it again")
+    return {int(label): _sendable(str(name)) for label, name in named.items()}
+
+
+def _sendable(name: str) -> str:
+    """Return a name with half of a character, which no message can carry, as its escape."""
+    return name.encode("utf-8", "backslashreplace").decode()
+
+
+def _longest(content: Mapping[str, Any]) -> int:
     """Return the longer side of the input that the model was trained at."""
-    side = (yolo.ckpt or {}).get("train_args", {}).get("imgsz", DEFAULT_SIDE)
+    side = content.get("train_args", {}).get("imgsz", DEFAULT_SIDE)
     return int(max(side) if isinstance(side, list | tuple) else side)
 
 

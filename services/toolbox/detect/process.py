@@ -19,7 +19,6 @@ from services.detector.overlay import drawings, jpeg_of
 from services.detector.pixels import to_bgr
 from services.detector.requests import detect
 from services.detector.runtime.loading import load
-from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.detector.stills import StillError, frame_of
 from services.geometry.errors import MaskError
 from services.toolbox.detect.settings import DetectSettings
@@ -56,9 +55,8 @@ def _failed(reason: str) -> int:
 
 async def _locally(settings: DetectSettings, image: bytes) -> Detections:
     frame = await asyncio.to_thread(frame_of, image)  # a file that is no image costs nobody the loading of a model
-    model_settings = DetectorSettings(model=settings.model or str(SHIPPED_MODEL), runtime="torch")
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        model = await asyncio.to_thread(load, model_settings, Path(folder))
+        model = await asyncio.to_thread(load, settings.of_model, Path(folder))
         try:
             return await detect(model, ANSWERED_BY, frame)
         except ModelError as error:  # unlike one that cannot be loaded, no wrong setting

@@ -7,12 +7,18 @@ from pydantic import Field, model_validator
 
 from bus.settings import BusSettings
 from schemas.printing import printable
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings, LookSettings, Runtime
 
 SUFFIXES: Final = ("", ".jpg", ".jpeg")
 """Of a JPEG file; a device has none."""
 
 
-class DetectSettings(BusSettings):
+LOCAL: Final = {"model", "runtime", *LookSettings.model_fields} - {"cache", "device", "threads"}
+"""Settings that change what --local finds, and say nothing to a worker. The others may stand in an environment that
+other commands share."""
+
+
+class DetectSettings(LookSettings, BusSettings):
     """Say what is in an image.
 
     Asks one of the fleet's detector workers, any that is not busy; with --local a model of this process. Prints a line
@@ -33,6 +39,9 @@ class DetectSettings(BusSettings):
     model: Annotated[
         str | None, Field(description="Ultralytics weights for --local; the shipped ones unless given")
     ] = None
+    runtime: Annotated[Runtime, Field(description="what computes with --local; all but torch export the model")] = (
+        "torch"
+    )
     timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for a worker and its answer")] = 10.0
 
     @model_validator(mode="after")
@@ -41,8 +50,8 @@ class DetectSettings(BusSettings):
             self._check_files()
         except OSError as error:  # a name that is too long, a folder that may not be looked into
             raise ValueError(f"{printable(str(error.filename))}: {error.strerror}") from error
-        if self.model is not None and not self.local:
-            raise ValueError("--model is for --local: workers have their own")
+        if not self.local and (given := sorted(LOCAL & self.model_fields_set)):
+            raise ValueError(f"--{given[0].replace('_', '-')} is for --local: workers have their own")
         return self
 
     def _check_files(self) -> None:
@@ -61,6 +70,12 @@ class DetectSettings(BusSettings):
         if self.local and self.model is not None and not Path(self.model).is_file():
             model = printable(self.model)
             raise ValueError(f"--model {model}: {'a folder' if Path(self.model).is_dir() else 'no such file'}")
+
+    @property
+    def of_model(self) -> DetectorSettings:
+        """The settings of the model that looks at the image here."""
+        chosen = {name: getattr(self, name) for name in LookSettings.model_fields}
+        return DetectorSettings(model=self.model or str(SHIPPED_MODEL), runtime=self.runtime, **chosen)
 
     @property
     def drawing(self) -> Path:

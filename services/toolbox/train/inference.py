@@ -14,6 +14,7 @@ from schemas.detections import Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
+from services.detector.evidence import NEUTRAL
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
 from services.detector.runtime.loading import load, tracking
 from services.detector.runtime.pipeline import Pipeline
@@ -56,8 +57,9 @@ def open_follower(weights: Path, *, device: str | None, folder: Path, runtime: s
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
-    settings = _settings(weights, device, runtime=runtime)
-    model, following = _loaded(settings, folder), tracking(settings.tracker)
+    settings = _settings(weights, device, runtime=runtime, track_score=NEUTRAL)  # as once they are shipped
+    model = _loaded(settings, folder)
+    following = tracking(settings, model)
     drives = count()
 
     def follow(images: Iterable[NDArray[np.uint8]], hz: float) -> list[Sequence[Detection]]:

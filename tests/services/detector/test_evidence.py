@@ -1,6 +1,6 @@
 import pytest
 
-from services.detector.evidence import MAX_TRACKS, NEUTRAL, Evidence
+from services.detector.evidence import MAX_TRACKS, NEUTRAL, Evidence, neutral_score
 
 
 @pytest.mark.parametrize(("score", "number"), [(NEUTRAL, None), (0.52, None), (0.53, 1), (1.0, 1)])
@@ -57,3 +57,10 @@ def test_of_many_tracks_the_one_seen_longest_ago_is_forgotten() -> None:
 @pytest.mark.parametrize("score", [0.0, 1.0])
 def test_scores_at_both_ends_are_taken(score: float) -> None:
     assert Evidence().weigh([(1, score), (1, 0.5)])[0] == (1 if score else None)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 0.001, 0.05, 0.25, 0.5, 0.9, 1.0])
+def test_of_a_model_that_is_not_known_whatever_is_reported_twice_has_a_number(confidence: float) -> None:
+    evidence = Evidence(neutral_score(confidence))
+    numbers = [evidence.weigh([(7, confidence)])[0] for _ in range(200)]
+    assert numbers == [None, *[1] * 199]

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Self
 
 import pytest
@@ -81,6 +82,7 @@ class Exporter:
 
     def __init__(self, error: OSError | None = None) -> None:
         self.batches: dict[str, int] = {}
+        self.model = SimpleNamespace(model=[None])
         self._error = error
         self._folder = Path()
 
@@ -218,3 +220,19 @@ def test_a_package_may_be_installed_under_another_name(tmp_path: Path, monkeypat
     (about / "top_level.txt").write_text("fastruntime\n")
     monkeypatch.syspath_prepend(tmp_path)
     assert installed({"fastruntime", "absent"}) == ["fastruntime-gpu 1.2"]
+
+
+def test_a_model_that_cannot_be_exported_is_one_line_and_no_graph(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    keep_offline(tmp_path / "ultralytics", download=False)
+    from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it must be offline by then
+    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - as above
+
+    file = built_models.write(built_models.build("yolov8n-world.yaml"), tmp_path / "world.pt")
+    weights = load_weights(str(file))
+    with pytest.raises(
+        ModelError, match=r"^world\.pt cannot be exported for onnx: Unsupported: ONNX export of [^\n]*$"
+    ):
+        exported(weights, "onnx", tmp_path / "cache", "cpu", 64, gpu="", spare=tmp_path / "spare")
+    assert capfd.readouterr().out == ""

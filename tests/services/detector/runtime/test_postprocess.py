@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -88,10 +90,57 @@ def test_a_mask_is_interpolated_where_its_box_is_and_nowhere_else() -> None:
     expected = np.zeros((64, 64), np.uint8)
     expected[14:34, 16:32] = 1
     assert np.array_equal(pixels(seen), expected)
-    (beside,) = found(output([(50, 50, 8, 8)], [(0.9, 0)], prototypes, [[1.0]]))
-    assert not pixels(beside).any()
-    assert beside.mask is not None
-    assert beside.mask.size == (64, 64)
+    assert seen.mask is not None
+    assert seen.mask.size == (64, 64)
+
+
+@pytest.mark.parametrize("masks", [False, True])
+def test_an_object_without_a_pixel_of_a_mask_is_none(*, masks: bool) -> None:
+    prototypes = np.full((1, 16, 16), -1, np.float32)
+    prototypes[0, :, 4:8] = 1
+    boxes = [(50.0, 50.0, 8.0, 8.0), (24.0, 24.0, 20.0, 20.0), (24.4, 24.0, 0.2, 8.0)]
+    of = output(boxes, [(0.9, 0), (0.8, 0), (0.7, 0)], prototypes, [[1.0]] * 3)
+    seen = objects(of, SQUARE, CRITERIA, FACTS.names, masks=masks)
+    assert [round(each.score, 1) for each in seen] == [0.8]
+
+
+@pytest.mark.parametrize("masks", [False, True])
+def test_prototypes_that_are_no_numbers_are_no_empty_view(*, masks: bool) -> None:
+    of = output([(20, 36, 8, 8)], [(0.9, 0)], np.full((1, 16, 16), np.nan, np.float32), [[1]])
+    with pytest.raises(OutputError, match="prototypes of masks that are not numbers"):
+        objects(of, SQUARE, CRITERIA, FACTS.names, masks=masks)
+
+
+def test_boxes_of_other_classes_are_suppressed_too_where_that_is_asked_for() -> None:
+    of = output([(16, 16, 16, 16), (16, 16, 16, 14)], [(0.8, 0), (0, 0.9)])
+    assert [each.name for each in found(of)] == ["pallet", "box"]
+    assert [each.name for each in found(of, criteria=Criteria(agnostic=True))] == ["pallet"]
+
+
+def test_an_nms_free_head_has_every_class_of_a_place_and_suppresses_nothing() -> None:
+    of = output([(16, 16, 16, 16), (16, 16, 16, 14)], [(0.8, 0.4), (0.35, 0.9)])
+
+    def seen(**criteria: Any) -> list[tuple[str, float]]:
+        chosen = Criteria(confidence=0.3, **criteria)
+        return [
+            (each.name, round(each.score, 2))
+            for each in objects(of, SQUARE, chosen, FACTS.names, masks=False, head="nms-free")
+        ]
+
+    assert seen() == [("pallet", 0.9), ("box", 0.8)]  # no more than there are places, as Ultralytics'
+    assert seen(agnostic=True) == [("pallet", 0.9), ("box", 0.8)]
+    assert seen(max_detections=1) == [("pallet", 0.9)]
+
+
+def test_boxes_of_rt_detr_are_shares_of_a_stretched_image() -> None:
+    letterbox = Letterbox.fit(100, 200, 64, STRIDE, stretched=True)
+    assert letterbox.shape == (64, 64)
+    rows = np.array([[0.5, 0.5, 0.2, 0.4, 0.9, 1], [0.1, 0.2, 0.4, 0.2, 0.8, 0]], np.float32)
+    first, second = objects(Output(rows, None), letterbox, CRITERIA, FACTS.names, masks=False, head="rt-detr")
+    assert corners(first) == pytest.approx((80, 30, 120, 70))
+    assert corners(second) == pytest.approx((0, 10, 60, 30))
+    with pytest.raises(OutputError):
+        objects(output([(16, 16, 8, 8)], [(0.9, 0)]), letterbox, CRITERIA, FACTS.names, masks=False, head="rt-detr")
 
 
 def striped() -> NDArray[np.float32]:
@@ -126,11 +175,6 @@ def test_a_mask_is_covered_by_several_together_and_not_by_what_is_left_out_itsel
 def test_objects_are_the_same_whether_masks_are_wanted_or_not() -> None:
     twins = output([(32, 32, 64, 64)] * 2, [(0.9, 0), (0.8, 0)], np.ones((1, 16, 16), np.float32), [[1.0]] * 2)
     assert len(objects(twins, SQUARE, Criteria(confidence=0.3, iou=1), FACTS.names, masks=False)) == 1
-
-
-def test_a_box_without_a_pixel_has_an_empty_mask() -> None:
-    (seen,) = found(output([(24.4, 24, 0.2, 8)], [(0.9, 0)], np.ones((1, 16, 16), np.float32), [[1.0]]))
-    assert not pixels(seen).any()
 
 
 def test_the_padding_of_a_letterbox_has_no_say() -> None:

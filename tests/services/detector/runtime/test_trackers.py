@@ -1,5 +1,6 @@
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
@@ -8,8 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection
+from schemas.tuning import Tuning
+from services.detector.evidence import NEUTRAL, neutral_score
+from services.detector.runtime.loading import tracking
 from services.detector.runtime.offline import keep_offline
+from services.detector.settings import DetectorSettings
 from services.detector.tracking import Tracker
+from tests.services.detector.fakes import FakeModel
 from tests.services.detector.requests import frame_of
 
 
@@ -41,6 +47,42 @@ def tracker_in(model_folder: Path, kind: str = "botsort") -> Tracker:
     from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
 
     return UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack")
+
+
+@pytest.mark.parametrize("kind", ["bytetrack", "botsort"])
+@pytest.mark.parametrize("score", [0.26, 0.3, 0.33])
+def test_a_steady_object_of_a_model_that_is_not_known_has_a_number_at_most_a_frame_after_ultralytics_own(
+    kind: str, score: float, model_folder: Path
+) -> None:
+    keep_offline(model_folder / "ultralytics", download=False)
+    from ultralytics.engine.results import Boxes  # noqa: PLC0415 - it must be offline by then
+    from ultralytics.trackers.bot_sort import BOTSORT  # noqa: PLC0415 - as above
+    from ultralytics.trackers.byte_tracker import BYTETracker  # noqa: PLC0415 - as above
+    from ultralytics.utils import ROOT, YAML, IterableSimpleNamespace  # noqa: PLC0415 - as above
+
+    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - as above
+
+    args = IterableSimpleNamespace(**YAML.load(ROOT / "cfg" / "trackers" / f"{kind}.yaml"))
+    theirs = BOTSORT(args) if kind == "botsort" else BYTETracker(args)
+    tracker = UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack", lambda: neutral_score(0.25))
+    picture = textured(240, 320)
+
+    def numbers(first: int) -> tuple[list[int], list[int]]:
+        """Show both the same object, and return in which frames of it each gives it a number."""
+        ours, bare = [], []
+        for step in range(first, first + 6):
+            box = Box(10 + 100 * (first > 0), 20, 50 + 100 * (first > 0), 60)
+            found = [Detection(name="box", score=score, box=box)]
+            if tracker.update(found, frame_of(picture, seq=step)) != [None]:
+                ours.append(step - first)
+            row = np.array([[box.x1, box.y1, box.x2, box.y2, score, 0]], np.float32)
+            if len(theirs.update(Boxes(row, (240, 320)), picture)):
+                bare.append(step - first)
+        return ours, bare
+
+    for first in (0, 6):
+        ours, bare = numbers(first)
+        assert ours[0] <= (bare[0] + 1 if bare else 2)  # later than in the first frame, low scores have none there
 
 
 def follower(model_folder: Path, hz: int = 5) -> Callable[..., int | None]:
@@ -150,3 +192,31 @@ def test_an_image_of_a_few_pixels_is_no_hindrance(model_folder: Path) -> None:
     box = Detection(name="box", score=0.9, box=Box(0, 0, 2, 2))
     for step in range(3):
         assert tracker.update([box], frame_of(np.zeros((2, 2, 3), np.uint8), seq=step)) == [1]
+
+
+@pytest.mark.parametrize(
+    ("fields", "confidence", "neutral"),
+    [
+        ({}, 0.25, NEUTRAL),
+        ({}, 0.05, NEUTRAL),
+        ({"model": "own.pt"}, 0.25, neutral_score(0.25)),
+        ({"model": "own.pt"}, 0.05, neutral_score(0.05)),
+        ({"detection_model": "own.pt"}, 0.05, neutral_score(0.05)),
+        ({"model": "own.pt", "track_score": 0.4}, 0.05, 0.4),
+        ({"track_score": 0.4}, 0.05, 0.4),
+    ],
+)
+def test_the_score_that_speaks_for_a_track_follows_the_model_unless_it_is_given(
+    fields: dict[str, Any], confidence: float, neutral: float, tmp_path: Path, model_folder: Path
+) -> None:
+    keep_offline(model_folder / "ultralytics", download=False)
+    (tmp_path / "own.pt").touch()
+    files = {name: str(tmp_path / value) for name, value in fields.items() if isinstance(value, str)}
+    settings = DetectorSettings.model_validate({**fields, **files})
+    model = FakeModel()
+    following = tracking(settings, model)
+    assert following is not None
+    model.tune(Tuning(confidence=confidence))
+    tracker: Any = following._make()
+    following.close()
+    assert tracker._neutral() == neutral

@@ -1,0 +1,91 @@
+"""The content of an Ultralytics checkpoint: exactly the file that is named, read as data."""
+
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from ultralytics.nn.tasks import load_checkpoint
+from ultralytics.utils import downloads
+
+from services.detector.model import first_line
+
+NUMBERS: Final = ("?", "b", "B", "h", "H", "i", "I", "l", "L", "q", "Q", "e", "f", "d", "U1")
+"""NumPy's codes for numbers and texts, which a checkpoint may hold: as data they execute nothing."""
+
+YOLOV5: Final = frozenset({"models", "models.yolo", "models.common", "models.experimental"})
+"""Modules of https://github.com/ultralytics/yolov5, whose checkpoints name them."""
+
+NOT_FOR_THIS: Final = (
+    "it appears to be an Ultralytics YOLOv5 model originally trained with https://github.com/ultralytics/yolov5, which"
+    " is not forwards compatible with the package ultralytics: train a new model with that package, or take a"
+    " published one, such as yolov5su.pt"
+)
+NO_PICKLE: Final = "damaged, or not written by torch"
+"""What it means where all that an error says is a number out of the file."""
+
+SHOUTED: Final = "ERROR \u274c\ufe0f "
+MAX_NAMED: Final = 3
+"""Types that a refusal names at most."""
+
+
+class CheckpointError(Exception):
+    """A file that is no checkpoint of a model; the message says why, in one line."""
+
+
+def read_checkpoint(file: Path) -> tuple[Any, dict[str, Any]]:
+    """Return a file's model, in evaluation mode and in single precision, and all that the file holds.
+
+    Raises:
+        CheckpointError: it is none, or holds what is not data.
+    """
+    torch.serialization.add_safe_globals([type(np.dtype(code)) for code in NUMBERS])
+    path = file.absolute()  # what begins with a scheme would be an address
+    try:
+        with warnings.catch_warnings(), exact_names():
+            warnings.simplefilter("ignore")  # what is wrong is said in one line
+            model, content = load_checkpoint(path)
+    except Exception as error:
+        raise CheckpointError(_reason(path, error)) from error
+    return model, content
+
+
+@contextmanager
+def exact_names() -> Iterator[None]:
+    """Have Ultralytics read the very files that it is given, by absolute paths.
+
+    Otherwise apostrophes vanish from a name, yolov5s.pt becomes yolov5su.pt, and GitHub is asked for what is then not
+    there, YOLO_OFFLINE or not.
+    """
+    theirs = vars(downloads)["attempt_download_asset"]
+    vars(downloads)["attempt_download_asset"] = str
+    try:
+        yield
+    finally:
+        vars(downloads)["attempt_download_asset"] = theirs
+
+
+def _reason(path: Path, error: Exception) -> str:
+    foreign = _foreign_types(path, error)
+    if any(name.rpartition(".")[0] in YOLOV5 for name in foreign):
+        return NOT_FOR_THIS
+    if foreign:
+        named = ", ".join([*foreign[:MAX_NAMED], *(["..."] if len(foreign) > MAX_NAMED else [])])
+        return (
+            f"it holds {named}, which would be executed: save it again without, with numbers, texts and tensors alone"
+        )
+    if isinstance(error, LookupError):
+        return NO_PICKLE
+    return first_line(error).removeprefix(SHOUTED).replace(str(path), "it")
+
+
+def _foreign_types(path: Path, error: Exception) -> list[str]:
+    """Return the names of the types in a file that are none of a checkpoint's. error: what came of reading it."""
+    try:
+        return sorted(torch.serialization.get_unsafe_globals_in_checkpoint(path))
+    except Exception:  # noqa: BLE001 - in no archive of torch's, as before its version 1.6, only the error names one
+        return re.findall(r"Unsupported global: GLOBAL (\S+)", f"{error.__cause__}")[:1]

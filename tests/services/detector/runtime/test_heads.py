@@ -1,0 +1,242 @@
+"""Of every head that Ultralytics ships the detector finds what a bare call of Ultralytics finds, box by box.
+
+Masks that surer ones mostly cover are left out by the detector alone, so here none is.
+"""
+
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from services.detector.model import Found, ModelError
+from services.detector.runtime import postprocess
+from services.detector.runtime.loading import load
+from services.detector.settings import DetectorSettings
+from tests.services.detector.requests import request
+
+pytestmark = pytest.mark.usefixtures("shut_network", "covered_masks")
+
+Rows = NDArray[np.float64]
+"""Objects, best score first, each as left, top, right, bottom, score, class."""
+
+SIDE: Final = 128
+HEADS: Final = {
+    "yolov3-tiny.yaml": "Detect",
+    "yolov5n.yaml": "Detect",
+    "yolov8n-p6.yaml": "Detect",
+    "yolo11n.yaml": "Detect",
+    "yolo26n.yaml": "Detect",
+    "yolov10n.yaml": "v10Detect",
+    "yolov8n-world.yaml": "WorldDetect",
+    "yolov8n-worldv2.yaml": "WorldDetect",
+    "yoloe-11n.yaml": "YOLOEDetect",
+    "yolov8n-rtdetr.yaml": "RTDETRDecoder",
+    "yolov8n-seg.yaml": "Segment",
+    "yolo26n-seg.yaml": "Segment26",
+    "yoloe-11n-seg.yaml": "YOLOESegment",
+    "yoloe-26n-seg.yaml": "YOLOESegment26",
+}
+NMS_FREE: Final = ("yolo26n.yaml", "yolov10n.yaml", "yolo26n-seg.yaml", "yoloe-26n-seg.yaml")
+
+
+@pytest.fixture
+def covered_masks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(postprocess, "MOSTLY", 1.0)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return the model files built so far, by architecture."""
+    return {"": tmp_path_factory.mktemp("models")}
+
+
+def file_of(architecture: str, files: dict[str, Path]) -> Path:
+    """Return a model file of an architecture, built if there is none yet."""
+    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - after `keep_offline`
+
+    if architecture not in files:
+        model = built_models.build(architecture)
+        assert type(model.model[-1]).__name__ == HEADS[architecture]
+        files[architecture] = built_models.write(model, files[""] / architecture.replace(".yaml", "-built.pt"))
+    return files[architecture]
+
+
+def picture(height: int = 90, width: int = 150) -> NDArray[np.uint8]:
+    coarse = np.random.default_rng(3).integers(0, 255, (9, 14, 3), np.uint8)
+    return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
+
+
+def picture_for(architecture: str) -> NDArray[np.uint8]:
+    """Return a picture; for masks one of the input's size: Ultralytics interpolates others in two steps."""
+    return picture(96, 128) if "-seg" in architecture else picture()
+
+
+def bare(file: Path, image: NDArray[np.uint8], **options: object) -> Rows:
+    """Return what Ultralytics finds, cut at the image's border as RT-DETR's boxes alone are not."""
+    from ultralytics.models import YOLO  # noqa: PLC0415 - as above
+
+    model: Any = YOLO(file)
+    (found,) = model.predict(image, imgsz=SIDE, device="cpu", verbose=False, retina_masks=True, **options)
+    rows: Rows = found.boxes.data.double().numpy()
+    height, width = image.shape[:2]
+    rows[:, :4] = np.clip(rows[:, :4], 0, [width, height] * 2)
+    return rows
+
+
+def ours(file: Path, image: NDArray[np.uint8], folder: Path, *, masks: bool = False, **options: object) -> Rows:
+    chosen = {"runtime": "torch", "device": "cpu", "image_size": SIDE, "cache": folder / "cache", **options}
+    model = load(DetectorSettings.model_validate({"model": str(file), **chosen}), folder / "ultralytics")
+    try:
+        (outcome,) = model.run([request(image, masks=masks)])
+    finally:
+        model.close()
+    assert isinstance(outcome, Found)
+    rows = [(*vars_of(each.box), each.score, each.label) for each in outcome.objects]
+    return np.array(rows, np.float64).reshape(-1, 6)
+
+
+def vars_of(box: Any) -> tuple[float, float, float, float]:
+    return box.x1, box.y1, box.x2, box.y2
+
+
+def nearest(found: Rows, expected: Rows, *, pixels: float, score: float) -> tuple[NDArray[np.intp], Rows]:
+    """Return for each object which of those expected is most like it, and how unlike, at most 1 of the same class."""
+    apart = (np.abs(found[:, None] - expected) / np.array([pixels] * 4 + [score, 0.5])).max(axis=2)
+    return apart.argmin(axis=1), apart.min(axis=1)
+
+
+def check_same(found: Rows, expected: Rows) -> None:
+    """Assert that each object is that of the same class, score and place; equal scores have no order."""
+    assert len(found) == len(expected) >= 2
+    which, apart = nearest(found, expected, pixels=0.1, score=1e-4)
+    assert sorted(which) == list(range(len(expected)))
+    assert apart.max() < 1
+
+
+def test_every_head_that_ultralytics_ships_is_compared(files: dict[str, Path]) -> None:
+    del files
+    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - as above
+
+    assert set(built_models.architectures().values()) == set(HEADS.values())
+
+
+@pytest.mark.parametrize("architecture", HEADS)
+def test_boxes_are_those_of_a_bare_call(architecture: str, files: dict[str, Path], model_folder: Path) -> None:
+    file, image = file_of(architecture, files), picture_for(architecture)
+    expected = bare(file, image)
+    check_same(ours(file, image, model_folder), expected)
+    if "-seg" in architecture:
+        check_same(ours(file, image, model_folder, masks=True), expected)
+
+
+def test_a_stretched_image_of_another_shape_has_its_boxes_where_they_are(
+    files: dict[str, Path], model_folder: Path
+) -> None:
+    file, tall = file_of("yolov8n-rtdetr.yaml", files), picture(200, 60)
+    check_same(ours(file, tall, model_folder), bare(file, tall))
+
+
+@pytest.mark.parametrize("architecture", NMS_FREE)
+def test_the_nms_free_head_finds_what_it_finds_in_a_bare_call(
+    architecture: str, files: dict[str, Path], model_folder: Path
+) -> None:
+    file, image = file_of(architecture, files), picture_for(architecture)
+    for agnostic in (False, True):
+        expected = bare(file, image, nms=False, agnostic_nms=agnostic)
+        check_same(ours(file, image, model_folder, nms=False, agnostic_nms=agnostic), expected)
+        assert len(bare(file, image, agnostic_nms=agnostic)) != len(expected)
+
+
+@pytest.mark.parametrize("architecture", ["yolo11n.yaml", "yolo26n-seg.yaml"])
+def test_boxes_are_suppressed_whatever_their_classes_where_that_is_asked_for(
+    architecture: str, files: dict[str, Path], model_folder: Path
+) -> None:
+    file, image = file_of(architecture, files), picture_for(architecture)
+    expected = bare(file, image, agnostic_nms=True)
+    check_same(ours(file, image, model_folder, agnostic_nms=True), expected)
+    assert len(ours(file, image, model_folder)) > len(expected)
+
+
+@pytest.mark.parametrize("architecture", ["yoloe-11n.yaml", "yoloe-26n-seg.yaml"])
+def test_yoloe_suppresses_boxes_whatever_their_classes_unless_told_otherwise(
+    architecture: str, files: dict[str, Path], model_folder: Path
+) -> None:
+    file, image = file_of(architecture, files), picture_for(architecture)
+    own, others = bare(file, image), bare(file, image, agnostic_nms=False)
+    assert len(own) < len(others)
+    check_same(ours(file, image, model_folder), own)
+    check_same(ours(file, image, model_folder, agnostic_nms=False), others)
+
+
+@pytest.mark.parametrize(
+    ("architecture", "options"),
+    [
+        ("yolo26n.yaml", {}),
+        ("yolo26n.yaml", {"nms": False}),
+        ("yoloe-26n-seg.yaml", {"nms": False}),
+        ("yolov8n-rtdetr.yaml", {}),
+    ],
+)
+def test_a_choice_of_head_is_the_same_in_an_exported_file(
+    architecture: str, options: dict[str, Any], files: dict[str, Path], model_folder: Path
+) -> None:
+    file, image = file_of(architecture, files), picture_for(architecture)
+    expected = bare(file, image, **options)
+    found = ours(file, image, model_folder, runtime="onnx", **options)
+    for some, others in ((found, expected), (expected, found)):
+        sure = some[some[:, 4] > 0.4]  # a head may choose others of those that are equally unlikely
+        _, apart = nearest(sure, others, pixels=0.5, score=5e-3)
+        assert len(sure) >= 2
+        assert apart.max() < 1
+
+
+@pytest.mark.parametrize(
+    ("architecture", "settings"),
+    [
+        ("yolo11n.yaml", {"classes": ["1", "2"], "iou": 0.3}),
+        ("yolo11n.yaml", {"confidence": 0.4, "max_detections": 5}),
+        ("yolov8n-rtdetr.yaml", {"classes": ["1", "2"], "confidence": 0.4, "max_detections": 5}),
+    ],
+)
+def test_settings_choose_as_ultralytics_own_do(
+    architecture: str, settings: dict[str, Any], files: dict[str, Path], model_folder: Path
+) -> None:
+    file, image = file_of(architecture, files), picture_for(architecture)
+    names = {"confidence": "conf", "max_detections": "max_det"}
+    options = {names.get(name, name): value for name, value in settings.items()}
+    if "classes" in options:
+        options["classes"] = [int(name) for name in options["classes"]]
+    check_same(ours(file, image, model_folder, **settings), bare(file, image, **options))
+
+
+def test_a_head_that_a_model_has_not_is_refused(files: dict[str, Path], model_folder: Path) -> None:
+    for architecture, nms, why in (
+        ("yolo11n.yaml", False, "it has no NMS-free head, as YOLO26 and YOLOv10 have: leave --no-nms out"),
+        (
+            "yolov8n-rtdetr.yaml",
+            True,
+            "an RT-DETR model finds each object once, and has no other head: leave --nms out",
+        ),
+    ):
+        file = file_of(architecture, files)
+        with pytest.raises(ModelError) as refused:
+            ours(file, picture(), model_folder, nms=nms)
+        assert str(refused.value) == f"{'--nms' if nms else '--no-nms'} with --model {file}: {why}"
+
+
+def test_a_model_that_has_only_its_nms_free_head_left_uses_it(files: dict[str, Path], model_folder: Path) -> None:
+    import torch  # noqa: PLC0415 - as above
+
+    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - as above
+
+    whole, image = file_of("yolo26n.yaml", files), picture()
+    model = torch.load(whole, weights_only=False)["model"].float()
+    model.end2end = True
+    model.model[-1].fuse()
+    file = built_models.write(model, files[""] / "one-branch.pt")
+    check_same(ours(file, image, model_folder), bare(whole, image, nms=False))
+    with pytest.raises(ModelError, match="it has nothing left but its NMS-free head: leave --nms out"):
+        ours(file, image, model_folder, nms=True)
