@@ -25,7 +25,7 @@ for static, parent, child, at, turned, stamp_ns in task["said"]:
     header = Header(stamp=stamp(stamp_ns), frame_id=parent)
     said = TransformStamped(header, child, Transform(Vector3(*at), Quaternion(*turned)))
     (buffer.set_transform_static if static else buffer.set_transform)(said, "test")
-found = []
+found: list[list[list[float]] | None] = []
 for target, source, stamp_ns in task["asked"]:
     try:
         known = buffer.lookup_transform_core(target, source, stamp(stamp_ns)).transform
