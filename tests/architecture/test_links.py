@@ -33,3 +33,8 @@ def test_every_link_leads_somewhere(page: Path) -> None:
 
 def test_links_are_found() -> None:
     assert {"docs/detector.md", "docs/detector.md#trying-a-new-model"} <= set(local_links(ROOT / "README.md"))
+
+
+def test_the_readme_lists_every_page() -> None:
+    pages = {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")}
+    assert pages <= set(local_links(ROOT / "README.md"))
