@@ -141,7 +141,7 @@ def test_a_message_longer_than_its_kind_allows_is_not_looked_at(caplog: pytest.L
 def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
     instants = Instants()
     forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", Thinning(lambda: instants, "color", 0.5))
-    taken = [forward.take(message(stamp_s=1_700_000_000 + n), 0) for n in range(5)]
+    taken = [forward.take(message(stamp_s=1_700_000_000 + n), n * 1_000_000_000) for n in range(5)]
     assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
     assert [made is None for made in taken] == [False, True, False, True, False]
     status = forward.status(wanted=True, publishers=1, replaced=0, broken_links={})

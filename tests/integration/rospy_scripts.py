@@ -140,6 +140,24 @@ while not rospy.is_shutdown():
         break
 """
 
+OFF_CAMERA = """
+import sys, rospy
+from sensor_msgs.msg import Image
+name, topic, behind_s = sys.argv[1], sys.argv[2], float(sys.argv[3])
+rospy.init_node(name)
+message = Image(height=6, width=8, encoding="mono8", step=8, data=bytes(48))
+publisher = rospy.Publisher(topic, Image, queue_size=2)
+print("camera up", flush=True)
+ticks = rospy.Rate(30)
+while not rospy.is_shutdown():
+    message.header.stamp = rospy.Time.now() - rospy.Duration(behind_s)
+    publisher.publish(message)
+    try:
+        ticks.sleep()
+    except rospy.ROSInterruptException:
+        break
+"""
+
 SENSORS = """
 import base64, sys, rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
