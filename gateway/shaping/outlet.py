@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from bus import Payload, Pieces, Publisher
 from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.shaping.counts import OutletCounts
+from gateway.shaping.paced_queue import PacedQueue
 from gateway.shaping.pacer import Pacer
 from gateway.shaping.scaling import scale_info
 from gateway.shaping.uplink import Moment
@@ -61,6 +62,7 @@ class Outlet:
         self._plan = plan
         self._workshop = workshop
         self._pacer = pacer
+        self._queue = None if pacer is None else PacedQueue(pacer, self._send)
         self._dropped: Counter[str] = Counter()
         self._bytes = 0
         self._compression = ""
@@ -80,7 +82,7 @@ class Outlet:
             return
         if isinstance(message, CameraInfo) and self._plan.factor > 1:
             message = scale_info(message, self._plan.factor, depth=self._key.stream == Stream.DEPTH_INFO)
-        self._pass_on(codec.encode(message))
+        self._pass_on_in_order(codec.encode(message))
 
     def _put_frame(self, frame: Frame, *, may_be_last: bool) -> None:
         factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
@@ -103,14 +105,24 @@ class Outlet:
         self._dropped[UNSHAPED] += 1
         log.warning("%s: frame left out: %s", self._key, error)
 
+    def _pass_on_in_order(self, payload: Payload) -> None:
+        """Send what is no frame: as far as the budget may hold it up at all, it waits behind what came before."""
+        if self._pacer is None or self._queue is None:
+            self._send(payload)
+        elif self._plan.all_here():
+            self._queue.flush()
+            self._send(payload)
+        elif not self._plan.droppable:
+            self._pacer.charge(len(payload))
+            self._send(payload)
+        else:
+            self._dropped[OVER_BUDGET] += self._queue.put(payload)
+
     def _pass_on(self, payload: Payload, moment: Moment | None = None) -> None:
         if self._pacer is None:
             self._send(payload)
         elif self._plan.all_here():
             self._dropped[OVER_BUDGET] += self._pacer.discard(self)
-            self._send(payload)
-        elif not self._plan.droppable:
-            self._pacer.charge(len(payload))
             self._send(payload)
         else:
             self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send, moment=moment, lose=self._lose)
@@ -128,6 +140,8 @@ class Outlet:
             self._dropped[ENDED] += self._workshop.leave(self)
         if self._pacer is not None:
             self._dropped[ENDED] += self._pacer.discard(self)
+        if self._queue is not None:
+            self._dropped[ENDED] += self._queue.close()
 
 
 OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]

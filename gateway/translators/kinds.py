@@ -45,7 +45,7 @@ _KINDS: Final[dict[str, StreamKind]] = {
         Transforms, QoS.RESULT, dict.fromkeys(tf.TYPE_NAMES, tf.StaticTransforms), max_bytes=4 * MIB, merges=True
     ),
     TEXT: StreamKind(Text, QoS.RESULT, {raw.STRING: each(raw.text)}, max_bytes=MIB),
-    ROS: StreamKind(RawMessage, QoS.IMAGE, {ANY: each(raw.raw)}),  # they may be large: the newest wins
+    ROS: StreamKind(RawMessage, QoS.MESSAGE, {ANY: each(raw.raw)}),
 }
 
 _INFO_OF_RECTIFIED: Final = StreamKind(

@@ -54,6 +54,11 @@ class StreamKind:
     merges: bool = False
 
     @property
+    def is_droppable(self) -> bool:
+        """Whether messages are left out where there are more than the settings or the link allow."""
+        return self.qos in (QoS.IMAGE, QoS.MESSAGE)
+
+    @property
     def encoding(self) -> str:
         """The Zenoh encoding of the payloads."""
         return codec.encoding(self.schema)

@@ -140,6 +140,23 @@ while not rospy.is_shutdown():
         break
 """
 
+BURSTS = """
+import sys, rospy
+from rospy.impl import rosout
+from std_msgs.msg import String
+topic, rounds, latch = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "latch"
+rospy.init_node("bursts")
+logs = topic == "/rosout"
+publisher = rosout._rosout_pub if logs else rospy.Publisher(topic, String, queue_size=100, latch=latch)
+while not publisher.get_num_connections() and not rospy.is_shutdown():
+    rospy.sleep(0.01)
+for start in range(0, 10 * rounds, 10):
+    rospy.sleep(0.5)
+    for number in range(start, start + 10):
+        rospy.loginfo("line %d", number) if logs else publisher.publish(str(number))
+rospy.spin()
+"""
+
 OFF_CAMERA = """
 import sys, rospy
 from sensor_msgs.msg import Image
