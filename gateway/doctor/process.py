@@ -61,7 +61,12 @@ async def examine(settings: DoctorSettings) -> Evidence:
 async def _visit(settings: DoctorSettings) -> Evidence:
     """Look at the master, then at the topics of the streams and at those that tell about them."""
     async with PoliteClient(timeout=settings.patience_s) as client:
-        visit = RobotVisit(client, seconds=settings.seconds, patience_s=settings.patience_s)
+        visit = RobotVisit(
+            client,
+            seconds=settings.seconds,
+            patience_s=settings.patience_s,
+            max_message_bytes=settings.max_message_bytes,
+        )
         master = await visit.look_at_master(settings.ros_master)
         evidence = Evidence(settings.robot, settings.seconds, master, HostLook(settings.ros_host), BusLook())
         if master.graph is None:

@@ -18,9 +18,11 @@ from gateway.ros1.errors import (
     LinkRefusedError,
     Ros1Error,
     StatusError,
+    TooLargeError,
     UnreachableError,
 )
 from gateway.ros1.master import MasterClient
+from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES
 from gateway.translators import StreamKind, kind_of
 from schemas.keys import SensorKey
 
@@ -33,13 +35,22 @@ _NO_HEADER: Final = "no connection header"
 class RobotVisit:
     """One look at a robot's ROS graph, under a name of its own that is never registered.
 
-    seconds: how long each publisher is listened to. patience_s: how long each step may take.
+    seconds: how long each publisher is listened to. patience_s: how long each step may take. max_message_bytes: longer
+    messages are not read.
     """
 
-    def __init__(self, client: PoliteClient, *, seconds: float, patience_s: float) -> None:
+    def __init__(
+        self,
+        client: PoliteClient,
+        *,
+        seconds: float,
+        patience_s: float,
+        max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+    ) -> None:
         self._client = client
         self._seconds = seconds
         self._patience_s = patience_s
+        self._max_message_bytes = max_message_bytes
         self._name = f"/fleetsight_doctor_{uuid.uuid4().hex[:8]}"
         self._room = asyncio.Semaphore(MAX_AT_ONCE)
         self._master: MasterClient | None = None
@@ -108,7 +119,13 @@ class RobotVisit:
         ear = Ear(uri)
         try:
             await listen(
-                (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
+                (target, port),
+                topic,
+                ear,
+                callerid=self._name,
+                seconds=self._seconds,
+                patience_s=self._patience_s,
+                max_message_bytes=self._max_message_bytes,
             )
         except Ros1Error as error:
             return PublisherLook(node, _trouble(error, host, port, silence=_NO_HEADER))
@@ -135,6 +152,8 @@ def _host_and_port(uri: str) -> tuple[str, int]:
 def _trouble(
     error: Ros1Error, host: str, port: int, *, silence: str = "it accepts connections but does not answer"
 ) -> Trouble:
+    if isinstance(error, TooLargeError):
+        return Trouble(Failure.TOO_LARGE, host, port, str(error), error.size)
     match error.__cause__ if isinstance(error, UnreachableError) else None:
         case TimeoutError():
             return Trouble(Failure.SILENT, host, port, silence)

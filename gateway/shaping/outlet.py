@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from typing import Final
 
 from bus import Payload, Pieces, Publisher
 from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
@@ -20,9 +21,12 @@ from schemas.compression import RAW
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import SensorKey, Stream
-from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
 
 log = logging.getLogger(__name__)
+
+LARGEST: Final = max(codec.MAX_BYTES.values())
+"""What any receiver reads at most, in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +111,8 @@ class Outlet:
 
     def _pass_on_in_order(self, payload: Payload) -> None:
         """Send what is no frame: as far as the budget may hold it up at all, it waits behind what came before."""
+        if not self._fits(payload):
+            return
         if self._pacer is None or self._queue is None:
             self._send(payload)
         elif self._plan.all_here():
@@ -119,6 +125,8 @@ class Outlet:
             self._dropped[OVER_BUDGET] += self._queue.put(payload)
 
     def _pass_on(self, payload: Payload, moment: Moment | None = None) -> None:
+        if not self._fits(payload):
+            return
         if self._pacer is None:
             self._send(payload)
         elif self._plan.all_here():
@@ -126,6 +134,19 @@ class Outlet:
             self._send(payload)
         else:
             self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send, moment=moment, lose=self._lose)
+
+    def _fits(self, payload: Payload) -> bool:
+        """Return whether receivers read a payload of such a size; count it otherwise."""
+        if len(payload) <= LARGEST:
+            return True
+        self._dropped[TOO_LARGE] += 1
+        log.warning(
+            "%s: message of %d bytes left out: at most %d are carried; --scale makes images smaller",
+            self._key,
+            len(payload),
+            LARGEST,
+        )
+        return False
 
     def _lose(self) -> None:
         self._dropped[OVER_BUDGET] += 1

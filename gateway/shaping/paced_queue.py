@@ -2,13 +2,17 @@
 
 from collections import deque
 from collections.abc import Callable
+from typing import Final
 
 from bus import SMALL_BYTES, SMALL_WAITING, Payload
 from gateway.shaping.pacer import Pacer
 
+WAITING_BYTES: Final = 128 << 10
+"""What the small messages that wait have together at most: on a link of 1 Mbit/s they are then a second old."""
+
 
 class PacedQueue:
-    """At most SMALL_WAITING messages wait, the newest ones; one of more than SMALL_BYTES waits for none older."""
+    """The newest messages wait: SMALL_WAITING of them, of WAITING_BYTES; a larger one than SMALL_BYTES replaces all."""
 
     def __init__(self, pacer: Pacer, send: Callable[[Payload], None]) -> None:
         self._pacer = pacer
@@ -17,10 +21,10 @@ class PacedQueue:
 
     def put(self, payload: Payload) -> int:
         """Send a message as soon as the budget allows; return how many older ones are lost by that."""
-        room = SMALL_WAITING - 1 if len(payload) <= SMALL_BYTES else 0
-        lost = max(0, len(self._waiting) - room)
-        for _ in range(lost):
+        lost = 0
+        while self._waiting and not self._has_room(len(payload)):
             self._waiting.popleft()
+            lost += 1
         self._waiting.append(payload)
         if lost or len(self._waiting) == 1:
             self._offer_first()
@@ -38,6 +42,10 @@ class PacedQueue:
         left = len(self._waiting)
         self._waiting.clear()
         return left
+
+    def _has_room(self, size: int) -> bool:
+        small = [len(each) for each in self._waiting if len(each) <= SMALL_BYTES]
+        return size <= SMALL_BYTES and len(self._waiting) < SMALL_WAITING and sum(small) + size <= WAITING_BYTES
 
     def _offer_first(self) -> None:
         """Let the oldest wait in the pacer, alone or in the place of one that was lost."""

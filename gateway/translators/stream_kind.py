@@ -50,7 +50,7 @@ class StreamKind:
     schema: type[codec.Message]
     qos: QoS
     translators: Mapping[str, Callable[[], Translate]]
-    max_bytes: int = 64 * MIB
+    max_bytes: int = 1024 * MIB
     merges: bool = False
 
     @property

@@ -157,6 +157,20 @@ for start in range(0, 10 * rounds, 10):
 rospy.spin()
 """
 
+LARGE_CAMERA = """
+import sys, rospy
+from sensor_msgs.msg import Image
+topic, width, height = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+rospy.init_node("camera")
+message = Image(height=height, width=width, encoding="rgb8", step=3 * width, data=b"abc" * (width * height))
+publisher = rospy.Publisher(topic, Image, queue_size=1)
+print("camera up", flush=True)
+while not rospy.is_shutdown():
+    message.header.stamp = rospy.Time.now()
+    publisher.publish(message)
+    rospy.sleep(0.7)
+"""
+
 OFF_CAMERA = """
 import sys, rospy
 from sensor_msgs.msg import Image
