@@ -73,7 +73,7 @@ class Offers:
         self._group = group
         self._bus = bus
         self._node = node
-        self._topics = Subscriptions(node, max_message_bytes)
+        self.topics = Subscriptions(node, max_message_bytes)
         self._boot_id = boot_id
         self._shaping = shaping
         self._returned_for = returned
@@ -134,7 +134,7 @@ class Offers:
         async with offering(self._bus, stream, self._shaping.outlet) as forward:
             self._offers[key].forward = forward
             offered.set()
-            await forward.run(self._topics)
+            await forward.run(self.topics)
 
     async def _withdraw(self, keys: Iterable[SensorKey]) -> None:
         ending = {key: self._offers[key] for key in keys}

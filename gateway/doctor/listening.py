@@ -32,9 +32,10 @@ KEPT_BYTES: Final = 32 << 20
 
 @dataclass(slots=True)
 class Ear:
-    """Takes in what one connection brings; only the first few messages are kept."""
+    """Takes in what one connection brings, `enough` messages; only the first few are kept."""
 
     uri: str
+    enough: int = MAX_MESSAGES
     publisher: PublisherAccepted | None = None
     kept: list[Message] = field(default_factory=list)
     arrivals_s: list[float] = field(default_factory=list)
@@ -45,7 +46,7 @@ class Ear:
 
     @property
     def full(self) -> bool:
-        return len(self.arrivals_s) >= MAX_MESSAGES
+        return len(self.arrivals_s) >= self.enough
 
     @property
     def _kept_bytes(self) -> int:

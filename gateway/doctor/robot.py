@@ -3,13 +3,14 @@
 import asyncio
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Final
 from urllib.parse import urlsplit
 
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
-from gateway.doctor.listening import Ear, listen
+from gateway.doctor.listening import MAX_MESSAGES, Ear, listen
 from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.errors import (
@@ -24,6 +25,7 @@ from gateway.ros1.errors import (
 from gateway.ros1.master import MasterClient
 from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES
 from gateway.translators import StreamKind, kind_of
+from gateway.translators.encoding import encoding_of
 from schemas.keys import SensorKey
 
 MAX_PUBLISHERS: Final = 16
@@ -83,6 +85,21 @@ class RobotVisit:
         looks = (self._look_at_stream(key, topic, graph, carried(key)) for key, topic in streams.items())
         return tuple(await asyncio.gather(*looks))
 
+    async def encodings(self, topics: Sequence[str], graph: Graph) -> dict[str, str]:
+        """Return the encodings of the pixels of images of which a first message comes in time."""
+        found = await asyncio.gather(*(self._encoding(topic, graph) for topic in topics))
+        return {topic: encoding for topic, encoding in zip(topics, found, strict=True) if encoding}
+
+    async def _encoding(self, topic: str, graph: Graph) -> str:
+        for node in graph.publishers.get(topic, ())[:MAX_PUBLISHERS]:
+            with suppress(Ros1Error, ValueError):
+                slave = _host_and_port(await self._registered(node))
+                async with self._room:
+                    ear = await self._hear(topic, slave, 1)
+                if isinstance(ear, Ear) and ear.kept:
+                    return encoding_of(ear.kept[0])
+        return ""
+
     async def _look_at_stream(self, key: SensorKey, topic: str, graph: Graph, kind: StreamKind) -> StreamLook:
         nodes = graph.publishers.get(topic, ())[:MAX_PUBLISHERS]
         publishers = await asyncio.gather(*(self._look_at_publisher(key, kind, topic, node) for node in nodes))
@@ -107,16 +124,26 @@ class RobotVisit:
     async def _listen(
         self, key: SensorKey, kind: StreamKind, topic: str, node: str, slave: tuple[str, int]
     ) -> PublisherLook:
+        ear = await self._hear(topic, slave, MAX_MESSAGES)
+        if isinstance(ear, Trouble):
+            return PublisherLook(node, ear)
+        heard, said = ear.heard(key, kind, time.time_ns()), ear.publisher
+        return PublisherLook(
+            node, None, said.type if said else None, latching=bool(said and said.latching), heard=heard
+        )
+
+    async def _hear(self, topic: str, slave: tuple[str, int], enough: int) -> Ear | Trouble:
+        """Listen to a publisher until there are enough messages, or for as long as there is time."""
         address = await self._reached(*slave)
         if isinstance(address, Trouble):
-            return PublisherLook(node, address)
+            return address
         uri = uri_of(address, slave[1])
         host, port = parse_offer(await self._client.call(uri, "requestTopic", self._name, topic, [["TCPROS"]]))
         found = await resolve(host, self._patience_s)
         if not found:
-            return PublisherLook(node, Trouble(Failure.UNRESOLVED, host, port))
+            return Trouble(Failure.UNRESOLVED, host, port)
         target = address if address in found else found[0]  # a name such as localhost has several
-        ear = Ear(uri)
+        ear = Ear(uri, enough)
         try:
             await listen(
                 (target, port),
@@ -128,11 +155,8 @@ class RobotVisit:
                 max_message_bytes=self._max_message_bytes,
             )
         except Ros1Error as error:
-            return PublisherLook(node, _trouble(error, host, port, silence=_NO_HEADER))
-        if ear.publisher is None:
-            return PublisherLook(node, Trouble(Failure.SILENT, host, port, _NO_HEADER))
-        heard = ear.heard(key, kind, time.time_ns())
-        return PublisherLook(node, None, ear.publisher.type, ear.publisher.latching, heard)
+            return _trouble(error, host, port, silence=_NO_HEADER)
+        return ear if ear.publisher is not None else Trouble(Failure.SILENT, host, port, _NO_HEADER)
 
     async def _reached(self, host: str, port: int) -> str | Trouble:
         """Return where a node answers; it is tried once, however many topics it publishes."""

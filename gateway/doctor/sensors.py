@@ -11,7 +11,8 @@ from gateway.ros1.errors import UnknownTypeError
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import ANY, TopicType
 from gateway.settings import MIB, MOST_MIB
-from schemas.keys import StreamKey
+from gateway.translators.image import NOT_COLOR
+from schemas.keys import Stream, StreamKey
 
 _START_RIGHT: Final = "start that node with ROS_IP set to its machine's address, and without ROS_HOSTNAME"
 """For a node that tells everybody a wrong address, such as the loopback or one of another day."""
@@ -146,6 +147,13 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
     heard, subject = publisher.heard, stream.subject
     if not heard.arrivals_s:
         yield _nothing_heard(stream, publisher, evidence)
+    elif NOT_COLOR in heard.unreadable and isinstance(stream.key, StreamKey):
+        yield problem(
+            Stage.SENSORS,
+            subject,
+            f"{publisher.node} sends depth, which is used as colour: {heard.unreadable}",
+            f"name it as depth: --topics {stream.key.camera.camera}/{Stream.DEPTH}={stream.topic}",
+        )
     elif heard.unreadable:
         yield problem(
             Stage.SENSORS,

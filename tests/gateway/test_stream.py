@@ -95,7 +95,9 @@ def test_a_malformed_image_costs_itself_only(
 
 
 @pytest.mark.parametrize("is_bigendian", [False, True])
-def test_byte_order_travels(forward: StreamForward, *, is_bigendian: bool) -> None:
+def test_byte_order_travels(*, is_bigendian: bool) -> None:
+    key = StreamKey(CameraKey("r1", "front"), Stream.DEPTH)
+    forward = StreamForward(key, "/image", kind_of(key), "boot")
     depth = Image(1, 2, 3, "lens", 1, 2, "16UC1", is_bigendian, 4, memoryview(bytes(4)))
     made = frame(forward.take(received(TYPE_NAME, encode_image(depth)), 0))
     assert (made.encoding, made.is_bigendian) == ("16UC1", is_bigendian)
