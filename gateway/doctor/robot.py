@@ -5,6 +5,7 @@ import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -127,10 +128,9 @@ class RobotVisit:
         ear = await self._hear(topic, slave, MAX_MESSAGES)
         if isinstance(ear, Trouble):
             return PublisherLook(node, ear)
-        heard, said = ear.heard(key, kind, time.time_ns()), ear.publisher
-        return PublisherLook(
-            node, None, said.type if said else None, latching=bool(said and said.latching), heard=heard
-        )
+        said = ear.publisher
+        look = PublisherLook(node, heard=ear.heard(key, kind, time.time_ns()))
+        return look if said is None else replace(look, type=said.type, latching=said.latching)
 
     async def _hear(self, topic: str, slave: tuple[str, int], enough: int) -> Ear | Trouble:
         """Listen to a publisher until there are enough messages, or for as long as there is time."""

@@ -171,6 +171,34 @@ while not rospy.is_shutdown():
     rospy.sleep(0.7)
 """
 
+OAK = """
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+rospy.init_node("oak")
+images = {
+    "rgb": Image(height=4, width=6, encoding="rgb8", step=18, data=bytes(72)),
+    "stereo": Image(height=4, width=6, encoding="16UC1", step=12, data=bytes([1, 2]) * 24),
+}
+info = CameraInfo(height=4, width=6, distortion_model="plumb_bob", D=[0] * 5, K=[6, 0, 3, 0, 6, 2, 0, 0, 1])
+info.P = [6, 0, 3, 0, 0, 6, 2, 0, 0, 0, 1, 0]
+publishers = [
+    (rospy.Publisher("/oak/%s/%s" % (name, leaf), type(message), queue_size=2), message)
+    for name, image in images.items()
+    for leaf, message in (("image_raw", image), ("camera_info", info))
+]
+print("camera up", flush=True)
+ticks = rospy.Rate(10)
+while not rospy.is_shutdown():
+    now = rospy.Time.now()
+    for publisher, message in publishers:
+        message.header.stamp, message.header.frame_id = now, "lens"
+        publisher.publish(message)
+    try:
+        ticks.sleep()
+    except rospy.ROSInterruptException:
+        break
+"""
+
 OFF_CAMERA = """
 import sys, rospy
 from sensor_msgs.msg import Image

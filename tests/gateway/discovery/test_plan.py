@@ -405,7 +405,7 @@ def test_words_amid_names_pair_depth_with_its_colour() -> None:
 
 @pytest.mark.parametrize("points", ["/depth_camera", "/depth/lidar", "/depth_camera/points"])
 def test_words_amid_the_names_of_points_leave_them_points(points: str) -> None:
-    assert list(mapping(plan(graph({POINTS: points}), R1)).values())[0] == points
+    assert points in mapping(plan(graph({POINTS: points}), R1)).values()
 
 
 def test_only_images_whose_names_do_not_tell_are_looked_at() -> None:
