@@ -43,6 +43,8 @@ class Explorer:
         self._sightings = sightings or Sightings()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
+        self._known: list[Topic] = []
+        self._unclear: list[Topic] = []
         self._planned: list[Topic] = []
         self._planning = asyncio.Lock()
         self._said = ""
@@ -74,7 +76,10 @@ class Explorer:
     async def _replan(self, sampler: Sampler, offers: Offers) -> None:
         async with self._planning:
             known = sampler.known(self._sightings.topics())
-            awaited = sampler.listen(unclear(known, self._wishes))
+            if known != self._known:
+                self._unclear = await asyncio.to_thread(unclear, known, self._wishes)
+                self._known = known
+            awaited = sampler.listen(self._unclear)
             topics = [topic for topic in known if image_of(topic.name) not in awaited]
             if topics != self._planned:
                 # Of thousands of topics it takes a second.
