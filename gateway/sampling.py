@@ -2,9 +2,9 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from gateway.discovery.topics import Topic, image_of
 from gateway.ros1.errors import Ros1Error
@@ -36,7 +36,7 @@ class Sampler:
         self,
         group: asyncio.TaskGroup,
         topics: Subscriptions,
-        changed: Callable[[], Awaitable[None]],
+        changed: Callable[[], Coroutine[Any, Any, None]],
         patience_s: float = PATIENCE_S,
     ) -> None:
         self._group = group
@@ -81,7 +81,7 @@ class Sampler:
                 await asyncio.wait([heard], timeout=self._patience_s)
                 if not heard.done():
                     self._waited_for.add(image)
-                    await self._changed()
+                    self._group.create_task(self._changed())  # it may end this task, and is to be done nevertheless
                 self._encodings[image] = await heard
         except Ros1Error as error:
             log.debug("%s: not looked at: %s", name, error)
