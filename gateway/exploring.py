@@ -5,14 +5,15 @@ import logging
 from collections.abc import Callable, Collection, Mapping
 from typing import Final
 
-from gateway.discovery import Plan, Wishes, plan
+from gateway.discovery import Plan, Wishes, plan, unclear
 from gateway.discovery.report import changes
 from gateway.discovery.sightings import Sightings
-from gateway.discovery.topics import Topic, topics_of
+from gateway.discovery.topics import Topic, image_of, topics_of
 from gateway.offers import Offers
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.registrar import Look
+from gateway.sampling import Sampler
 
 log = logging.getLogger(__name__)
 
@@ -23,6 +24,7 @@ TYPES_EVERY: Final = 10
 class Explorer:
     """Keeps the plan current, and says in the log what it takes, what not, and every change.
 
+    Where only an image's pixels say whether it is colour or depth, one message of it is looked at first.
     unused: returns which settings are for none of the streams with these names.
     """
 
@@ -41,7 +43,10 @@ class Explorer:
         self._sightings = sightings or Sightings()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
+        self._known: list[Topic] = []
+        self._unclear: list[Topic] = []
         self._planned: list[Topic] = []
+        self._planning = asyncio.Lock()
         self._said = ""
         self._pid = 0
 
@@ -58,13 +63,26 @@ class Explorer:
 
     async def run(self, offers: Offers) -> None:
         """Let `offers` follow the plan, for ever."""
-        async for look in self._node.looks():
-            try:
-                await self._see(look)
-            except Ros1Error as error:
-                log.warning("%s: what is published has changed, but not its types: %s", self._node.master_uri, error)
-                continue
-            topics = self._sightings.topics()
+        async with asyncio.TaskGroup() as group:
+            sampler = Sampler(group, offers.topics, lambda: self._replan(sampler, offers))
+            async for look in self._node.looks():
+                try:
+                    await self._see(look)
+                except Ros1Error as error:
+                    log.warning(
+                        "%s: what is published has changed, but not its types: %s", self._node.master_uri, error
+                    )
+                    continue
+                await self._replan(sampler, offers)
+
+    async def _replan(self, sampler: Sampler, offers: Offers) -> None:
+        async with self._planning:
+            known = sampler.known(self._sightings.topics())
+            if known != self._known:
+                self._unclear = await asyncio.to_thread(unclear, known, self._wishes)
+                self._known = known
+            awaited = sampler.listen(self._unclear)
+            topics = [topic for topic in known if image_of(topic.name) not in awaited]
             if topics != self._planned:
                 # Of thousands of topics it takes a second.
                 now = await asyncio.to_thread(plan, topics, self._wishes, self.plan)

@@ -11,7 +11,7 @@ from typing import Final
 from bus import Bus, Publisher
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.latching import Latched, latching
-from gateway.ros1.subscriber import Message, Subscription
+from gateway.ros1.subscriber import LinkFailure, Message, Subscription
 from gateway.ros1.wire.tcpros import ANY
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.outlet import Outlet, OutletOf, unshaped
@@ -72,7 +72,7 @@ class Forward:
 
     def _problems(self) -> list[str]:
         said = [self.latched.problem] if self.latched and self.latched.problem else []
-        return said + (self.subscription.problems if self.subscription else [])
+        return said + [_with_cure(each) for each in (self.subscription.problems if self.subscription else [])]
 
     async def run(self, topics: Subscriptions) -> None:
         """Subscribe on ROS whenever the stream is wanted, for ever; or all the time, where it merges."""
@@ -136,6 +136,11 @@ class Forward:
         latched = self.latched if latching and not merges else None
         if latched is None or not latched.put(message.uri, translated, len(message.data)):
             self.outlet.put(translated)
+
+
+def _with_cure(problem: str) -> str:
+    too_large = LinkFailure.TOO_LARGE in problem
+    return f"{problem}; --max-message-mib lets larger ones through" if too_large else problem
 
 
 @asynccontextmanager

@@ -32,13 +32,16 @@ UNSHAPED: Final = "cannot be scaled or compressed as set"
 OVER_BUDGET: Final = "over the uplink budget"
 """Reason: the gateway had a newer frame before the uplink's budget allowed this one. Its number is missing."""
 
+TOO_LARGE: Final = "larger than a message may be"
+"""Reason: it has more bytes than receivers read (128 MiB), scaled and compressed as set. Its number is missing."""
+
 ENDED: Final = "not sent yet when its stream or its publisher ended"
 """Reason: nothing was there any more to send this one for. Its number is missing."""
 
 UNWANTED: Final = "no longer wanted"
 """Reason: this one was still on its way when the last who wanted it went."""
 
-NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFORE_LINK, ENDED)
+NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, TOO_LARGE, REPLACED_BEFORE_LINK, ENDED)
 """Reasons of gateways for which a frame's number is missing at every receiver."""
 
 MAX_STREAMS: Final = 1_000

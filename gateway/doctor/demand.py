@@ -17,6 +17,7 @@ from schemas.status import (
     REPLACED_BEFORE_LINK,
     REPLACED_BEFORE_SHAPING,
     THINNED,
+    TOO_LARGE,
     UNSHAPED,
     UNWANTED,
     StreamStatus,
@@ -30,6 +31,7 @@ _DROPS: Final = {
     BEYOND_USE: "the consumers can use no more: more workers can",
     THINNED: "that is what max_hz is for: raise it if more is needed",
     REPLACED_BEFORE_SHAPING: "this machine compresses slower than the camera sends: lower the rate or the size",
+    TOO_LARGE: "a stream carries no more than 128 MiB at a time: scale it, or have the driver send less",
     UNSHAPED: "this stream's scaling or compression does not suit its images: change it",
     ENDED: "they were on their way when who wanted them or who sent them left; that is how it should be",
     UNWANTED: "they came in the two seconds in which the topic stays subscribed; that is how it should be",
@@ -38,6 +40,7 @@ _LINKS: Final = {
     LinkFailure.UNREACHABLE: "a publisher cannot be reached from the gateway: see the sensors above",
     LinkFailure.REFUSED: "a publisher refuses: restart it",
     LinkFailure.MISMATCH: "publishers of one topic have different types",
+    LinkFailure.TOO_LARGE: "a publisher's messages are over --max-message-mib: raise it, or have it send smaller ones",
     LinkFailure.PROTOCOL: "something answers that is no ROS node: restart the publisher",
     LinkFailure.CLOSED: "a publisher ends its connections: it was restarted, or its network breaks",
 }

@@ -13,6 +13,7 @@ from gateway.ros1.resolver import Resolver
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import (
     ANY,
+    DEFAULT_MAX_MESSAGE_BYTES,
     MessageReceived,
     PublisherAccepted,
     SubscriberConnection,
@@ -36,6 +37,7 @@ class Enough:
     kept: int
 
 
+ONE: Final = Enough(1, 1)
 FEW: Final = Enough(MAX_MESSAGES, KEPT)
 TRANSFORMS: Final = Enough(1_000, 1_000)
 """Each message may have a frame that no other one has."""
@@ -92,15 +94,25 @@ class Ear:
 
 
 async def listen(
-    address: tuple[str, int], topic: str, ear: Ear, *, callerid: str, seconds: float, patience_s: float
+    address: tuple[str, int],
+    topic: str,
+    ear: Ear,
+    *,
+    callerid: str,
+    seconds: float,
+    patience_s: float,
+    max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
 ) -> None:
     """Listen for so many seconds after the publisher has accepted us, or until it ends the connection.
 
     Raises:
         Ros1Error: there is no such connection, or the publisher does not speak TCPROS.
+        TooLargeError: it sends a message of more than `max_message_bytes`.
     """
     loop = asyncio.get_running_loop()
-    connection = SubscriberConnection(callerid=callerid, topic=topic, expected=TopicType(ANY, ANY))
+    connection = SubscriberConnection(
+        callerid=callerid, topic=topic, expected=TopicType(ANY, ANY), max_message_bytes=max_message_bytes
+    )
     with suppress(TimeoutError):
         async with asyncio.timeout(2 * patience_s) as deadline:
 

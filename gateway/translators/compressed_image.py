@@ -7,7 +7,7 @@ import msgspec
 
 from gateway.ros1.messages import deserialise
 from gateway.ros1.subscriber import Message
-from gateway.translators.image import checked_depth
+from gateway.translators.image import checked_color, checked_depth
 from gateway.translators.stream_kind import stamp_of, stamped
 from schemas.compression import picture_of
 from schemas.errors import SchemaError
@@ -40,6 +40,11 @@ def compressed_image(message: Message, header: Header) -> ImageFrame:
         format=picture.format,
         inverse_depth=inverse_depth,
     )
+
+
+def compressed_color(message: Message, header: Header) -> ImageFrame:
+    """Translate a JPEG or PNG file that is no depth."""
+    return checked_color(compressed_image(message, header))
 
 
 def compressed_depth(message: Message, header: Header) -> ImageFrame:

@@ -27,6 +27,26 @@ def image(message: Message, header: Header) -> ImageFrame:
     )
 
 
+NOT_COLOR: Final = "pixels are depth, not colour"
+
+
+def color(message: Message, header: Header) -> ImageFrame:
+    """Translate an image that is no depth."""
+    return checked_color(image(message, header))
+
+
+def checked_color(frame: ImageFrame) -> ImageFrame:
+    """Return the frame.
+
+    Raises:
+        SchemaError: its encoding is one of depth.
+
+    """
+    if frame.encoding in DEPTH_ENCODINGS:
+        raise SchemaError(f"{frame.encoding} {NOT_COLOR}")
+    return frame
+
+
 def depth(message: Message, header: Header) -> ImageFrame:
     """Translate a depth image."""
     return checked_depth(image(message, header))

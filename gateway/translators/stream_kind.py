@@ -50,8 +50,13 @@ class StreamKind:
     schema: type[codec.Message]
     qos: QoS
     translators: Mapping[str, Callable[[], Translate]]
-    max_bytes: int = 64 * MIB
+    max_bytes: int = 1024 * MIB
     merges: bool = False
+
+    @property
+    def is_droppable(self) -> bool:
+        """Whether messages are left out where there are more than the settings or the link allow."""
+        return self.qos in (QoS.IMAGE, QoS.MESSAGE)
 
     @property
     def encoding(self) -> str:

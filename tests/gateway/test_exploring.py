@@ -12,7 +12,7 @@ from gateway.discovery.sightings import Sightings
 from gateway.exploring import Explorer
 from gateway.nodes import node_name
 from gateway.offers import Offers
-from gateway.ros1.image import TYPE_NAME
+from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.settings import GatewaySettings
@@ -168,3 +168,45 @@ async def test_a_master_that_restarts_or_stays_away_withdraws_nothing() -> None:
         async with late.advertise(REAR_TOPIC, TYPE_NAME):
             await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
         await rig.until_offered(FRONT_TOPIC)
+
+
+def picture(encoding: str) -> bytes:
+    return encode_image(Image(1, 1, 0, "lens", 1, 2, encoding, is_bigendian=False, step=8, data=memoryview(bytes(8))))
+
+
+async def test_depth_is_found_by_its_pixels_and_listened_to_no_longer_than_that(master: RosMaster) -> None:
+    depth, color = "/oak/stereo/image_raw", "/oak/rgb/image_raw"
+    async with (
+        exploring(master.uri, hold_s=600) as rig,
+        Node("/oak", master_uri=master.uri) as oak,
+        oak.advertise(color, TYPE_NAME),
+        oak.advertise(depth, TYPE_NAME) as publication,
+    ):
+        await until(lambda: publication.subscriber_count == 1, "it is looked at")
+        while not {"oak/depth"} & {key.name for key in rig.explorer.plan.streams}:
+            publication.publish(picture("16UC1"))
+            await asyncio.sleep(0.01)
+        assert {key.name: source.topic for key, source in rig.explorer.plan.streams.items()} == {
+            "oak/color": color,
+            "oak/depth": depth,
+        }
+        await until(lambda: publication.subscriber_count == 0, "it is looked at no longer")
+
+
+async def test_a_name_counts_while_nothing_is_sent_and_pixels_as_soon_as_something_is(master: RosMaster) -> None:
+    topic = "/oak/stereo/image_raw"
+    async with (
+        exploring(master.uri, hold_s=600) as rig,
+        Node("/oak", master_uri=master.uri) as oak,
+        oak.advertise(topic, TYPE_NAME) as publication,
+    ):
+        await until(lambda: [key.name for key in rig.explorer.plan.streams] == ["stereo/color"], "by its name")
+        publication.publish(picture("32FC1"))
+        await until(lambda: [key.name for key in rig.explorer.plan.streams] == ["stereo/depth"], "by its pixels")
+
+
+async def test_a_topic_that_is_gone_is_listened_to_no_longer(master: RosMaster) -> None:
+    async with exploring(master.uri, hold_s=0.1) as rig, Node("/oak", master_uri=master.uri) as oak:
+        async with oak.advertise("/oak/image_raw", TYPE_NAME):
+            await until(lambda: "/oak/image_raw" in rig.node.subscriptions(), "it is listened to")
+        await until(lambda: "/oak/image_raw" not in rig.node.subscriptions(), "it is not")

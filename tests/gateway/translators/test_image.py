@@ -19,7 +19,9 @@ def image(encoding: str, *, is_bigendian: bool = False) -> Message:
 
 @pytest.mark.parametrize("encoding", BYTES_PER_PIXEL)
 def test_every_encoding_is_an_image(encoding: str) -> None:
-    made = translated(ImageFrame, "front/color", image(encoding, is_bigendian=True))
+    stream, other = ("depth", "color") if encoding in DEPTH_ENCODINGS else ("color", "depth")
+    made = translated(ImageFrame, f"front/{stream}", image(encoding, is_bigendian=True))
+    assert dropped(f"front/{other}", image(encoding)) == {MALFORMED: 1}
     assert (made.encoding, made.is_bigendian, made.step) == (encoding, True, 2 * BYTES_PER_PIXEL[encoding])
     assert (made.header.stamp_ns, made.header.frame_id, made.header.received_ns) == (2_000_000_003, "lens", 99)
 

@@ -20,7 +20,7 @@ KINDS: dict[str, tuple[type[Message], QoS, str]] = {
     "tf": (Transforms, QoS.RESULT, "*"),
     "tf_static": (Transforms, QoS.RESULT, "*"),
     "text/mode": (Text, QoS.RESULT, "std_msgs/String"),
-    "ros/battery": (RawMessage, QoS.IMAGE, "*"),
+    "ros/battery": (RawMessage, QoS.MESSAGE, "*"),
 }
 
 
