@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.ros1.subscriber import Message
-from gateway.translators.points import point_cloud
+from gateway.translators.points import read_cloud
+from gateway.translators.stream_kind import Repaired
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
@@ -17,7 +18,14 @@ ENCODING: Final = "rgb8"
 
 def cloud_image(message: Message, header: Header) -> ImageFrame:
     """Translate the colours of a cloud's points, a pixel each, with the cloud's own stamp and frame."""
-    cloud = point_cloud(message, header)
+    cloud, fault = read_cloud(message, header)
+    made = _image(cloud)
+    if fault:
+        raise Repaired(made, fault)
+    return made
+
+
+def _image(cloud: PointCloud) -> ImageFrame:
     if min(cloud.height, cloud.width) < 2:
         raise SchemaError(f"a cloud of {cloud.height} x {cloud.width} points is no picture")
     pixels = _pixels(cloud)
