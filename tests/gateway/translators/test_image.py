@@ -34,5 +34,7 @@ def test_bytes_without_a_meaning_are_the_colours_that_ros_shows_them_as(encoding
 def test_only_some_are_depth(encoding: str) -> None:
     if encoding in DEPTH_ENCODINGS:
         assert translated(ImageFrame, "front/depth", image(encoding)).encoding == encoding
+    elif encoding == "mono16":  # as compressed depth is often called, and raw depth by some drivers
+        assert translated(ImageFrame, "front/depth", image(encoding)).encoding == "16UC1"
     else:
         assert dropped("front/depth", image(encoding)) == {MALFORMED: 1}
