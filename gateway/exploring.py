@@ -41,7 +41,8 @@ class Explorer:
         self._sightings = sightings or Sightings()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
-        self._planned: list[Topic] = []
+        self._without_picture: set[str] = set()
+        self._planned: tuple[list[Topic], set[str]] = [], set()
         self._said = ""
         self._pid = 0
 
@@ -63,11 +64,13 @@ class Explorer:
                 log.warning("%s: what is published has changed, but not its types: %s", self._node.master_uri, error)
                 continue
             topics = self._sightings.topics()
-            if topics != self._planned:
+            without_picture = (self._without_picture | offers.without_picture()) & {topic.name for topic in topics}
+            if (topics, without_picture) != self._planned:
                 # Of thousands of topics it takes a second.
-                now = await asyncio.to_thread(plan, topics, self._wishes, self.plan)
+                now = await asyncio.to_thread(plan, topics, self._wishes, self.plan, without_picture)
                 await self._follow(now, offers, changes(now, self.plan))
-                self._planned = topics
+                self._planned = topics, without_picture
+            self._without_picture = without_picture
 
     async def _see(self, look: Look) -> None:
         publishers = _without(self._node.name, look.state.publishers)

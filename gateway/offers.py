@@ -93,6 +93,10 @@ class Offers:
         """Account for the results that are returned."""
         return [returned.status() for _, results in sorted(self._results.items()) for returned in results.returns]
 
+    def without_picture(self) -> set[str]:
+        """Return the topics of offered streams whose clouds have turned out to be no pictures."""
+        return {offer.topic for key, offer in self._offers.items() if self._streams[key].no_picture}
+
     async def change(self, plan: Plan) -> None:
         """Withdraw what is not planned, then offer what is; returns when that is done. One call at a time."""
         await self._withdraw(

@@ -13,7 +13,7 @@ from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.instants import Thinning
-from gateway.translators import Incomplete, Merging, Repaired, StreamKind, Translate
+from gateway.translators import Incomplete, Merging, NotOrganised, Repaired, StreamKind, Translate
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -61,6 +61,7 @@ class StreamForward:
         self._translated = 0
         self._left_out = 0
         self._repaired = 0
+        self._no_picture: str | None = None
         self._dropped: Counter[str] = Counter()
         self._gaps = Gaps()
         self._received_rate, self._forwarded_rate = Meter(), Meter()
@@ -73,7 +74,13 @@ class StreamForward:
         """Start with a topic and a kind: what was kept of earlier messages is forgotten."""
         translators = self.kind.translators
         begun = {begin: begin() for begin in set(translators.values())}
+        self._no_picture = None
         self._translates = {message_type(name).topic_type: begun[begin] for name, begin in translators.items()}
+
+    @property
+    def no_picture(self) -> str:
+        """Why the topic's clouds are no pictures, once one has come and as long as none was one; or empty."""
+        return self._no_picture or ""
 
     def begin(self) -> None:
         """Start a subscription: publishers that are not heard in it count no longer."""
@@ -102,8 +109,11 @@ class StreamForward:
             self._note_repair(message, error)
             translated = error.made
         except (MessageError, SchemaError) as error:
+            if isinstance(error, NotOrganised) and self._no_picture is None:
+                self._no_picture = str(error)
             self._leave_out(MALFORMED, message, error)
             return None
+        self._no_picture = ""
         if not message.publisher.latching and (reason := self._one_too_many(translated, now_ns)):
             self._dropped[reason] += 1
             return None

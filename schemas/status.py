@@ -50,7 +50,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
     connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
-    what keeps publishers from being heard now, or empty.
+    what keeps publishers from being heard, or clouds from being pictures, now; or empty.
     missing: what ROS publishers numbered and what did not arrive here, by the gaps in their headers' `seq`.
     left_out: how many parts of forwarded messages, such as single transforms, could not be carried.
     repaired: how many messages were put right, such as clouds with a wrong `row_step`.

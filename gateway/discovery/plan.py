@@ -83,21 +83,27 @@ def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
 NOTHING: Final = Plan()
 
 
-def plan(topics: Iterable[Topic], wishes: Wishes, before: Plan = NOTHING) -> Plan:
+def plan(
+    topics: Iterable[Topic], wishes: Wishes, before: Plan = NOTHING, without_picture: Collection[str] = ()
+) -> Plan:
     """Decide what is offered, given what is published now and what was decided before.
 
     The same topics give the same plan in whatever order they are. Cameras keep the names they have.
+    without_picture: topics of clouds that have turned out to be no pictures, whatever their names say.
     """
     published = {topic.name: topic for topic in sorted(topics)}
-    planning = _Planning(wishes, published, before)
+    planning = _Planning(wishes, published, before, without_picture)
     if wishes.discover:
         planning.discover()
     return planning.result()
 
 
 class _Planning:
-    def __init__(self, wishes: Wishes, published: Mapping[str, Topic], before: Plan) -> None:
+    def __init__(
+        self, wishes: Wishes, published: Mapping[str, Topic], before: Plan, without_picture: Collection[str]
+    ) -> None:
         self._wishes = wishes
+        self._without_picture = without_picture
         self._published = published
         self._before = before
         self._names = dict(before.names)
@@ -210,7 +216,9 @@ class _Planning:
     def _take_colors_of_points(self) -> None:
         """Take the picture in a cloud for the colour of a camera that has no other, where its name says colour."""
         for key, source in list(self._streams.items()):
-            if isinstance(key, StreamKey) and key.stream is Stream.POINTS and shows_colors(source.topic):
+            if not (isinstance(key, StreamKey) and key.stream is Stream.POINTS):
+                continue
+            if shows_colors(source.topic) and source.topic not in self._without_picture:
                 self._streams.setdefault(StreamKey(key.camera, Stream.COLOR), source)
 
     def _take_infos(self, infos: set[str]) -> None:

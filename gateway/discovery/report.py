@@ -27,9 +27,11 @@ def _streams(now: Plan, before: Plan) -> Iterator[str]:
 
 
 def _gone(now: Plan, before: Plan) -> Iterator[str]:
+    used = {source.topic for source in now.streams.values()}
     for key in sorted(before.streams.keys() - now.streams.keys(), key=str):
         topic = before.streams[key].topic
-        yield f"{key.name}: no longer offered, {topic} is {'left out' if topic in now.left_out else 'gone'}"
+        why = "has points and no picture" if topic in used else "is left out" if topic in now.left_out else "is gone"
+        yield f"{key.name}: no longer offered, {topic} {why}"
 
 
 def _said(source: Source) -> str:

@@ -7,6 +7,7 @@ from gateway.doctor.evidence import Account, Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH
+from gateway.translators import kind_of
 from schemas.status import (
     BEYOND_USE,
     ENDED,
@@ -48,6 +49,8 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
     for stream in evidence.streams:
         now = _status_of(account.last.streams, stream.name)
         before = _status_of(account.first.streams, stream.name)
+        if now is None and _has_no_picture(stream):
+            continue  # its sensor's finding says why the gateway has withdrawn it
         if now is None:
             yield problem(
                 Stage.DEMAND,
@@ -64,6 +67,11 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
             )
         else:
             yield from _check_stream(stream, account, before or now, now)
+
+
+def _has_no_picture(stream: StreamLook) -> bool:
+    """Whether a stream would be the colours of clouds that have none, or are not organised."""
+    return stream.special == kind_of(stream.key, of_points=True) and bool(stream.heard.unreadable)
 
 
 def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:

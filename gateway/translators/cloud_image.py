@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gateway.ros1.subscriber import Message
 from gateway.translators.points import read_cloud
-from gateway.translators.stream_kind import Repaired
+from gateway.translators.stream_kind import NotOrganised, Repaired
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
@@ -26,8 +26,13 @@ def cloud_image(message: Message, header: Header) -> ImageFrame:
 
 
 def _image(cloud: PointCloud) -> ImageFrame:
+    if not cloud.height * cloud.width:
+        raise SchemaError("a cloud without points is no picture")
     if min(cloud.height, cloud.width) < 2:
-        raise SchemaError(f"a cloud of {cloud.height} x {cloud.width} points is no picture")
+        raise NotOrganised(
+            f"a cloud of {cloud.height} x {cloud.width} points is no picture: have its driver send organised clouds "
+            "(realsense2_camera: ordered_pc), or an image"
+        )
     pixels = _pixels(cloud)
     return ImageFrame(
         header=cloud.header,
@@ -42,7 +47,7 @@ def _image(cloud: PointCloud) -> ImageFrame:
 def _pixels(cloud: PointCloud) -> NDArray[np.uint8]:
     offsets = rgb_offsets(cloud.fields, is_bigendian=cloud.is_bigendian)
     if offsets is None:
-        raise SchemaError("a cloud without colours is no picture")
+        raise NotOrganised("a cloud without colours is no picture: have its driver send them, or an image")
     pixels = np.empty((cloud.height, cloud.width, 3), np.uint8)
     for channel, offset in enumerate(offsets):
         pixels[..., channel] = np.ndarray(

@@ -40,6 +40,10 @@ class Repaired(SchemaError):  # noqa: N818 - it is one only to those who want me
         self.made = made
 
 
+class NotOrganised(SchemaError):  # noqa: N818 - a cloud without the rows and colours of a picture is sound
+    """A cloud is no picture. With its driver's settings as they are, no other one will be."""
+
+
 @runtime_checkable
 class Merging(Protocol):
     """A translation that knows one subscription's messages from another's."""

@@ -6,6 +6,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
 
+from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
 from gateway.discovery import Wishes
 from gateway.discovery.sightings import Sightings
@@ -20,6 +21,7 @@ from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.offering import new_offers
 from tests.gateway.ros1.waiting import until
+from tests.gateway.translators.test_cloud_image import UNORDERED, colored
 
 FRONT = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 FRONT_TOPIC, REAR_TOPIC = "/front/color/image_raw", "/rear/color/image_raw"
@@ -27,7 +29,10 @@ POINTS = "sensor_msgs/PointCloud2"
 
 
 class Rig:
-    def __init__(self, node: Node, explorer: Explorer, offers: Offers) -> None:
+    """bus: another program's."""
+
+    def __init__(self, bus: Bus, node: Node, explorer: Explorer, offers: Offers) -> None:
+        self.bus = bus
         self.node = node
         self.explorer = explorer
         self.offers = offers
@@ -41,8 +46,10 @@ class Rig:
 async def exploring(
     master_uri: str, named: dict[SensorKey, str] | None = None, hold_s: float = 0.3
 ) -> AsyncIterator[Rig]:
+    network = FakeNetwork()
     async with (
-        FakeNetwork().open_bus() as bus,
+        network.open_bus() as theirs,
+        network.open_bus() as bus,
         Node(f"/{node_name('r1', '0')}", master_uri=master_uri, poll_interval=0.05) as node,
         asyncio.TaskGroup() as group,
     ):
@@ -51,7 +58,7 @@ async def exploring(
         explorer = Explorer(node, Wishes("r1", named or {}), settings.unused, Sightings(hold_s))
         await explorer.begin(offers)
         task = group.create_task(explorer.run(offers))
-        yield Rig(node, explorer, offers)
+        yield Rig(theirs, node, explorer, offers)
         task.cancel()
         await asyncio.wait([task])
         await offers.close()
@@ -157,3 +164,29 @@ async def test_a_master_that_restarts_or_stays_away_withdraws_nothing() -> None:
         async with late.advertise(REAR_TOPIC, TYPE_NAME):
             await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
         await rig.until_offered(FRONT_TOPIC)
+
+
+async def test_a_driver_of_unordered_clouds_has_no_colour_until_it_is_started_anew(
+    master: RosMaster, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    topic = "/camera/depth/color/points"
+
+    def offered() -> list[str]:
+        return [status.stream for status in rig.offers.streams()]
+
+    async with (
+        exploring(master.uri) as rig,
+        Node("/realsense", master_uri=master.uri) as driver,
+        rig.bus.subscribe("fleet/r1/camera/color", QUEUE(9)) as pictures,
+    ):
+        async with driver.advertise(topic, POINTS, latch=True) as publication:
+            await until(lambda: offered() == ["color", "points"], "its name promises colour")
+            publication.publish(bytes(UNORDERED.data))
+            await until(lambda: offered() == ["points"], "its clouds are no pictures")
+        await until(lambda: not offered(), "the topic is gone")
+        async with driver.advertise(topic, POINTS, latch=True) as publication, asyncio.timeout(60):
+            publication.publish(bytes(colored().data))
+            await anext(pictures)
+            assert offered() == ["color", "points"]
+    assert f"camera/color: no longer offered, {topic} has points and no picture" in caplog.messages

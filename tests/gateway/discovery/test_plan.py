@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from gateway.discovery import Plan, Wishes, plan
 from gateway.discovery.plan import NOTHING
+from gateway.discovery.report import changes
 from gateway.discovery.topics import Topic
 from gateway.translators import kind_of
 from schemas.keys import SensorKey, StreamKey, sensor_key
@@ -226,6 +227,17 @@ def test_the_picture_in_a_coloured_cloud_is_the_colour_of_a_camera_that_has_no_o
     assert streams == {"points": points, **({"color": points} if color else {})}
     assert [made.of_points(key) for key in made.streams] == [False, True][: len(streams)]
     assert made.left_out == {}
+
+
+def test_clouds_that_turned_out_to_be_no_pictures_give_no_colour() -> None:
+    points = "/front/depth/color/points"
+    before = plan(graph({POINTS: points}), R1)
+    made = plan(graph({POINTS: points}), R1, before, {points})
+    assert (mapping(made), made.cameras, made.left_out) == ({"front/points": points}, [], {})
+    assert changes(made, before) == [f"front/color: no longer offered, {points} has points and no picture"]
+    assert mapping(plan(graph({POINTS: points}), R1, made)) == mapping(before)
+    named_both = Wishes("r1", named(front__color=points, front__points=points))
+    assert mapping(plan(graph({POINTS: points}), named_both, NOTHING, {points})) == mapping(before)
 
 
 def test_a_camera_with_a_colour_image_needs_none_from_its_points() -> None:
