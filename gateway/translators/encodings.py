@@ -28,7 +28,7 @@ OTHER_NAMES: Final = {
     "NV12": "nv12",
     "NV21": "nv21",
 }
-"""By OpenCV's type: the colours that ROS's own tools take it for; cv_bridge sends types unless told otherwise."""
+"""Other names of encodings. OpenCV's types, which cv_bridge sends unless told otherwise, are what ROS shows them as."""
 
 
 def carried(image: Image) -> Image:
