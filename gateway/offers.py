@@ -54,6 +54,7 @@ class Offers:
     A stream that is withdrawn and offered again counts on, whatever its topic: its numbers identify frames. So every
     stream is remembered that there ever was; they are few, as plans name MAX_CAMERAS cameras in a gateway's life.
 
+    topics: subscribes to what the streams are made of, once for all that read a topic.
     group: runs the streams until it is cancelled or `close` is called. returned: tells what is returned for a camera,
         given the namespace of its results on ROS.
     """
@@ -71,7 +72,7 @@ class Offers:
         self._group = group
         self._bus = bus
         self._node = node
-        self._topics = Subscriptions(node)
+        self.topics = Subscriptions(node)
         self._boot_id = boot_id
         self._shaping = shaping
         self._returned_for = returned
@@ -92,10 +93,6 @@ class Offers:
     def returns(self) -> list[ReturnStatus]:
         """Account for the results that are returned."""
         return [returned.status() for _, results in sorted(self._results.items()) for returned in results.returns]
-
-    def without_picture(self) -> set[str]:
-        """Return the topics of offered streams whose clouds have turned out to be no pictures."""
-        return {offer.topic for key, offer in self._offers.items() if self._streams[key].no_picture}
 
     async def change(self, plan: Plan) -> None:
         """Withdraw what is not planned, then offer what is; returns when that is done. One call at a time."""
@@ -136,7 +133,7 @@ class Offers:
         async with offering(self._bus, stream, self._shaping.outlet) as forward:
             self._offers[key].forward = forward
             offered.set()
-            await forward.run(self._topics)
+            await forward.run(self.topics)
 
     async def _withdraw(self, keys: Iterable[SensorKey]) -> None:
         ending = {key: self._offers[key] for key in keys}

@@ -60,6 +60,17 @@ class Plan:
         points = self.streams.get(StreamKey(key.camera, Stream.POINTS))
         return points is not None and key in self.streams and points.topic == self.streams[key].topic
 
+    def without_colors(self) -> set[str]:
+        """Return the topics of points whose names promise a camera colour that it has not."""
+        return {
+            source.topic
+            for key, source in self.streams.items()
+            if isinstance(key, StreamKey)
+            and key.stream is Stream.POINTS
+            and StreamKey(key.camera, Stream.COLOR) not in self.streams
+            and shows_colors(source.topic)
+        }
+
     def kind_of(self, key: SensorKey) -> StreamKind:
         """Return what one of the streams carries."""
         return kind_of(key, of_points=self.of_points(key), of_rectified=self._of_rectified(key))
@@ -89,7 +100,7 @@ def plan(
     """Decide what is offered, given what is published now and what was decided before.
 
     The same topics give the same plan in whatever order they are. Cameras keep the names they have.
-    without_picture: topics of clouds that have turned out to be no pictures, whatever their names say.
+    without_picture: topics of clouds that are no pictures, or not yet known to be, whatever their names say.
     """
     published = {topic.name: topic for topic in sorted(topics)}
     planning = _Planning(wishes, published, before, without_picture)

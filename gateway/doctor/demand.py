@@ -50,7 +50,7 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
         now = _status_of(account.last.streams, stream.name)
         before = _status_of(account.first.streams, stream.name)
         if now is None and _has_no_picture(stream):
-            continue  # its sensor's finding says why the gateway has withdrawn it
+            continue  # its sensor's finding says why the gateway does not offer it
         if now is None:
             yield problem(
                 Stage.DEMAND,
@@ -70,8 +70,9 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _has_no_picture(stream: StreamLook) -> bool:
-    """Whether a stream would be the colours of clouds that have none, or are not organised."""
-    return stream.special == kind_of(stream.key, of_points=True) and bool(stream.heard.unreadable)
+    """Whether a stream would be the colours of clouds that have none or are not organised, or of which none came."""
+    colours = stream.special == kind_of(stream.key, of_points=True)
+    return colours and (bool(stream.heard.unreadable) or not stream.heard.arrivals_s)
 
 
 def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:

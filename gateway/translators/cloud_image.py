@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.ros1.errors import MessageError
 from gateway.ros1.subscriber import Message
 from gateway.translators.points import read_cloud
 from gateway.translators.stream_kind import NotOrganised, Repaired
@@ -14,6 +15,7 @@ from schemas.image import ImageFrame
 from schemas.points import PointCloud, rgb_offsets
 
 ENCODING: Final = "rgb8"
+_NOBODYS: Final = Header(robot="nobody", boot_id="", seq=0, stamp_ns=0, frame_id="", received_ns=0)
 
 
 def cloud_image(message: Message, header: Header) -> ImageFrame:
@@ -23,6 +25,17 @@ def cloud_image(message: Message, header: Header) -> ImageFrame:
     if fault:
         raise Repaired(made, fault)
     return made
+
+
+def shows_picture(message: Message) -> bool | None:
+    """Return whether a cloud is a picture; None where it has no points or cannot be read, which tells nothing."""
+    try:
+        cloud, _ = read_cloud(message, _NOBODYS)
+    except (MessageError, SchemaError):
+        return None
+    if not cloud.height * cloud.width:
+        return None
+    return min(cloud.height, cloud.width) > 1 and _colours(cloud) is not None
 
 
 def _image(cloud: PointCloud) -> ImageFrame:
@@ -45,7 +58,7 @@ def _image(cloud: PointCloud) -> ImageFrame:
 
 
 def _pixels(cloud: PointCloud) -> NDArray[np.uint8]:
-    offsets = rgb_offsets(cloud.fields, is_bigendian=cloud.is_bigendian)
+    offsets = _colours(cloud)
     if offsets is None:
         raise NotOrganised("a cloud without colours is no picture: have its driver send them, or an image")
     pixels = np.empty((cloud.height, cloud.width, 3), np.uint8)
@@ -54,3 +67,7 @@ def _pixels(cloud: PointCloud) -> NDArray[np.uint8]:
             (cloud.height, cloud.width), np.uint8, cloud.data, offset, (cloud.row_step, cloud.point_step)
         )
     return pixels
+
+
+def _colours(cloud: PointCloud) -> tuple[int, int, int] | None:
+    return rgb_offsets(cloud.fields, is_bigendian=cloud.is_bigendian)

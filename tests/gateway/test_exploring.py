@@ -6,7 +6,6 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
 
-from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
 from gateway.discovery import Wishes
 from gateway.discovery.sightings import Sightings
@@ -21,7 +20,7 @@ from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.offering import new_offers
 from tests.gateway.ros1.waiting import until
-from tests.gateway.translators.test_cloud_image import UNORDERED, colored
+from tests.gateway.translators.test_cloud_image import EMPTY, UNORDERED, colored
 
 FRONT = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 FRONT_TOPIC, REAR_TOPIC = "/front/color/image_raw", "/rear/color/image_raw"
@@ -29,10 +28,7 @@ POINTS = "sensor_msgs/PointCloud2"
 
 
 class Rig:
-    """bus: another program's."""
-
-    def __init__(self, bus: Bus, node: Node, explorer: Explorer, offers: Offers) -> None:
-        self.bus = bus
+    def __init__(self, node: Node, explorer: Explorer, offers: Offers) -> None:
         self.node = node
         self.explorer = explorer
         self.offers = offers
@@ -46,10 +42,8 @@ class Rig:
 async def exploring(
     master_uri: str, named: dict[SensorKey, str] | None = None, hold_s: float = 0.3
 ) -> AsyncIterator[Rig]:
-    network = FakeNetwork()
     async with (
-        network.open_bus() as theirs,
-        network.open_bus() as bus,
+        FakeNetwork().open_bus() as bus,
         Node(f"/{node_name('r1', '0')}", master_uri=master_uri, poll_interval=0.05) as node,
         asyncio.TaskGroup() as group,
     ):
@@ -58,7 +52,7 @@ async def exploring(
         explorer = Explorer(node, Wishes("r1", named or {}), settings.unused, Sightings(hold_s))
         await explorer.begin(offers)
         task = group.create_task(explorer.run(offers))
-        yield Rig(theirs, node, explorer, offers)
+        yield Rig(node, explorer, offers)
         task.cancel()
         await asyncio.wait([task])
         await offers.close()
@@ -175,18 +169,27 @@ async def test_a_driver_of_unordered_clouds_has_no_colour_until_it_is_started_an
     def offered() -> list[str]:
         return [status.stream for status in rig.offers.streams()]
 
-    async with (
-        exploring(master.uri) as rig,
-        Node("/realsense", master_uri=master.uri) as driver,
-        rig.bus.subscribe("fleet/r1/camera/color", QUEUE(9)) as pictures,
-    ):
-        async with driver.advertise(topic, POINTS, latch=True) as publication:
-            await until(lambda: offered() == ["color", "points"], "its name promises colour")
+    async with exploring(master.uri) as rig, Node("/realsense", master_uri=master.uri) as driver:
+        async with driver.advertise(topic, POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "its name promises colour")
+            for cloud in (b"", bytes(EMPTY.data)):  # they tell nothing
+                publication.publish(cloud)
             publication.publish(bytes(UNORDERED.data))
-            await until(lambda: offered() == ["points"], "its clouds are no pictures")
+            await until(lambda: publication.subscriber_count == 0, "its clouds are no pictures")
+            await asyncio.sleep(0.2)
+            assert offered() == ["points"]
         await until(lambda: not offered(), "the topic is gone")
-        async with driver.advertise(topic, POINTS, latch=True) as publication, asyncio.timeout(60):
+        async with driver.advertise(topic, POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "its name promises colour again")
             publication.publish(bytes(colored().data))
-            await anext(pictures)
-            assert offered() == ["color", "points"]
-    assert f"camera/color: no longer offered, {topic} has points and no picture" in caplog.messages
+            await until(lambda: offered() == ["color", "points"], "its clouds are pictures")
+            assert publication.subscriber_count == 0
+    assert caplog.messages.count(f"{topic}: its points are no picture, so they give their camera no colour") == 1
+    assert "camera/color: /camera/depth/color/points (sensor_msgs/PointCloud2)" in caplog.messages
+
+
+async def test_a_cloud_is_listened_to_no_longer_when_it_is_gone(master: RosMaster) -> None:
+    async with exploring(master.uri) as rig, Node("/realsense", master_uri=master.uri) as driver:
+        async with driver.advertise("/camera/rgb/points", POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "it is listened to")
+        await until(lambda: not rig.node.subscriptions(), "it is listened to no longer")

@@ -234,6 +234,7 @@ def test_clouds_that_turned_out_to_be_no_pictures_give_no_colour() -> None:
     before = plan(graph({POINTS: points}), R1)
     made = plan(graph({POINTS: points}), R1, before, {points})
     assert (mapping(made), made.cameras, made.left_out) == ({"front/points": points}, [], {})
+    assert (made.without_colors(), before.without_colors()) == ({points}, set())
     assert changes(made, before) == [f"front/color: no longer offered, {points} has points and no picture"]
     assert mapping(plan(graph({POINTS: points}), R1, made)) == mapping(before)
     named_both = Wishes("r1", named(front__color=points, front__points=points))
