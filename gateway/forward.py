@@ -71,8 +71,11 @@ class Forward:
         return Counter(self.subscription.counters.failures) if self.subscription else Counter()
 
     def _problems(self) -> list[str]:
-        said = [self.latched.problem] if self.latched and self.latched.problem else []
-        return said + [_with_cure(each) for each in (self.subscription.problems if self.subscription else [])]
+        said = [self.stream.no_picture, self.latched.problem if self.latched else ""]
+        return [*filter(None, said)] + [_with_cure(each) for each in self._connection_problems()]
+
+    def _connection_problems(self) -> list[str]:
+        return self.subscription.problems if self.subscription else []
 
     async def run(self, topics: Subscriptions) -> None:
         """Subscribe on ROS whenever the stream is wanted, for ever; or all the time, where it merges."""

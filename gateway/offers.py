@@ -55,6 +55,7 @@ class Offers:
     A stream that is withdrawn and offered again counts on, whatever its topic: its numbers identify frames. So every
     stream is remembered that there ever was; they are few, as plans name MAX_CAMERAS cameras in a gateway's life.
 
+    topics: subscribes to what the streams are made of, once for all that read a topic.
     group: runs the streams until it is cancelled or `close` is called. returned: tells what is returned for a camera,
         given the namespace of its results on ROS. max_message_bytes: longer ROS messages are not read.
     """

@@ -53,9 +53,10 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
     connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
-    what keeps publishers from being heard now, or empty.
+    what keeps publishers from being heard, or clouds from being pictures, now; or empty.
     missing: what ROS publishers numbered and what did not arrive here, by the gaps in their headers' `seq`.
     left_out: how many parts of forwarded messages, such as single transforms, could not be carried.
+    repaired: how many messages were put right, such as clouds with a wrong `row_step`.
     received_hz, forwarded_hz: over the last seconds. bytes: payload forwarded. compression: of the last frame, like
     `jpeg:80`; empty for what is no frame.
     """
@@ -76,6 +77,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     compression: Label = ""
     missing: Count = 0
     left_out: Count = 0
+    repaired: Count = 0
 
     @property
     def name(self) -> str:

@@ -6,14 +6,14 @@ from itertools import islice
 from typing import Final
 
 from gateway.discovery.cameras import SIDES, best, rectified_first, with_sides_joined
-from gateway.discovery.candidates import READERS, Candidate, is_unclear, one_of_each_image, shows_colors
+from gateway.discovery.candidates import READERS, Candidate, one_of_each_image, shows_colors
 from gateway.discovery.naming import name_cameras
 from gateway.discovery.reading import Path, read, says_rectified
 from gateway.discovery.sieve import why_not
 from gateway.discovery.topics import Topic, calibrations_of, image_of
 from gateway.discovery.wishes import Wishes
 from gateway.nodes import ros_chunk
-from gateway.translators import StreamKind, camera_info, kind_of, transforms
+from gateway.translators import StreamKind, camera_info, cloud_image, kind_of, transforms
 from schemas.image import DEPTH_ENCODINGS
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.status import MAX_STREAMS
@@ -96,15 +96,6 @@ def plan(topics: Iterable[Topic], wishes: Wishes, before: Plan = NOTHING) -> Pla
     if wishes.discover:
         planning.discover()
     return planning.result()
-
-
-def unclear(topics: Iterable[Topic], wishes: Wishes) -> list[Topic]:
-    """Return the images of which only their pixels say whether they are colour or depth, of those that may be taken."""
-    if not wishes.discover:
-        return []
-    named = {image_of(topic) for topic in wishes.named.values()}
-    looked_at = [topic for topic in topics if topic.type in READERS and why_not(topic, wishes, named) is None]
-    return [topic for topic in one_of_each_image(looked_at)[0] if is_unclear(topic)]
 
 
 class _Planning:
@@ -242,8 +233,13 @@ class _Planning:
     def _take_colors_of_points(self) -> None:
         """Take the picture in a cloud for the colour of a camera that has no other, where its name says colour."""
         for key, source in list(self._streams.items()):
-            if isinstance(key, StreamKey) and key.stream is Stream.POINTS and shows_colors(source.topic):
+            if isinstance(key, StreamKey) and key.stream is Stream.POINTS and self._shows_colors(source.topic):
                 self._streams.setdefault(StreamKey(key.camera, Stream.COLOR), source)
+
+    def _shows_colors(self, points: str) -> bool:
+        """Whether points are a picture: their name says so, and nothing that was heard of them says otherwise."""
+        heard = self._published[points].encoding if points in self._published else ""
+        return shows_colors(points) and heard in ("", cloud_image.ENCODING)
 
     def _take_infos(self, infos: set[str]) -> None:
         used = {source.topic for source in self._streams.values()}

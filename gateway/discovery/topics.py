@@ -14,7 +14,10 @@ TRANSPORTS: Final = ("compressed", "compressedDepth")
 
 @dataclass(frozen=True, slots=True, order=True)
 class Topic:
-    """A published topic. type, and encoding of an image's pixels: empty while it is not known."""
+    """A published topic.
+
+    type, and encoding of an image's pixels or of the picture in a cloud: empty while it is not known.
+    """
 
     name: str
     type: str

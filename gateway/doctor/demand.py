@@ -10,6 +10,7 @@ from gateway.nodes import is_gateway
 from gateway.outgoing.topics import cure, recorders, results_of
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH
+from gateway.translators import kind_of
 from schemas.status import (
     BEYOND_USE,
     ENDED,
@@ -54,6 +55,8 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
     for stream in evidence.streams:
         now = _status_of(account.last.streams, stream.name)
         before = _status_of(account.first.streams, stream.name)
+        if now is None and _has_no_picture(stream):
+            continue  # its sensor's finding says why the gateway does not offer it
         if now is None:
             yield problem(
                 Stage.DEMAND,
@@ -89,6 +92,12 @@ def check_recorders(evidence: Evidence) -> Iterator[Finding]:
                     "all of them of every camera",
                     cure(recorder),
                 )
+
+
+def _has_no_picture(stream: StreamLook) -> bool:
+    """Whether a stream would be the colours of clouds that have none or are not organised, or of which none came."""
+    colours = stream.special == kind_of(stream.key, of_points=True)
+    return colours and (bool(stream.heard.unreadable) or not stream.heard.arrivals_s)
 
 
 def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:

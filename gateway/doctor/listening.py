@@ -9,6 +9,7 @@ from typing import Final
 from gateway.doctor.evidence import Heard
 from gateway.doctor.reading import stamp_at, stamp_offset, translated
 from gateway.ros1.link import run_link
+from gateway.ros1.messages import definition_of
 from gateway.ros1.resolver import Resolver
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import (
@@ -64,7 +65,7 @@ class Ear:
 
     def accepted(self, publisher: PublisherAccepted) -> None:
         self.publisher = publisher
-        self._offset = stamp_offset(publisher.definition)
+        self._offset = stamp_offset(definition_of(publisher))
 
     def hear(self, data: memoryview, now_s: float, now_ns: int) -> None:
         """Note a message's arrival, on a steady clock and on the system's."""

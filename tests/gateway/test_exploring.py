@@ -20,6 +20,7 @@ from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.offering import new_offers
 from tests.gateway.ros1.waiting import until
+from tests.gateway.translators.test_cloud_image import EMPTY, UNORDERED, colored
 
 FRONT = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 FRONT_TOPIC, REAR_TOPIC = "/front/color/image_raw", "/rear/color/image_raw"
@@ -210,3 +211,60 @@ async def test_a_topic_that_is_gone_is_listened_to_no_longer(master: RosMaster) 
         async with oak.advertise("/oak/image_raw", TYPE_NAME):
             await until(lambda: "/oak/image_raw" in rig.node.subscriptions(), "it is listened to")
         await until(lambda: "/oak/image_raw" not in rig.node.subscriptions(), "it is not")
+
+
+async def test_a_driver_of_unordered_clouds_has_no_colour_until_it_is_started_anew(
+    master: RosMaster, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    topic = "/camera/depth/color/points"
+
+    def offered() -> list[str]:
+        return [status.stream for status in rig.offers.streams()]
+
+    async with exploring(master.uri) as rig, Node("/realsense", master_uri=master.uri) as driver:
+        async with driver.advertise(topic, POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "its name promises colour")
+            for cloud in (b"", bytes(EMPTY.data)):  # they tell nothing
+                publication.publish(cloud)
+            publication.publish(bytes(UNORDERED.data))
+            await until(lambda: publication.subscriber_count == 0, "its clouds are no pictures")
+            await asyncio.sleep(0.2)
+            assert offered() == ["points"]
+        await until(lambda: not offered(), "the topic is gone")
+        async with driver.advertise(topic, POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "its name promises colour again")
+            publication.publish(bytes(colored().data))
+            await until(lambda: offered() == ["color", "points"], "its clouds are pictures")
+            await until(lambda: publication.subscriber_count == 0, "it is listened to no longer")
+    assert caplog.messages.count(f"{topic}: its points are no picture, so they give their camera no colour") == 1
+    assert "camera/color: /camera/depth/color/points (sensor_msgs/PointCloud2)" in caplog.messages
+
+
+async def test_a_cloud_is_listened_to_no_longer_when_it_is_gone(master: RosMaster) -> None:
+    async with exploring(master.uri) as rig, Node("/realsense", master_uri=master.uri) as driver:
+        async with driver.advertise("/camera/rgb/points", POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "it is listened to")
+        await until(lambda: not rig.node.subscriptions(), "it is listened to no longer")
+
+
+async def test_no_cloud_is_listened_to_while_an_image_may_be_the_colour(master: RosMaster) -> None:
+    image, points = "/camera/image_raw", "/camera/rgb/points"
+    async with (
+        exploring(master.uri, hold_s=600) as rig,
+        Node("/driver", master_uri=master.uri) as driver,
+        driver.advertise(points, POINTS) as cloud,
+        driver.advertise(image, TYPE_NAME) as publication,
+    ):
+        await until(lambda: publication.subscriber_count == 1, "the image is looked at")
+        await rig.until_offered(points)
+        while len(rig.explorer.plan.streams) == 1:
+            publication.publish(picture("rgb8"))
+            await asyncio.sleep(0.01)
+        assert {key.name: source.topic for key, source in rig.explorer.plan.streams.items()} == {
+            "camera/color": image,
+            "camera/points": points,
+        }
+        await asyncio.sleep(0.2)
+        assert cloud.subscriber_count == 0
+        assert points not in rig.node.subscriptions()
