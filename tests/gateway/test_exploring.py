@@ -258,6 +258,8 @@ async def test_no_cloud_is_listened_to_while_an_image_may_be_the_colour(master: 
     ):
         await until(lambda: publication.subscriber_count == 1, "the image is looked at")
         await rig.until_offered(points)
+        await asyncio.sleep(0.2)
+        assert points not in rig.node.subscriptions()
         while len(rig.explorer.plan.streams) == 1:
             publication.publish(picture("rgb8"))
             await asyncio.sleep(0.01)
