@@ -17,6 +17,10 @@ class QoS(Enum):
 
     IMAGE = "image"
     """Best effort, low priority, dropped under congestion; one waits at most, the newest."""
+    MESSAGE = "message"
+    """Dropped under congestion. Small ones, of up to SMALL_BYTES, wait in order, at most SMALL_WAITING of them; they
+    have the priority of STATUS, so they may overtake large ones. A large one travels like IMAGE and replaces all that
+    wait."""
     LATCHED = "latched"
     """Like IMAGE, but reliable, and the last one reaches late subscribers."""
     RESULT = "result"
@@ -43,6 +47,12 @@ class Queue:
 
 LATEST: Final = Latest()
 QUEUE: Final = Queue
+
+SMALL_BYTES: Final = 64 << 10
+"""A larger payload of MESSAGE is not queued: the newest wins."""
+
+SMALL_WAITING: Final = 64
+"""How many small ones of MESSAGE wait at most."""
 
 DEFAULT_ENCODING: Final = "application/octet-stream"
 

@@ -25,11 +25,17 @@ REQUEST_BATCHES: Final = 16
 IMAGE_BATCHES: Final = 16
 """Batches of 64 KiB that wait for a link in its image queue: with 2, the default, a frame takes many turns to send."""
 
+MAX_FRAGMENTS_WAIT_US: Final = 2_500_000
+"""How long all fragments of a message that may be dropped wait for a link, 1 ms each: enough for MAX_MESSAGE_BYTES.
+
+With 50 ms, the default, messages of some dozen megabytes are never sent whole, not even within a machine.
+"""
+
 SOCKET_BYTES: Final = 256 << 10
 """What the system holds at each end of a link; left to itself it is a dozen images."""
 
-MAX_MESSAGE_BYTES: Final = 128 * 1024 * 1024
-"""What a link takes in at most as one message."""
+MAX_MESSAGE_BYTES: Final = (128 << 20) + (64 << 10)
+"""What a link takes in at most as one message: the largest payload that anybody reads, and what is around it."""
 
 
 def session_config(settings: BusSettings, links: int = MAX_LINKS) -> dict[str, Any]:
@@ -72,7 +78,10 @@ def session_config(settings: BusSettings, links: int = MAX_LINKS) -> dict[str, A
                     "keep_alive": max(4, ceil(lease_ms / MAX_FLUSH_MS)),
                     "queue": {
                         "size": {"data_low": IMAGE_BATCHES, "interactive_low": REQUEST_BATCHES},
-                        "congestion_control": {"block": {"wait_before_close": blocked_us}},
+                        "congestion_control": {
+                            "drop": {"max_wait_before_drop_fragments": MAX_FRAGMENTS_WAIT_US},
+                            "block": {"wait_before_close": blocked_us},
+                        },
                     },
                 },
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},

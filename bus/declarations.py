@@ -14,7 +14,7 @@ import zenoh
 from zenoh import CongestionControl, Priority, Reliability, ext
 from zenoh.handlers import Callback
 
-from bus.api import MAX_REQUEST_BYTES, Handler, QoS, Reply, Request
+from bus.api import MAX_REQUEST_BYTES, SMALL_BYTES, SMALL_WAITING, Handler, QoS, Reply, Request
 from bus.demand import Demand
 from bus.gathering import taking
 from bus.known_keys import number_of
@@ -32,8 +32,12 @@ IMAGES_WAITING: Final = 1
 RESULTS_WAITING: Final = 64
 RETIRE_GRACE_S: Final = 1.0
 STOP_GRACE_S: Final = 0.2
+UNKEPT: Final = (QoS.IMAGE, QoS.MESSAGE)
+"""Of these nothing is there for late subscribers."""
+
 PRIORITIES: Final = {
     QoS.IMAGE: Priority.DATA_LOW,
+    QoS.MESSAGE: Priority.DATA,
     QoS.LATCHED: Priority.DATA_LOW,
     QoS.RESULT: Priority.INTERACTIVE_HIGH,
     QoS.STATUS: Priority.DATA,
@@ -49,7 +53,7 @@ class Lanes:
 
     def of(self, qos: QoS) -> Lane:
         """Return the lane of a quality of service."""
-        return self.images if qos in (QoS.IMAGE, QoS.LATCHED) else self.results
+        return self.images if qos in (QoS.IMAGE, QoS.MESSAGE, QoS.LATCHED) else self.results
 
     def stop(self) -> None:
         """End the threads."""
@@ -58,7 +62,7 @@ class Lanes:
 
 
 class ZenohPublisher(MessageWriter):
-    """A publisher. All but images have a second, plain one on the same key, since only that knows who matches."""
+    """A publisher. What is kept has a second, plain one on the same key, since only that knows who matches."""
 
     def __init__(
         self,
@@ -72,16 +76,17 @@ class ZenohPublisher(MessageWriter):
         shared_memory: bool,
     ) -> None:
         self._lane = lanes.of(qos)
-        super().__init__(key, demand, partial(self._lane.offer, self))
+        super().__init__(key, demand, self._offer)
         self._qos = qos
         self._encoding = encoding
-        self._kept: deque[tuple[bytes, int]] = deque(maxlen=0 if qos is QoS.IMAGE else min(kept, MOST_KEPT))
+        self._kept: deque[tuple[bytes, int]] = deque(maxlen=0 if qos in UNKEPT else min(kept, MOST_KEPT))
         self._name = getrandbits(32)
         self._number = 0
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
-        self._shared = SharedFrames() if qos is QoS.IMAGE and shared_memory else None
+        self._small: zenoh.Publisher | None = None
+        self._shared = SharedFrames() if qos in UNKEPT and shared_memory else None
 
     @property
     def number_of(self) -> str:
@@ -91,7 +96,7 @@ class ZenohPublisher(MessageWriter):
     @property
     def takes_another(self) -> bool:
         """See `Declaration`; caches do."""
-        return self._qos is not QoS.IMAGE
+        return self._qos not in UNKEPT
 
     @property
     def kept(self) -> int:
@@ -111,10 +116,23 @@ class ZenohPublisher(MessageWriter):
         self._declared.callback(matching.undeclare)
         listener = matching.declare_matching_listener(Callback(partial(self._on_matching, self._turn), indirect=False))
         self._declared.callback(listener.undeclare)
-        self._publisher = matching if self._qos is QoS.IMAGE else self._declare_cached(session)
+        if self._qos is QoS.MESSAGE:
+            self._small = self._declare_small(session)
+        self._publisher = matching if self._qos in UNKEPT else self._declare_cached(session)
         status: Any = matching.matching_status  # the stub says bool
         self._demand.offer(wanted=status.matching, initial=True)
         self._lane.admit(self)
+
+    def _declare_small(self, session: zenoh.Session) -> zenoh.Publisher:
+        publisher = session.declare_publisher(
+            self._key,
+            encoding=self._encoding,
+            congestion_control=CongestionControl.DROP,
+            priority=PRIORITIES[self._qos],
+            reliability=Reliability.RELIABLE,
+        )
+        self._declared.callback(publisher.undeclare)
+        return publisher
 
     def _declare_cached(self, session: zenoh.Session) -> ext.AdvancedPublisher:
         publisher = ext.declare_advanced_publisher(
@@ -139,12 +157,20 @@ class ZenohPublisher(MessageWriter):
         if turn == self._turn:
             self._demand.offer(wanted=status.matching)
 
+    def _offer(self, payload: Payload) -> None:
+        self._lane.offer(self, payload, SMALL_WAITING if self._is_small(payload) else 0)
+
+    def _is_small(self, payload: Payload) -> bool:
+        return self._qos is QoS.MESSAGE and len(payload) <= SMALL_BYTES
+
     def write(self, payload: Payload) -> None:
         """Send on the lane's thread."""
         if self._publisher is None:
             return
         with panics_are_errors():
-            if self._qos is QoS.IMAGE:
+            if self._small is not None and self._is_small(payload):
+                self._small.put(joined(payload))
+            elif self._qos in UNKEPT:
                 self._write_image(self._publisher, payload)
             else:
                 self._write_numbered(self._publisher, payload)
@@ -173,7 +199,7 @@ class ZenohPublisher(MessageWriter):
             self._declared.close()
         finally:
             self._turn += 1
-            self._publisher = None
+            self._publisher = self._small = None
             self._demand.forget()
 
 

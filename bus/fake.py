@@ -46,7 +46,7 @@ class _FakePublisher(MessageWriter):
         self.key = key
         self.encoding = encoding
         self.demand = demand
-        self.kept: deque[bytes] = deque(maxlen=0 if qos is QoS.IMAGE else kept)
+        self.kept: deque[bytes] = deque(maxlen=0 if qos in (QoS.IMAGE, QoS.MESSAGE) else kept)
         self._network = network
 
     def _deliver(self, payload: Payload) -> None:

@@ -55,13 +55,16 @@ class Lane:
         self._thread: threading.Thread | None = None
         self._stopping = False
 
-    def offer(self, writer: Writer, payload: Payload) -> None:
-        """Send or queue a message; the one that finds a quick link slow blocks as long as its write takes."""
+    def offer(self, writer: Writer, payload: Payload, depth: int = 0) -> None:
+        """Send or queue a message; the one that finds a quick link slow blocks as long as its write takes.
+
+        depth: how many of the writer's messages may wait with this one, if that is more than of others.
+        """
         with self._lock:
             at_once = self._is_quick(writer)
             if at_once:
                 self._writing.add(writer)
-            dropped = 0 if at_once else self._queue(writer, payload)
+            dropped = 0 if at_once else self._queue(writer, payload, max(depth, writer.kept))
         if at_once and not self._write(writer, payload):
             self._write_none_at_once()
         elif dropped:
@@ -75,18 +78,19 @@ class Lane:
         with self._lock:
             self._quick_writes = dict.fromkeys(self._quick_writes, 0)
 
-    def _queue(self, writer: Writer, payload: Payload) -> int:
+    def _queue(self, writer: Writer, payload: Payload, depth: int) -> int:
         if writer not in self._quick_writes:
-            return self._held.offer(writer, payload, writer.kept)
+            return self._held.offer(writer, payload, depth)
         self._queued.notify()
-        return self._ready.offer(writer, payload, writer.kept)
+        return self._ready.offer(writer, payload, depth)
 
     def admit(self, writer: Writer) -> None:
         """Send from now on what a publisher queues, and what it has queued."""
         with self._lock:
             self._quick_writes[writer] = 0
-            for payload in self._held.discard(writer):
-                self._ready.offer(writer, payload, writer.kept)
+            held = self._held.discard(writer)
+            for payload in held:
+                self._ready.offer(writer, payload, len(held))
             self._queued.notify()
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name=f"bus-{self._name}", daemon=True)

@@ -56,7 +56,7 @@ class PerKey(Generic[K, T]):
         self._arrival = 0
 
     def offer(self, key: K, item: T, depth: int = 0) -> int:
-        """Put an item in; return 1 if an older one of its key had to go, or if there is no room for another key.
+        """Put an item in; return how many older ones of its key had to go, or 1 if there is no room for another key.
 
         depth: how many of this key may wait now, if that is more than of others.
         """
@@ -66,12 +66,12 @@ class PerKey(Generic[K, T]):
                 return 1
             slot = self._waiting[key] = _Slot(deque(), self._idle.pop(key, 0))
             self._enlist(key, slot)
-        dropped = len(slot.items) >= max(self._depth, depth)
-        if dropped:
+        dropped = max(0, len(slot.items) + 1 - max(self._depth, depth))
+        for _ in range(dropped):
             slot.items.popleft()
-            slot.dropped += 1
+        slot.dropped += dropped
         slot.items.append(item)
-        return int(dropped)
+        return dropped
 
     def take(self) -> Taken[K, T] | None:
         """Take the oldest item of the key that was served longest ago."""

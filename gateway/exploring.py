@@ -3,16 +3,20 @@
 import asyncio
 import logging
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from typing import Final
 
-from gateway.discovery import Plan, Wishes, plan
+from gateway.discovery import Plan, Wishes, plan, unclear, unclear_clouds
 from gateway.discovery.report import changes
 from gateway.discovery.sightings import Sightings
-from gateway.discovery.topics import Topic, topics_of
+from gateway.discovery.topics import Topic, image_of, topics_of
 from gateway.offers import Offers
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.node import Node
+from gateway.ros1.point_cloud import TYPE_NAME as POINT_CLOUD
 from gateway.ros1.registrar import Look
+from gateway.sampling import Sampler
+from gateway.translators.encoding import UNKNOWN
 
 log = logging.getLogger(__name__)
 
@@ -23,6 +27,8 @@ TYPES_EVERY: Final = 10
 class Explorer:
     """Keeps the plan current, and says in the log what it takes, what not, and every change.
 
+    Where only an image's pixels say whether it is colour or depth, one message of it is looked at first; and the clouds
+    of a camera without another colour give it one once the first points that come are a picture.
     unused: returns which settings are for none of the streams with these names.
     """
 
@@ -41,7 +47,10 @@ class Explorer:
         self._sightings = sightings or Sightings()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
+        self._known: list[Topic] = []
+        self._unclear: list[Topic] = []
         self._planned: list[Topic] = []
+        self._planning = asyncio.Lock()
         self._said = ""
         self._pid = 0
 
@@ -58,18 +67,37 @@ class Explorer:
 
     async def run(self, offers: Offers) -> None:
         """Let `offers` follow the plan, for ever."""
-        async for look in self._node.looks():
-            try:
-                await self._see(look)
-            except Ros1Error as error:
-                log.warning("%s: what is published has changed, but not its types: %s", self._node.master_uri, error)
-                continue
-            topics = self._sightings.topics()
+        async with asyncio.TaskGroup() as group:
+
+            async def replan() -> None:
+                await self._replan(images, clouds, offers)
+
+            images, clouds = (Sampler(group, offers.topics, replan) for _ in range(2))
+            async for look in self._node.looks():
+                try:
+                    await self._see(look)
+                except Ros1Error as error:
+                    log.warning(
+                        "%s: what is published has changed, but not its types: %s", self._node.master_uri, error
+                    )
+                    continue
+                await replan()
+
+    async def _replan(self, images: Sampler, clouds: Sampler, offers: Offers) -> None:
+        async with self._planning:
+            known = clouds.known(images.known(self._sightings.topics()))
+            if known != self._known:
+                self._unclear = await asyncio.to_thread(unclear, known, self._wishes)
+                self._known = known
+            awaited = images.listen(self._unclear)
+            topics = [_until_heard(topic) for topic in known if image_of(topic.name) not in awaited]
             if topics != self._planned:
                 # Of thousands of topics it takes a second.
                 now = await asyncio.to_thread(plan, topics, self._wishes, self.plan)
                 await self._follow(now, offers, changes(now, self.plan))
                 self._planned = topics
+            if not awaited:  # an image may be the colour
+                clouds.listen(unclear_clouds(known, self._wishes, self.plan))
 
     async def _see(self, look: Look) -> None:
         publishers = _without(self._node.name, look.state.publishers)
@@ -100,6 +128,11 @@ class Explorer:
             if unused:
                 log.info("for no stream that there is: %s", ", ".join(unused))
         await offers.change(now)
+
+
+def _until_heard(topic: Topic) -> Topic:
+    """Return a cloud of which no points have come as no picture: late colour is better than colour that goes."""
+    return replace(topic, encoding=UNKNOWN) if topic.type == POINT_CLOUD and not topic.encoding else topic
 
 
 def _without(node: str, publishers: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:

@@ -11,7 +11,7 @@ from typing import Final
 from bus import Bus, Publisher
 from bus.shared_demand import SharedDemand, while_wanted
 from gateway.latching import Latched, latching
-from gateway.ros1.subscriber import Message, Subscription
+from gateway.ros1.subscriber import LinkFailure, Message, Subscription
 from gateway.ros1.wire.tcpros import ANY
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.outlet import Outlet, OutletOf, unshaped
@@ -71,8 +71,11 @@ class Forward:
         return Counter(self.subscription.counters.failures) if self.subscription else Counter()
 
     def _problems(self) -> list[str]:
-        said = [self.latched.problem] if self.latched and self.latched.problem else []
-        return said + (self.subscription.problems if self.subscription else [])
+        said = [self.stream.no_picture, self.latched.problem if self.latched else ""]
+        return [*filter(None, said)] + [_with_cure(each) for each in self._connection_problems()]
+
+    def _connection_problems(self) -> list[str]:
+        return self.subscription.problems if self.subscription else []
 
     async def run(self, topics: Subscriptions) -> None:
         """Subscribe on ROS whenever the stream is wanted, for ever; or all the time, where it merges."""
@@ -136,6 +139,11 @@ class Forward:
         latched = self.latched if latching and not merges else None
         if latched is None or not latched.put(message.uri, translated, len(message.data)):
             self.outlet.put(translated)
+
+
+def _with_cure(problem: str) -> str:
+    too_large = LinkFailure.TOO_LARGE in problem
+    return f"{problem}; --max-message-mib lets larger ones through" if too_large else problem
 
 
 @asynccontextmanager

@@ -2,12 +2,13 @@
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Final
 
-from bus import Bus, Publisher, QoS
+from bus import SMALL_BYTES, SMALL_WAITING, Bus, Publisher, QoS
 from gateway.ros1.tasks import TaskScope
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.outlet import Outlet, OutletOf
@@ -28,13 +29,31 @@ def has_room(others: Collection[int], size: int) -> bool:
 
 @dataclass(slots=True, eq=False)
 class _Kept:
-    """One ROS publisher's place. waiting: its last message until there is a bus publisher, and an outlet to it."""
+    """One ROS publisher's place.
 
+    is_small: whether its messages are queued, rather than that the newest replaces those that wait. waiting: its last
+    messages until there is a bus publisher, and an outlet to it.
+    """
+
+    is_small: bool
     size: int = 0
-    waiting: codec.Message | None = None
+    waiting: deque[codec.Message] = field(default_factory=deque)
     publisher: Publisher | None = None
     outlet: Outlet | None = None
     closed: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def qos(self) -> QoS:
+        """How its messages travel."""
+        return QoS.STATUS if self.is_small else QoS.LATCHED
+
+    def wait(self, message: codec.Message) -> int:
+        """Let a message wait for the outlet; return how many older ones that costs."""
+        self.waiting.append(message)
+        lost = max(0, len(self.waiting) - (SMALL_WAITING if self.is_small else 1))
+        for _ in range(lost):
+            self.waiting.popleft()
+        return lost
 
     @property
     def dropped(self) -> int:
@@ -87,18 +106,23 @@ class Latched:
             self.forget(publisher)
             self.say_full(size)
             return False
-        kept = self._kept.get(publisher)
-        if kept is None:
-            kept = self._kept[publisher] = _Kept()
-            self._open.add(kept)
-            self._scope.start(self._keep(kept), f"latched {self._key}")
+        kept = self._place(publisher, is_small=size <= SMALL_BYTES)
         kept.size = size
         if kept.outlet is not None:
             kept.outlet.put(message, may_be_last=True)
         else:
-            self._dropped += kept.waiting is not None
-            kept.waiting = message
+            self._dropped += kept.wait(message)
         return True
+
+    def _place(self, publisher: str, *, is_small: bool) -> _Kept:
+        """Return a publisher's place: another one when its messages are of another size now, and travel otherwise."""
+        kept = self._kept.get(publisher)
+        if kept is None or kept.is_small != is_small:
+            self.forget(publisher)
+            kept = self._kept[publisher] = _Kept(is_small)
+            self._open.add(kept)
+            self._scope.start(self._keep(kept), f"latched {self._key}")
+        return kept
 
     def forget(self, publisher: str) -> None:
         """Keep nothing more of a publisher."""
@@ -124,12 +148,11 @@ class Latched:
 
     async def _keep(self, kept: _Kept) -> None:
         try:
-            async with self._bus.publisher(str(self._key), QoS.LATCHED, encoding=self._encoding) as publisher:
+            async with self._bus.publisher(str(self._key), kept.qos, encoding=self._encoding) as publisher:
                 with self._outlet_of(self._key, publisher) as outlet:
                     kept.publisher, kept.outlet = publisher, outlet
-                    if kept.waiting is not None:
-                        outlet.put(kept.waiting, may_be_last=True)
-                        kept.waiting = None
+                    while kept.waiting:
+                        outlet.put(kept.waiting.popleft(), may_be_last=True)
                     await kept.closed.wait()
         finally:
             self._add_up(kept)
@@ -137,7 +160,7 @@ class Latched:
     def _add_up(self, kept: _Kept) -> None:
         self._open.discard(kept)
         self._dropped += kept.dropped
-        self._shaped += kept.counts + OutletCounts({ENDED: int(kept.waiting is not None)})
+        self._shaped += kept.counts + OutletCounts({ENDED: len(kept.waiting)})
 
 
 @asynccontextmanager

@@ -15,6 +15,7 @@ from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.topics import result_root
 from gateway.ros1.node import Node
 from gateway.ros1.tasks import cancel_and_wait
+from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES
 from gateway.shaping.shaping import Shaping
 from gateway.stream import StreamForward
 from gateway.subscriptions import Subscriptions
@@ -54,8 +55,9 @@ class Offers:
     A stream that is withdrawn and offered again counts on, whatever its topic: its numbers identify frames. So every
     stream is remembered that there ever was; they are few, as plans name MAX_CAMERAS cameras in a gateway's life.
 
+    topics: subscribes to what the streams are made of, once for all that read a topic.
     group: runs the streams until it is cancelled or `close` is called. returned: tells what is returned for a camera,
-        given the namespace of its results on ROS.
+        given the namespace of its results on ROS. max_message_bytes: longer ROS messages are not read.
     """
 
     def __init__(
@@ -67,11 +69,12 @@ class Offers:
         boot_id: str,
         shaping: Shaping,
         returned: Callable[[CameraKey, str], list[StreamReturn[Any]]],
+        max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
     ) -> None:
         self._group = group
         self._bus = bus
         self._node = node
-        self._topics = Subscriptions(node)
+        self.topics = Subscriptions(node, max_message_bytes)
         self._boot_id = boot_id
         self._shaping = shaping
         self._returned_for = returned
@@ -132,7 +135,7 @@ class Offers:
         async with offering(self._bus, stream, self._shaping.outlet) as forward:
             self._offers[key].forward = forward
             offered.set()
-            await forward.run(self._topics)
+            await forward.run(self.topics)
 
     async def _withdraw(self, keys: Iterable[SensorKey]) -> None:
         ending = {key: self._offers[key] for key in keys}

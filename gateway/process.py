@@ -69,6 +69,7 @@ async def _run(settings: GatewaySettings) -> int:
             boot_id=boot_id,
             shaping=shaping,
             returned=lambda camera, root: _camera_returns(settings, camera, root),
+            max_message_bytes=settings.max_message_bytes,
         )
         explorer = Explorer(node, settings.wishes(), settings.unused)
         returns = [Return(stream) for stream in _robot_returns(settings)]

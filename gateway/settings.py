@@ -17,13 +17,17 @@ from gateway.ros1.addresses import validate_host, validate_master_uri
 from gateway.ros1.errors import InvalidNameError
 from gateway.ros1.names import Names, validate_global, validate_type
 from gateway.ros1.sim_clock import TOPIC as CLOCK
-from gateway.ros1.wire.tcpros import ANY
+from gateway.ros1.wire.tcpros import ANY, DEFAULT_MAX_MESSAGE_BYTES
 from gateway.shaping.settings import ShapingSettings
 from gateway.uses import check_uses
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, StreamKey, robot_alive, sensor_key, service
 
 MAX_SERVICES: Final = 64
+
+MIB: Final = 1 << 20
+MOST_MIB: Final = 1024
+"""ROS 1's own nodes take no message of more than 1 GB."""
 
 
 def master_uri() -> str:
@@ -213,6 +217,20 @@ class StreamSettings(BaseModel):
             "their topics' names are without being named here"
         ),
     ] = []
+    max_message_mib: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=MOST_MIB,
+            description="largest ROS message that is read, in MiB; 6000x4000 rgb8 pixels have 69. More than 128 is for "
+            "images that --scale makes smaller: a stream carries no more",
+        ),
+    ] = DEFAULT_MAX_MESSAGE_BYTES // MIB
+
+    @property
+    def max_message_bytes(self) -> int:
+        """The largest ROS message that is read."""
+        return self.max_message_mib * MIB
 
 
 class ReturnSettings(BaseModel):

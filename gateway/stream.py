@@ -13,7 +13,7 @@ from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.shaping.counts import OutletCounts
 from gateway.shaping.instants import Thinning
-from gateway.translators import Incomplete, Merging, StreamKind, Translate
+from gateway.translators import Incomplete, Merging, NotOrganised, Repaired, StreamKind, Translate
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -60,6 +60,8 @@ class StreamForward:
         self._received = 0
         self._translated = 0
         self._left_out = 0
+        self._repaired = 0
+        self._no_picture: str | None = None
         self._dropped: Counter[str] = Counter()
         self._gaps = Gaps()
         self._received_rate, self._forwarded_rate = Meter(), Meter()
@@ -72,7 +74,13 @@ class StreamForward:
         """Start with a topic and a kind: what was kept of earlier messages is forgotten."""
         translators = self.kind.translators
         begun = {begin: begin() for begin in set(translators.values())}
+        self._no_picture = None
         self._translates = {message_type(name).topic_type: begun[begin] for name, begin in translators.items()}
+
+    @property
+    def no_picture(self) -> str:
+        """Why the topic's clouds are no pictures, once one has come and as long as none was one; or empty."""
+        return self._no_picture or ""
 
     def begin(self) -> None:
         """Start a subscription: publishers that are not heard in it count no longer."""
@@ -97,9 +105,15 @@ class StreamForward:
             self._left_out += error.left_out
             log.warning("%s from %s: %s", self.topic, message.callerid, error)
             translated = error.rest
+        except Repaired as error:
+            self._note_repair(message, error)
+            translated = error.made
         except (MessageError, SchemaError) as error:
+            if isinstance(error, NotOrganised) and self._no_picture is None:
+                self._no_picture = str(error)
             self._leave_out(MALFORMED, message, error)
             return None
+        self._no_picture = ""
         if not message.publisher.latching and (reason := self._one_too_many(translated, now_ns)):
             self._dropped[reason] += 1
             return None
@@ -132,6 +146,12 @@ class StreamForward:
     def _leave_out(self, reason: str, message: Message, error: Exception) -> None:
         self._dropped[reason] += 1
         log.warning("%s from %s: message left out: %s", self.topic, message.callerid, error)
+
+    def _note_repair(self, message: Message, error: Repaired) -> None:
+        """Count a repair, and say ever more rarely what its driver does wrong with every message."""
+        self._repaired += 1
+        if self._repaired.bit_count() == 1:
+            log.warning("%s from %s: %s (%d so far)", self.topic, message.callerid, error, self._repaired)
 
     def _header(self, now_ns: int) -> Header:
         return Header(
@@ -186,6 +206,7 @@ class StreamForward:
             received=self._received,
             missing=self._gaps.missing,
             left_out=self._left_out,
+            repaired=self._repaired,
             forwarded=forwarded,
             dropped=dict(self._dropped + lost),
             broken_links=dict(self._broken_links + Counter(broken_links)),

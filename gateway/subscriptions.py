@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from gateway.latching import has_room
 from gateway.ros1.node import Node
 from gateway.ros1.subscriber import Message, Subscription
+from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,10 +54,11 @@ class _Shared:
 
 
 class Subscriptions:
-    """Subscribes a node to topics, once each, for as many as want them."""
+    """Subscribes a node to topics, once each, for as many as want them. max_message_bytes: longer ones are not read."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES) -> None:
         self._node = node
+        self._max_message_bytes = max_message_bytes
         self._shared: dict[str, tuple[_Shared, Subscription]] = {}
 
     @asynccontextmanager
@@ -79,7 +81,12 @@ class Subscriptions:
         if topic not in self._shared:
             shared = _Shared()
             entering = self._node.subscribe(
-                topic, type_name, shared.on_message, accepted=accepted, on_gone=shared.on_gone
+                topic,
+                type_name,
+                shared.on_message,
+                max_message_bytes=self._max_message_bytes,
+                accepted=accepted,
+                on_gone=shared.on_gone,
             )
             self._shared[topic] = shared, await shared.stack.enter_async_context(entering)
         shared, subscription = self._shared[topic]

@@ -62,13 +62,18 @@ def picture_of(data: memoryview) -> Picture:
             does not carry, or made to take long to decode.
     """
     try:
-        if bytes(data[: len(_PNG_START)]) == _PNG_START:
+        if is_png(data):
             return _png(data)
         if bytes(data[: len(_JPEG_START)]) == _JPEG_START:
             return _jpeg(data)
     except struct.error as error:
         raise SchemaError(f"a picture cut off at {data.nbytes} bytes") from error
     raise SchemaError(f"neither a JPEG nor a PNG file: it begins with {bytes(data[:8])!r}")
+
+
+def is_png(data: memoryview) -> bool:
+    """Return whether data begins as every PNG file does."""
+    return bytes(data[: len(_PNG_START)]) == _PNG_START
 
 
 def _png(data: memoryview) -> Picture:

@@ -86,19 +86,32 @@ def check_layout(height: int, width: int, encoding: str, step: int, size: int) -
     Raises:
         SchemaError: naming the first thing that does not fit.
     """
-    if not (1 <= height <= MAX_SIDE and 1 <= width <= MAX_SIDE):
-        raise SchemaError(f"absurd dimensions: {width}x{height} pixels")
+    _check_dimensions(height, width)
     if encoding not in BYTES_PER_PIXEL:
         raise SchemaError(f"unknown encoding: {encoding[:32]!r}")
     if encoding == "yuv422" and width % 2:
         raise SchemaError(f"yuv422 pixels come in pairs, and a row has {width}")
-    row = width * BYTES_PER_PIXEL[encoding]
+    check_rows(height, width, width * BYTES_PER_PIXEL[encoding], step, size, encoding=encoding)
+
+
+def check_rows(height: int, width: int, row: int, step: int, size: int, *, encoding: str) -> None:
+    """Check what `check_layout` does for pixels of any encoding, of which a row takes `row` bytes without padding.
+
+    Raises:
+        SchemaError: naming the first thing that does not fit.
+    """
+    _check_dimensions(height, width)
     if step < row:
         raise SchemaError(f"step too short: {step} bytes a row, {width} {encoding} pixels need {row}")
     if step > MAX_STEP:
         raise SchemaError(f"absurd step: {step} bytes a row, at most {MAX_STEP}")
     if size != step * height:
         raise SchemaError(f"data does not fit: {size} bytes, step x height is {step * height}")
+
+
+def _check_dimensions(height: int, width: int) -> None:
+    if not (1 <= height <= MAX_SIDE and 1 <= width <= MAX_SIDE):
+        raise SchemaError(f"absurd dimensions: {width}x{height} pixels")
 
 
 def check_picture(frame: ImageFrame) -> None:

@@ -22,7 +22,8 @@ class RawMessage(msgspec.Struct, frozen=True, kw_only=True):
     """A ROS message of any type, not translated; the header's stamp_ns is 0.
 
     type: such as nav_msgs/OccupancyGrid. md5: the type's md5sum. definition: its whole definition, that of its
-    dependencies included, as its publisher gave it. latched: its publisher keeps it for late ROS subscribers.
+    dependencies included, as its publisher gave it, or as the gateway knows it where that gave none; else empty.
+    latched: its publisher keeps it for late ROS subscribers.
     data: the serialised message; decoded without a copy, so it is a view into the received payload.
     """
 

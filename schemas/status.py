@@ -32,13 +32,16 @@ UNSHAPED: Final = "cannot be scaled or compressed as set"
 OVER_BUDGET: Final = "over the uplink budget"
 """Reason: the gateway had a newer frame before the uplink's budget allowed this one. Its number is missing."""
 
+TOO_LARGE: Final = "larger than a message may be"
+"""Reason: it has more bytes than receivers read (128 MiB), scaled and compressed as set. Its number is missing."""
+
 ENDED: Final = "not sent yet when its stream or its publisher ended"
 """Reason: nothing was there any more to send this one for. Its number is missing."""
 
 UNWANTED: Final = "no longer wanted"
 """Reason: this one was still on its way when the last who wanted it went."""
 
-NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, REPLACED_BEFORE_LINK, ENDED)
+NUMBERED: Final = (REPLACED_BEFORE_SHAPING, UNSHAPED, OVER_BUDGET, TOO_LARGE, REPLACED_BEFORE_LINK, ENDED)
 """Reasons of gateways for which a frame's number is missing at every receiver."""
 
 MAX_STREAMS: Final = 1_000
@@ -50,9 +53,10 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     camera: empty for what belongs to the whole robot. wanted: somebody on Zenoh subscribes. publishers: ROS publishers
     connected now. broken_links: how often a connection to a ROS publisher failed or ended, by reason. problem: in words
-    what keeps publishers from being heard now, or empty.
+    what keeps publishers from being heard, or clouds from being pictures, now; or empty.
     missing: what ROS publishers numbered and what did not arrive here, by the gaps in their headers' `seq`.
     left_out: how many parts of forwarded messages, such as single transforms, could not be carried.
+    repaired: how many messages were put right, such as clouds with a wrong `row_step`.
     received_hz, forwarded_hz: over the last seconds. bytes: payload forwarded. compression: of the last frame, like
     `jpeg:80`; empty for what is no frame.
     """
@@ -73,6 +77,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
     compression: Label = ""
     missing: Count = 0
     left_out: Count = 0
+    repaired: Count = 0
 
     @property
     def name(self) -> str:

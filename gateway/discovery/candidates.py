@@ -21,6 +21,7 @@ from gateway.discovery.topics import Topic, image_of
 from gateway.ros1 import image as ros_image
 from gateway.ros1 import point_cloud as ros_point_cloud
 from gateway.translators import compressed_image, disparity
+from schemas.image import DEPTH_ENCODINGS
 from schemas.keys import Stream
 
 LEAVES: Final = ("image_raw", "points", "image_color", "image", "image_rect_color", "image_rect_raw", "image_rect")
@@ -43,15 +44,28 @@ class Candidate:
 
 
 def image_candidate(topic: Topic) -> Candidate | None:
-    """Read the name of an image, raw or compressed; None when it is not named like a camera's."""
+    """Read the name of an image, raw or compressed; None when it is not named like a camera's.
+
+    Pixels that are distances are depth, whatever the name says; infrared ones of that encoding are neither.
+    """
     found = _read(topic, IMAGES)
     if found is None:
         return None
-    if found.said & DEPTHS:
+    if found.said & DEPTHS or (topic.encoding in DEPTH_ENCODINGS and not found.said & INFRAREDS):
         return _candidate(topic, found, Stream.DEPTH, _alignment(found))
+    if topic.encoding in DEPTH_ENCODINGS:
+        return None
     if topic.name.endswith("/compressedDepth"):
         return None
     return _candidate(topic, found, Stream.COLOR, _modality(found))
+
+
+def is_unclear(topic: Topic) -> bool:
+    """Return whether an image's name does not say whether it is colour or depth, and its pixels are not known."""
+    if topic.encoding or READERS.get(topic.type) is not image_candidate:
+        return False
+    found = _read(topic, IMAGES)
+    return found is not None and not found.said & (COLORS | GREYS | DEPTHS)
 
 
 def points_candidate(topic: Topic) -> Candidate | None:
@@ -113,7 +127,7 @@ def _form(topic: Topic) -> int:
 
 def _read(topic: Topic, needed: frozenset[str]) -> Reading | None:
     found = read(image_of(topic.name))
-    return found if found is not None and (not found.said or found.said & needed) else None
+    return found if found is not None and (not found.said or not found.leaf or found.said & needed) else None
 
 
 def _candidate(topic: Topic, found: Reading, stream: Stream, kind: int) -> Candidate:

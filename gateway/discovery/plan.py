@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Final
 
-from gateway.discovery.cameras import best, rectified_first, with_sides_joined
+from gateway.discovery.cameras import SIDES, best, rectified_first, with_sides_joined
 from gateway.discovery.candidates import READERS, Candidate, one_of_each_image, shows_colors
 from gateway.discovery.naming import name_cameras
 from gateway.discovery.reading import Path, read, says_rectified
@@ -13,7 +13,8 @@ from gateway.discovery.sieve import why_not
 from gateway.discovery.topics import Topic, calibrations_of, image_of
 from gateway.discovery.wishes import Wishes
 from gateway.nodes import ros_chunk
-from gateway.translators import StreamKind, camera_info, kind_of, transforms
+from gateway.translators import StreamKind, camera_info, cloud_image, kind_of, transforms
+from schemas.image import DEPTH_ENCODINGS
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.status import MAX_STREAMS
 
@@ -21,6 +22,7 @@ UNNAMED: Final = (
     "not named like a camera's image or points; --discover --cameras NAME=TOPIC or --discover --topics "
     "NAME/STREAM=TOPIC takes it as well"
 )
+NO_COLOR: Final = "its pixels are of an encoding of depth, and its name says infrared"
 NOBODYS: Final = "a calibration or transforms of nothing that is taken"
 TOO_MANY: Final = f"over {MAX_STREAMS} streams, which is the most a gateway offers"
 MAX_CAMERAS: Final = 1_000
@@ -109,6 +111,7 @@ class _Planning:
         return self._published[topic].type if topic in self._published else ""
 
     def discover(self) -> None:
+        self._name_what_is_named()
         looked_at = self._sieved()
         self._take_transforms(looked_at)
         candidates = self._named(self._candidates(looked_at))
@@ -161,32 +164,51 @@ class _Planning:
         for topic in singles:
             candidate = READERS[topic.type](topic)
             if candidate is None:
-                self._left_out[topic.name] = UNNAMED
+                self._left_out[topic.name] = NO_COLOR if topic.encoding in DEPTH_ENCODINGS else UNNAMED
             else:
                 found.append(candidate)
-        return with_sides_joined(found, self._before.names)
+        return with_sides_joined(found, self._names)
 
     def _named(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates of cameras that have a name: at most MAX_CAMERAS in a gateway's life.
-
-        What the settings name is called as they say.
-        """
-        for path, camera in self._named_paths():
-            self._names.setdefault(path, camera)
+        """Return the candidates of cameras that have a name: at most MAX_CAMERAS in a gateway's life."""
         known = set(self._names)
         new = sorted({candidate.path for candidate in candidates} - known)[: max(0, MAX_CAMERAS - len(known))]
         taken = [key.camera.camera for key in self._wishes.named if isinstance(key, StreamKey)]
-        self._names = name_cameras(new, self._wishes.robot, self._names, taken)
+        self._names |= name_cameras(new, self._wishes.robot, self._names_that_tell(candidates), taken)
         for candidate in candidates:
             if candidate.path not in self._names:
                 self._left_out[candidate.topic.name] = f"of more than {MAX_CAMERAS} cameras"
         return [candidate for candidate in candidates if candidate.path in self._names]
 
+    def _names_that_tell(self, candidates: Sequence[Candidate]) -> dict[Path, str]:
+        """Return the names on which those of further cameras depend.
+
+        Those of topics whose names say nothing do not count, unless something is found beside these.
+        """
+        named = [(key.camera.camera, topic) for key, topic in self._wishes.named.items() if isinstance(key, StreamKey)]
+        apart = {camera for camera, _ in named} - {camera for camera, topic in named if read(image_of(topic))}
+        found = {candidate.path for candidate in candidates}
+        return {path: camera for path, camera in self._names.items() if camera not in apart or path in found}
+
+    def _name_what_is_named(self) -> None:
+        """Call the cameras of what the settings name as they say, and the whole of which one is a side."""
+        for path, camera in self._named_paths():
+            self._names.setdefault(path, camera)
+        wholes: dict[Path, set[str]] = {}
+        for path, camera in self._named_paths():
+            if path and path[-1] in SIDES:
+                wholes.setdefault(path[:-1], set()).add(camera)
+        for path, cameras in wholes.items():
+            if len(cameras) == 1:
+                self._names.setdefault(path, *cameras)
+
     def _named_paths(self) -> Iterator[tuple[Path, str]]:
+        """Return the cameras that the settings name; one whose topic's name says nothing is what that is in."""
         for key, topic in self._wishes.named.items():
             found = read(image_of(topic))
-            if isinstance(key, StreamKey) and found is not None:
-                yield found.path, key.camera.camera
+            path = tuple(image_of(topic).strip("/").split("/")[:-1]) if found is None else found.path
+            if isinstance(key, StreamKey) and (path or found):
+                yield path, key.camera.camera
 
     def _wants_rectified(self, key: StreamKey, color: str, depths: Sequence[Candidate], infos: Collection[str]) -> bool:
         """Whether a stream is colour beside rectified depth that has no calibration but colour's.
@@ -211,8 +233,13 @@ class _Planning:
     def _take_colors_of_points(self) -> None:
         """Take the picture in a cloud for the colour of a camera that has no other, where its name says colour."""
         for key, source in list(self._streams.items()):
-            if isinstance(key, StreamKey) and key.stream is Stream.POINTS and shows_colors(source.topic):
+            if isinstance(key, StreamKey) and key.stream is Stream.POINTS and self._shows_colors(source.topic):
                 self._streams.setdefault(StreamKey(key.camera, Stream.COLOR), source)
+
+    def _shows_colors(self, points: str) -> bool:
+        """Whether points are a picture: their name says so, and nothing that was heard of them says otherwise."""
+        heard = self._published[points].encoding if points in self._published else ""
+        return shows_colors(points) and heard in ("", cloud_image.ENCODING)
 
     def _take_infos(self, infos: set[str]) -> None:
         used = {source.topic for source in self._streams.values()}

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Final
 
 Path = tuple[str, ...]
@@ -21,6 +22,10 @@ WORDS: Final = (
 )
 """What names of pictures are made of; what else a chunk says is the camera's name."""
 
+_MODALITIES: Final = COLORS | DEPTHS
+_BEFORE_NAMES: Final = _MODALITIES | {"registered", "aligned", TO}
+"""Words that say what is shown before a camera's name too, or amid it: depth_front, front_depth_camera."""
+
 RECTIFIED: Final = frozenset({"rect", "rectified"}) | DISPARITIES
 """Disparities are of the left one of two rectified pictures."""
 
@@ -39,7 +44,8 @@ NO_PICTURE: Final = re.compile(
 class Reading:
     """What a name says.
 
-    path: the camera. said: words of what is shown. onto: of what it is aligned to. leaf: the last chunk.
+    path: the camera. said: words of what is shown. onto: of what it is aligned to. leaf: the last chunk; empty where
+    that is the camera.
     before: how many words stand between the camera and the leaf.
     """
 
@@ -68,15 +74,32 @@ def read(name: str) -> Reading | None:
     while chunks and not rest:
         rest, words = _split(chunks.pop())
         found.append(words)
-    path = (*chunks, rest) if rest else ()
-    said, onto = _directed(found)
+    path, before_names = _without_modalities([*chunks, rest] if rest else [])
+    said, onto = _directed([*found, *before_names])
     return Reading(path, said, onto, leaf, sum(len(words) for words in found[1:]))
 
 
 def _device(chunks: list[str]) -> Reading | None:
     if not DEVICES & {word.rstrip("0123456789") for word in chunks[-1].lower().split("_")}:
         return None
-    return Reading(tuple(chunks), frozenset(), frozenset(), "", 0)
+    path, words = _without_modalities(chunks)
+    return Reading(path, *_directed(words), "", 0)
+
+
+def _without_modalities(chunks: list[str]) -> tuple[Path, list[list[str]]]:
+    """Return a camera's namespace without the words that say what is shown, and these."""
+    path, words = [], []
+    for chunk in chunks:
+        kept: list[str] = []
+        for is_word, parts in groupby(chunk.split("_"), lambda part: part.lower() in _BEFORE_NAMES):
+            run = list(parts)
+            if is_word and _MODALITIES & {part.lower() for part in run}:
+                words.append([part.lower() for part in run])
+            else:
+                kept += run
+        if rest := "_".join(kept).strip("_"):
+            path.append(rest)
+    return tuple(path), words
 
 
 def _split(chunk: str) -> tuple[str, list[str]]:

@@ -5,6 +5,7 @@ from typing import Final
 
 from gateway.discovery.plan import NOTHING, Plan, Source
 from gateway.discovery.topics import is_topic
+from schemas.keys import Stream, StreamKey
 
 MAX_LISTED: Final = 12
 MAX_SHOWN: Final = 80
@@ -28,8 +29,16 @@ def _streams(now: Plan, before: Plan) -> Iterator[str]:
 
 def _gone(now: Plan, before: Plan) -> Iterator[str]:
     for key in sorted(before.streams.keys() - now.streams.keys(), key=str):
-        topic = before.streams[key].topic
-        yield f"{key.name}: no longer offered, {topic} is {'left out' if topic in now.left_out else 'gone'}"
+        yield f"{key.name}: no longer offered, {_fate(before.streams[key].topic, now)}"
+
+
+def _fate(topic: str, now: Plan) -> str:
+    """Say what a topic is that was another stream's."""
+    user = next((key for key, source in now.streams.items() if source.topic == topic), None)
+    if user is None:
+        return f"{topic} is {'left out' if topic in now.left_out else 'gone'}"
+    of_points = isinstance(user, StreamKey) and user.stream is Stream.POINTS
+    return f"{topic} {'has points and no picture' if of_points else f'is {user.name}'}"
 
 
 def _said(source: Source) -> str:

@@ -14,11 +14,15 @@ TRANSPORTS: Final = ("compressed", "compressedDepth")
 
 @dataclass(frozen=True, slots=True, order=True)
 class Topic:
-    """A published topic. type: empty while it is not known."""
+    """A published topic.
+
+    type, and encoding of an image's pixels or of the picture in a cloud: empty while it is not known.
+    """
 
     name: str
     type: str
     publishers: tuple[str, ...]
+    encoding: str = ""
 
     @property
     def only_gateways(self) -> bool:

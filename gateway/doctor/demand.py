@@ -10,6 +10,7 @@ from gateway.nodes import is_gateway
 from gateway.outgoing.topics import cure, recorders, results_of
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH
+from gateway.translators import kind_of
 from schemas.status import (
     BEYOND_USE,
     ENDED,
@@ -17,6 +18,7 @@ from schemas.status import (
     REPLACED_BEFORE_LINK,
     REPLACED_BEFORE_SHAPING,
     THINNED,
+    TOO_LARGE,
     UNSHAPED,
     UNWANTED,
     StreamStatus,
@@ -30,6 +32,7 @@ _DROPS: Final = {
     BEYOND_USE: "the consumers can use no more: more workers can",
     THINNED: "that is what max_hz is for: raise it if more is needed",
     REPLACED_BEFORE_SHAPING: "this machine compresses slower than the camera sends: lower the rate or the size",
+    TOO_LARGE: "a stream carries no more than 128 MiB at a time: scale it, or have the driver send less",
     UNSHAPED: "this stream's scaling or compression does not suit its images: change it",
     ENDED: "they were on their way when who wanted them or who sent them left; that is how it should be",
     UNWANTED: "they came in the two seconds in which the topic stays subscribed; that is how it should be",
@@ -38,6 +41,7 @@ _LINKS: Final = {
     LinkFailure.UNREACHABLE: "a publisher cannot be reached from the gateway: see the sensors above",
     LinkFailure.REFUSED: "a publisher refuses: restart it",
     LinkFailure.MISMATCH: "publishers of one topic have different types",
+    LinkFailure.TOO_LARGE: "a publisher's messages are over --max-message-mib: raise it, or have it send smaller ones",
     LinkFailure.PROTOCOL: "something answers that is no ROS node: restart the publisher",
     LinkFailure.CLOSED: "a publisher ends its connections: it was restarted, or its network breaks",
 }
@@ -51,6 +55,8 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
     for stream in evidence.streams:
         now = _status_of(account.last.streams, stream.name)
         before = _status_of(account.first.streams, stream.name)
+        if now is None and _has_no_picture(stream):
+            continue  # its sensor's finding says why the gateway does not offer it
         if now is None:
             yield problem(
                 Stage.DEMAND,
@@ -86,6 +92,12 @@ def check_recorders(evidence: Evidence) -> Iterator[Finding]:
                     "all of them of every camera",
                     cure(recorder),
                 )
+
+
+def _has_no_picture(stream: StreamLook) -> bool:
+    """Whether a stream would be the colours of clouds that have none or are not organised, or of which none came."""
+    colours = stream.special == kind_of(stream.key, of_points=True)
+    return colours and (bool(stream.heard.unreadable) or not stream.heard.arrivals_s)
 
 
 def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:

@@ -20,17 +20,19 @@ class Failure(Enum):
     OFF = "it cannot be reached"
     REFUSED = "it refuses"
     FOREIGN = "it speaks another protocol"
+    TOO_LARGE = "its messages are over the limit"
     UNKNOWN = "the master does not know it"
 
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
-    """A failure where it happened; reason is the error in words."""
+    """A failure where it happened; reason is the error in words. size: of a message that is too large, in bytes."""
 
     failure: Failure
     host: str
     port: int
     reason: str = ""
+    size: int = 0
 
     @property
     def where(self) -> str:

@@ -9,10 +9,12 @@ from typing import Final
 from gateway.doctor.evidence import Heard
 from gateway.doctor.reading import stamp_at, stamp_offset, translated
 from gateway.ros1.link import run_link
+from gateway.ros1.messages import definition_of
 from gateway.ros1.resolver import Resolver
 from gateway.ros1.subscriber import Message
 from gateway.ros1.wire.tcpros import (
     ANY,
+    DEFAULT_MAX_MESSAGE_BYTES,
     MessageReceived,
     PublisherAccepted,
     SubscriberConnection,
@@ -36,6 +38,7 @@ class Enough:
     kept: int
 
 
+ONE: Final = Enough(1, 1)
 FEW: Final = Enough(MAX_MESSAGES, KEPT)
 TRANSFORMS: Final = Enough(1_000, 1_000)
 """Each message may have a frame that no other one has."""
@@ -62,7 +65,7 @@ class Ear:
 
     def accepted(self, publisher: PublisherAccepted) -> None:
         self.publisher = publisher
-        self._offset = stamp_offset(publisher.definition)
+        self._offset = stamp_offset(definition_of(publisher))
 
     def hear(self, data: memoryview, now_s: float, now_ns: int) -> None:
         """Note a message's arrival, on a steady clock and on the system's."""
@@ -92,15 +95,25 @@ class Ear:
 
 
 async def listen(
-    address: tuple[str, int], topic: str, ear: Ear, *, callerid: str, seconds: float, patience_s: float
+    address: tuple[str, int],
+    topic: str,
+    ear: Ear,
+    *,
+    callerid: str,
+    seconds: float,
+    patience_s: float,
+    max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
 ) -> None:
     """Listen for so many seconds after the publisher has accepted us, or until it ends the connection.
 
     Raises:
         Ros1Error: there is no such connection, or the publisher does not speak TCPROS.
+        TooLargeError: it sends a message of more than `max_message_bytes`.
     """
     loop = asyncio.get_running_loop()
-    connection = SubscriberConnection(callerid=callerid, topic=topic, expected=TopicType(ANY, ANY))
+    connection = SubscriberConnection(
+        callerid=callerid, topic=topic, expected=TopicType(ANY, ANY), max_message_bytes=max_message_bytes
+    )
     with suppress(TimeoutError):
         async with asyncio.timeout(2 * patience_s) as deadline:
 

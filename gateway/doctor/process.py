@@ -19,7 +19,7 @@ from gateway.doctor.reaching import look_at_host
 from gateway.doctor.report import as_json, as_text
 from gateway.doctor.robot import RobotVisit
 from gateway.doctor.settings import DoctorSettings
-from gateway.doctor.topics import beside, left_out, planned, undiscovered
+from gateway.doctor.topics import beside, left_out, planned, to_sample, undiscovered
 
 MAX_WIDTH: Final = 120
 UNWELL: Final = 1
@@ -69,7 +69,12 @@ async def examine(settings: DoctorSettings) -> Evidence:
 async def _visit(settings: DoctorSettings) -> Evidence:
     """Look at the master, then at the topics of the streams and at those that tell about them."""
     async with PoliteClient(timeout=settings.patience_s) as client:
-        visit = RobotVisit(client, seconds=settings.seconds, patience_s=settings.patience_s)
+        visit = RobotVisit(
+            client,
+            seconds=settings.seconds,
+            patience_s=settings.patience_s,
+            max_message_bytes=settings.max_message_bytes,
+        )
         master = await visit.look_at_master(settings.ros_master)
         evidence = Evidence(
             settings.robot,
@@ -84,7 +89,8 @@ async def _visit(settings: DoctorSettings) -> Evidence:
         if master.graph is None:
             named = tuple(StreamLook(key, topic) for key, topic in settings.streams().items())
             return replace(evidence, streams=named)
-        found = planned(settings, master.graph)
+        encodings = await visit.encodings(to_sample(settings, master.graph), master.graph)
+        found = planned(settings, master.graph, encodings)
         streams = {key: source.topic for key, source in found.streams.items()}
         further = beside(streams, master.graph, sim_time=master.sim_time)
         looks = await visit.look_at_streams({**streams, **further}, master.graph, found.kind_of)

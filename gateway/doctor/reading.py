@@ -6,7 +6,7 @@ from typing import Final
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.subscriber import Message
-from gateway.translators import StreamKind
+from gateway.translators import Repaired, StreamKind
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.header import Header
@@ -50,6 +50,8 @@ def translated(key: SensorKey, kind: StreamKind, message: Message, now_ns: int) 
         if len(message.data) > kind.max_bytes:
             return f"{len(message.data)} bytes, at most {kind.max_bytes} are read"
         return begin()(message, _header(key, now_ns))
+    except Repaired as error:
+        return error.made
     except (Ros1Error, SchemaError) as error:
         return str(error)
 

@@ -3,14 +3,15 @@
 import asyncio
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 from urllib.parse import urlsplit
 
 from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
-from gateway.doctor.listening import FEW, TRANSFORMS, Ear, Enough, listen
+from gateway.doctor.listening import FEW, ONE, TRANSFORMS, Ear, Enough, listen
 from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.errors import (
@@ -19,11 +20,13 @@ from gateway.ros1.errors import (
     LinkRefusedError,
     Ros1Error,
     StatusError,
+    TooLargeError,
     UnreachableError,
 )
 from gateway.ros1.master import MasterClient
-from gateway.ros1.wire.tcpros import PublisherAccepted
+from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES, PublisherAccepted
 from gateway.translators import StreamKind, kind_of
+from gateway.translators.encoding import encoding_of
 from schemas.keys import ROBOT_STREAMS, SensorKey
 
 MAX_PUBLISHERS: Final = 16
@@ -35,13 +38,22 @@ _NO_HEADER: Final = "no connection header"
 class RobotVisit:
     """One look at a robot's ROS graph, under a name of its own that is never registered.
 
-    seconds: how long each publisher is listened to. patience_s: how long each step may take.
+    seconds: how long each publisher is listened to. patience_s: how long each step may take. max_message_bytes: longer
+    messages are not read.
     """
 
-    def __init__(self, client: PoliteClient, *, seconds: float, patience_s: float) -> None:
+    def __init__(
+        self,
+        client: PoliteClient,
+        *,
+        seconds: float,
+        patience_s: float,
+        max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
+    ) -> None:
         self._client = client
         self._seconds = seconds
         self._patience_s = patience_s
+        self._max_message_bytes = max_message_bytes
         self._name = f"/fleetsight_doctor_{uuid.uuid4().hex[:8]}"
         self._room = asyncio.Semaphore(MAX_AT_ONCE)
         self._master: MasterClient | None = None
@@ -80,6 +92,21 @@ class RobotVisit:
         looks = await asyncio.gather(*(self._look_at_topic(*each, graph) for each in by_topic.items()))
         found = {look.key: look for each in looks for look in each}
         return tuple(found[key] for key in streams)
+
+    async def encodings(self, topics: Sequence[str], graph: Graph) -> dict[str, str]:
+        """Return the encodings of the pixels of images of which a first message comes in time."""
+        found = await asyncio.gather(*(self._encoding(topic, graph) for topic in topics))
+        return {topic: encoding for topic, encoding in zip(topics, found, strict=True) if encoding}
+
+    async def _encoding(self, topic: str, graph: Graph) -> str:
+        for node in graph.publishers.get(topic, ())[:MAX_PUBLISHERS]:
+            with suppress(Ros1Error, ValueError):
+                slave = _host_and_port(await self._registered(node))
+                async with self._room:
+                    heard = await self._listen(topic, slave, ONE)
+                if not isinstance(heard, Trouble) and heard[0].kept:
+                    return encoding_of(heard[0].kept[0])
+        return ""
 
     async def _look_at_topic(self, topic: str, kinds: Mapping[SensorKey, StreamKind], graph: Graph) -> list[StreamLook]:
         """Return what each of the streams that are made of the topic would get; kinds: what they carry."""
@@ -122,6 +149,7 @@ class RobotVisit:
     async def _listen(
         self, topic: str, slave: tuple[str, int], enough: Enough
     ) -> tuple[Ear, PublisherAccepted] | Trouble:
+        """Listen to a publisher until there are enough messages, or for as long as there is time."""
         address = await self._reached(*slave)
         if isinstance(address, Trouble):
             return address
@@ -134,7 +162,13 @@ class RobotVisit:
         ear = Ear(uri, enough)
         try:
             await listen(
-                (target, port), topic, ear, callerid=self._name, seconds=self._seconds, patience_s=self._patience_s
+                (target, port),
+                topic,
+                ear,
+                callerid=self._name,
+                seconds=self._seconds,
+                patience_s=self._patience_s,
+                max_message_bytes=self._max_message_bytes,
             )
         except Ros1Error as error:
             return _trouble(error, host, port, silence=_NO_HEADER)
@@ -158,6 +192,8 @@ def _host_and_port(uri: str) -> tuple[str, int]:
 def _trouble(
     error: Ros1Error, host: str, port: int, *, silence: str = "it accepts connections but does not answer"
 ) -> Trouble:
+    if isinstance(error, TooLargeError):
+        return Trouble(Failure.TOO_LARGE, host, port, str(error), error.size)
     match error.__cause__ if isinstance(error, UnreachableError) else None:
         case TimeoutError():
             return Trouble(Failure.SILENT, host, port, silence)

@@ -13,7 +13,9 @@ from gateway.doctor.stamps import check_sim_clock, check_stamps
 from gateway.ros1.errors import UnknownTypeError
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import ANY, TopicType
-from schemas.keys import StreamKey
+from gateway.settings import MIB, MOST_MIB
+from gateway.translators.image import NOT_COLOR
+from schemas.keys import Stream, StreamKey
 
 _START_RIGHT: Final = "start that node with ROS_IP set to its machine's address, and without ROS_HOSTNAME"
 """For a node that tells everybody a wrong address, such as the loopback or one of another day."""
@@ -124,6 +126,8 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
             )
         case Failure.UNKNOWN:
             return (f"{publisher.node} left the master just now", "start it again, or ask the doctor again")
+        case Failure.TOO_LARGE:
+            return f"{publisher.node} sends {trouble.reason}", _advice_on_size(trouble.size)
         case Failure.REFUSED | Failure.FOREIGN:
             return (
                 f"{publisher.node} refuses its subscribers: {trouble.reason}",
@@ -134,6 +138,14 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
                 f"{publisher.node} does not answer at {trouble.where} ({trouble.reason or trouble.failure.value})",
                 f"does it hang, or is a firewall in between (ROS nodes listen on any free port)? Or {_START_RIGHT}",
             )
+
+
+def _advice_on_size(size: int) -> str:
+    smaller = "have the driver send smaller or compressed messages"
+    needed_mib = -(-size // MIB)
+    if needed_mib > MOST_MIB:
+        return smaller
+    return f"give the gateway --max-message-mib {needed_mib} or more, or {smaller}"
 
 
 def _other_version(stream: StreamLook, found: TopicType) -> str:
@@ -151,6 +163,13 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
     heard, subject = publisher.heard, stream.subject
     if not heard.arrivals_s:
         yield _nothing_heard(stream, publisher, evidence)
+    elif NOT_COLOR in heard.unreadable and isinstance(stream.key, StreamKey):
+        yield problem(
+            Stage.SENSORS,
+            subject,
+            f"{publisher.node} sends depth, which is used as colour: {heard.unreadable}",
+            f"name it as depth: --topics {stream.key.camera.camera}/{Stream.DEPTH}={stream.topic}",
+        )
     elif heard.unreadable:
         yield problem(
             Stage.SENSORS,

@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
 
-from gateway.discovery import Plan, plan
+from gateway.discovery import Plan, plan, unclear
 from gateway.discovery.plan import INFOS
 from gateway.discovery.sieve import OF_GATEWAYS, TYPES
 from gateway.discovery.topics import calibrations_of, topics_of
@@ -14,10 +16,18 @@ from gateway.settings import GatewaySettings
 from gateway.translators.camera_info import TYPE_NAME as CAMERA_INFO
 from schemas.keys import TF, TF_STATIC, SensorKey, StreamKey, owner_of, sensor_key
 
+NOTHING_HEARD: Final[Mapping[str, str]] = MappingProxyType({})
 
-def planned(settings: GatewaySettings, graph: Graph) -> Plan:
-    """Return what a gateway with the settings would take, were it started now."""
-    return plan(topics_of(graph.publishers, graph.types), settings.wishes())
+
+def planned(settings: GatewaySettings, graph: Graph, encodings: Mapping[str, str] = NOTHING_HEARD) -> Plan:
+    """Return what a gateway with the settings would take, were it started now. encodings: of images, by topic."""
+    topics = topics_of(graph.publishers, graph.types)
+    return plan([replace(each, encoding=encodings.get(each.name, "")) for each in topics], settings.wishes())
+
+
+def to_sample(settings: GatewaySettings, graph: Graph) -> list[str]:
+    """Return the topics of images of which the gateway looks at one message first."""
+    return [topic.name for topic in unclear(topics_of(graph.publishers, graph.types), settings.wishes())]
 
 
 def undiscovered(settings: GatewaySettings, graph: Graph) -> list[str]:

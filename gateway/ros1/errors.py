@@ -5,6 +5,7 @@ Ros1Error
 ├── WireError               bytes that are not the protocol
 │   ├── HeaderError         a connection header
 │   ├── TcprosError         a TCPROS stream after or around its header
+│   │   └── TooLargeError       a message over the limit of whoever subscribes
 │   ├── HttpError           HTTP under XML-RPC
 │   └── XmlRpcError         an XML-RPC body, or a value that cannot become one
 ├── MessageError            bytes that are not a message of the given type, or the reverse
@@ -51,6 +52,15 @@ class HeaderError(WireError):
 
 class TcprosError(WireError):
     """A TCPROS stream that is malformed or over a limit."""
+
+
+class TooLargeError(TcprosError):
+    """A message that is larger than its subscriber reads. size, limit: both in bytes."""
+
+    def __init__(self, size: int, limit: int) -> None:
+        super().__init__(f"a message of {size:,} bytes, over the limit of {limit:,}")
+        self.size = size
+        self.limit = limit
 
 
 class HttpError(WireError):

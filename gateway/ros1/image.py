@@ -51,7 +51,7 @@ def decode_image(message: bytes | bytearray | memoryview) -> Image:
         encoding, at = read_text(TYPE_NAME, view, at + _SIZE.size + _LENGTH.size, length)
         bigendian, step = _ROW.unpack_from(view, at)
         (length,) = _LENGTH.unpack_from(view, at + _ROW.size)
-    except (struct.error, UnicodeDecodeError) as error:
+    except struct.error as error:
         raise MessageError(f"{len(view)} bytes are not a {TYPE_NAME}: {error}") from error
     data = view[at + _ROW.size + _LENGTH.size :]
     if len(data) != length:

@@ -11,7 +11,7 @@ from gateway.ros1.msg.catalogue import DEFINITIONS, REQUEST, RESPONSE, SERVICES
 from gateway.ros1.msg.codec import NOT_SUCH_A_MESSAGE, Codec, Duration, Time, compiled
 from gateway.ros1.msg.digest import md5sum, whole_text
 from gateway.ros1.names import validate_type
-from gateway.ros1.wire.tcpros import ANY, TopicType
+from gateway.ros1.wire.tcpros import ANY, PublisherAccepted, TopicType
 
 __all__ = [
     "ANY_TYPE",
@@ -19,6 +19,7 @@ __all__ = [
     "MessageType",
     "ServiceType",
     "Time",
+    "definition_of",
     "deserialise",
     "message_type",
     "new_message",
@@ -65,6 +66,17 @@ def message_type(name: str) -> MessageType:
         return ANY_TYPE
     _check_known(name, name in DEFINITIONS)
     return MessageType(name, md5sum(DEFINITIONS, name), whole_text(DEFINITIONS, name))
+
+
+def definition_of(publisher: PublisherAccepted) -> str:
+    """Return the whole definition of what a publisher sends; some clients send none, and it may be known here."""
+    if publisher.definition or publisher.type.name == ANY:
+        return publisher.definition
+    try:
+        known = message_type(publisher.type.name)
+    except UnknownTypeError:
+        return ""
+    return known.definition if known.md5sum == publisher.type.md5sum else ""
 
 
 @cache

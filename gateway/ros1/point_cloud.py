@@ -53,7 +53,7 @@ def decode_point_cloud(message: bytes | bytearray | memoryview) -> PointCloud:
     view = memoryview(message)
     try:
         return _decode(view)
-    except (struct.error, UnicodeDecodeError) as error:
+    except struct.error as error:
         raise MessageError(f"{len(view)} bytes are not a {TYPE_NAME}: {error}") from error
 
 

@@ -8,17 +8,16 @@ MAX_TEXT_BYTES = 1024
 
 
 def read_text(type_name: str, view: memoryview, at: int, length: int) -> tuple[str, int]:
-    """Return a message's text of `length` bytes, and where it ends.
+    """Return a message's text of `length` bytes, and where it ends; bytes that are not UTF-8 are U+FFFD.
 
     Raises:
         MessageError: it is too long, or cut off.
-        UnicodeDecodeError: it is no text.
 
     """
     end = at + length
     if length > MAX_TEXT_BYTES or end > len(view):
         raise MessageError(f"{type_name} with a text of {length} bytes")
-    return str(view[at:end], "utf-8"), end
+    return str(view[at:end], "utf-8", "replace"), end
 
 
 def encode_text(type_name: str, text: str) -> bytes:

@@ -17,6 +17,7 @@ from gateway.ros1.errors import (
     LinkRefusedError,
     Ros1Error,
     StatusError,
+    TooLargeError,
     TypeMismatchError,
     UnreachableError,
 )
@@ -51,6 +52,7 @@ class LinkFailure(StrEnum):
     UNREACHABLE = "unreachable"
     REFUSED = "refused"
     MISMATCH = "type mismatch"
+    TOO_LARGE = "message too large"
     PROTOCOL = "protocol error"
     CLOSED = "closed by the publisher"
 
@@ -275,5 +277,7 @@ def _failure_of(error: Ros1Error) -> LinkFailure:
             return LinkFailure.REFUSED
         case UnreachableError() | InvalidNameError():
             return LinkFailure.UNREACHABLE
+        case TooLargeError():
+            return LinkFailure.TOO_LARGE
         case _:
             return LinkFailure.PROTOCOL

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from gateway.shaping.rhythm import Rhythm
+from gateway.shaping.token_bucket import SECOND_NS, TokenBucket
 from gateway.shaping.uplink import Moment
 
-SECOND_NS: Final = 1_000_000_000
 SAME_NS: Final = 5_000_000
 """Stamps that differ by no more are one instant."""
 
@@ -105,14 +105,23 @@ def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
 
 @dataclass(slots=True)
 class _Stream:
-    """alone, missed: since it last met another, its frames that met none, and those of others that did not meet it."""
+    """What is known of a stream.
+
+    limit: on what it sends. alone, missed: since it last met another, its frames that met none, and those of others
+    that did not meet it.
+    """
 
     run: _Run
-    rate: float = 0
+    limit: TokenBucket = field(default_factory=lambda: TokenBucket(0))
     last_ns: int = 0
     rhythm: Rhythm = field(default_factory=Rhythm)
     alone: int = 0
     missed: int = 0
+
+    @property
+    def rate(self) -> float:
+        """The most frames a second of it."""
+        return self.limit.hz
 
     @property
     def is_alone(self) -> bool:
@@ -121,7 +130,10 @@ class _Stream:
 
 
 class Instants:
-    """Picks `max_hz` instants a second of ROS time, for all streams of one camera together.
+    """Picks `max_hz` instants a second, for all streams of one camera together.
+
+    Stamps say which instants, and the clock of this machine how many: stamps that step back, that come from several
+    clocks at once or that run ahead of it, as those of a bag that is played fast, have no more frames sent.
 
     Whoever has the first frame of an instant decides on it, and that holds for all: whatever a stream missed, it sends
     no frame whose instant another stream left out, nor the other way round. What is picked at a lower rate is picked at
@@ -133,17 +145,24 @@ class Instants:
         self._moments = 0
         self._newest = _Run(self._moment)
         self._streams: dict[str, _Stream] = {}
+        self._limits: dict[float, TokenBucket] = {}
 
     def pick(self, stream: str, stamp_ns: int, received_ns: int, max_hz: float) -> bool:
         """Return whether a frame of a stream is sent.
 
         stamp_ns: the sensor's stamp; where it is 0, or one that the stream has used before, received_ns stands for it.
+        received_ns: when it came, by this machine's clock.
         """
         state, instant = self._meet(stream, stamp_ns, received_ns)
-        state.rate = max_hz
+        if state.rate != max_hz:
+            state.limit = TokenBucket(max_hz)
+        has_room = state.limit.has_room(received_ns)
         if max_hz not in instant.picked:
-            self._decide(stream, state, instant)
-        return instant.picked[max_hz]
+            self._decide(stream, state, instant, received_ns)
+        if not (instant.picked[max_hz] and has_room):
+            return False
+        state.limit.take()
+        return True
 
     def moment(self, stream: str, stamp_ns: int, received_ns: int) -> Moment | None:
         """Return what a stream's frame shares with those of other streams; None where it never is of their instants.
@@ -189,16 +208,21 @@ class Instants:
                 other.missed += 1
         instant.streams.add(stream)
 
-    def _decide(self, stream: str, state: _Stream, instant: _Instant) -> None:
+    def _decide(self, stream: str, state: _Stream, instant: _Instant, received_ns: int) -> None:
         if state.is_alone:
             instant.picked[state.rate] = state.run.take_turn(stream, state.rate, instant.stamp_ns)
             return
         awaited = self._awaited(state, instant.stamp_ns)
         picked = True
-        for rate in sorted({each.rate for each in self._streams.values()}, reverse=True):
+        rates = sorted({each.rate for each in self._streams.values()}, reverse=True)
+        self._limits = {rate: self._limits.get(rate) or TokenBucket(rate) for rate in rates}
+        for rate, limit in self._limits.items():
             picked = picked and instant.picked.get(rate, True)
             if picked and rate not in instant.picked:
-                picked = state.run.take_turn(TOGETHER, rate, instant.stamp_ns, awaited)
+                picked = limit.has_room(received_ns)
+                picked = picked and state.run.take_turn(TOGETHER, rate, instant.stamp_ns, awaited)
+                if picked:
+                    limit.take()
             instant.picked.setdefault(rate, picked)
 
     def _awaited(self, state: _Stream, stamp_ns: int) -> list[int]:

@@ -5,10 +5,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from typing import Final
 
 from bus import Payload, Pieces, Publisher
 from gateway.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.shaping.counts import OutletCounts
+from gateway.shaping.paced_queue import PacedQueue
 from gateway.shaping.pacer import Pacer
 from gateway.shaping.scaling import scale_info
 from gateway.shaping.uplink import Moment
@@ -19,9 +21,12 @@ from schemas.compression import RAW
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import SensorKey, Stream
-from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
 
 log = logging.getLogger(__name__)
+
+LARGEST: Final = max(codec.MAX_BYTES.values())
+"""What any receiver reads at most, in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +66,7 @@ class Outlet:
         self._plan = plan
         self._workshop = workshop
         self._pacer = pacer
+        self._queue = None if pacer is None else PacedQueue(pacer, self._send)
         self._dropped: Counter[str] = Counter()
         self._bytes = 0
         self._compression = ""
@@ -80,7 +86,7 @@ class Outlet:
             return
         if isinstance(message, CameraInfo) and self._plan.factor > 1:
             message = scale_info(message, self._plan.factor, depth=self._key.stream == Stream.DEPTH_INFO)
-        self._pass_on(codec.encode(message))
+        self._pass_on_in_order(codec.encode(message))
 
     def _put_frame(self, frame: Frame, *, may_be_last: bool) -> None:
         factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
@@ -103,17 +109,44 @@ class Outlet:
         self._dropped[UNSHAPED] += 1
         log.warning("%s: frame left out: %s", self._key, error)
 
-    def _pass_on(self, payload: Payload, moment: Moment | None = None) -> None:
-        if self._pacer is None:
+    def _pass_on_in_order(self, payload: Payload) -> None:
+        """Send what is no frame: as far as the budget may hold it up at all, it waits behind what came before."""
+        if not self._fits(payload):
+            return
+        if self._pacer is None or self._queue is None:
             self._send(payload)
         elif self._plan.all_here():
-            self._dropped[OVER_BUDGET] += self._pacer.discard(self)
+            self._queue.flush()
             self._send(payload)
         elif not self._plan.droppable:
             self._pacer.charge(len(payload))
             self._send(payload)
         else:
+            self._dropped[OVER_BUDGET] += self._queue.put(payload)
+
+    def _pass_on(self, payload: Payload, moment: Moment | None = None) -> None:
+        if not self._fits(payload):
+            return
+        if self._pacer is None:
+            self._send(payload)
+        elif self._plan.all_here():
+            self._dropped[OVER_BUDGET] += self._pacer.discard(self)
+            self._send(payload)
+        else:
             self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send, moment=moment, lose=self._lose)
+
+    def _fits(self, payload: Payload) -> bool:
+        """Return whether receivers read a payload of such a size; count it otherwise."""
+        if len(payload) <= LARGEST:
+            return True
+        self._dropped[TOO_LARGE] += 1
+        log.warning(
+            "%s: message of %d bytes left out: at most %d are carried; --scale makes images smaller",
+            self._key,
+            len(payload),
+            LARGEST,
+        )
+        return False
 
     def _lose(self) -> None:
         self._dropped[OVER_BUDGET] += 1
@@ -128,6 +161,8 @@ class Outlet:
             self._dropped[ENDED] += self._workshop.leave(self)
         if self._pacer is not None:
             self._dropped[ENDED] += self._pacer.discard(self)
+        if self._queue is not None:
+            self._dropped[ENDED] += self._queue.close()
 
 
 OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 
-from bus import Bus, Publisher, QoS
+from bus import Bus, Publisher
 from gateway.shaping.compression import NONE
 from gateway.shaping.consumers import Consumers
 from gateway.shaping.instants import Instants, Thinning
@@ -50,7 +50,7 @@ class Shaping:
 
     def thinning(self, key: SensorKey) -> Thinning | None:
         """Return what leaves out a stream's frames beyond its rate; None where nothing ever may be."""
-        if kind_of(key).qos is not QoS.IMAGE:
+        if not kind_of(key).is_droppable:
             return None
         sharing = _sharing(key)
         return Thinning(lambda: self._shared[sharing].picked, key.stream, self._settings.max_hz_of(key.name))
@@ -82,13 +82,13 @@ class Shaping:
 
     def _plan(self, key: SensorKey) -> Plan:
         if not isinstance(key, StreamKey):
-            return Plan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).qos is QoS.IMAGE)
+            return Plan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
         return Plan(
             factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),
             method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
             all_here=partial(self._consumers.all_here, key),
-            droppable=kind_of(key).qos is QoS.IMAGE,
+            droppable=kind_of(key).is_droppable,
             moment_of=self._moment_of(key),
         )
 

@@ -10,7 +10,7 @@ from gateway.translators import camera_info, compressed_image, disparity, raw
 from gateway.translators import transforms as tf
 from gateway.translators.camera_info import camera_info as info
 from gateway.translators.cloud_image import cloud_image
-from gateway.translators.image import depth, image
+from gateway.translators.image import color, depth
 from gateway.translators.points import point_cloud
 from gateway.translators.stream_kind import MIB, StreamKind, each
 from schemas.camera_info import CameraInfo
@@ -26,7 +26,7 @@ _KINDS: Final[dict[str, StreamKind]] = {
     Stream.COLOR: StreamKind(
         ImageFrame,
         QoS.IMAGE,
-        {ros_image.TYPE_NAME: each(image), compressed_image.TYPE_NAME: each(compressed_image.compressed_image)},
+        {ros_image.TYPE_NAME: each(color), compressed_image.TYPE_NAME: each(compressed_image.compressed_color)},
     ),
     Stream.DEPTH: StreamKind(
         ImageFrame,
@@ -45,7 +45,7 @@ _KINDS: Final[dict[str, StreamKind]] = {
         Transforms, QoS.RESULT, dict.fromkeys(tf.TYPE_NAMES, tf.StaticTransforms), max_bytes=4 * MIB, merges=True
     ),
     TEXT: StreamKind(Text, QoS.RESULT, {raw.STRING: each(raw.text)}, max_bytes=MIB),
-    ROS: StreamKind(RawMessage, QoS.IMAGE, {ANY: each(raw.raw)}),  # they may be large: the newest wins
+    ROS: StreamKind(RawMessage, QoS.MESSAGE, {ANY: each(raw.raw)}),
 }
 
 _INFO_OF_RECTIFIED: Final = StreamKind(

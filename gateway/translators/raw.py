@@ -4,6 +4,7 @@ import struct
 from typing import Final
 
 from gateway.ros1.errors import MessageError
+from gateway.ros1.messages import definition_of
 from gateway.ros1.subscriber import Message
 from gateway.translators.stream_kind import label
 from schemas.errors import SchemaError
@@ -28,15 +29,16 @@ def text(message: Message, header: Header) -> Text:
 def raw(message: Message, header: Header) -> RawMessage:
     """Put a message of any type into an envelope."""
     publisher = message.publisher
-    if len(publisher.definition) > MAX_DEFINITION:
-        raise SchemaError(f"{publisher.type.name[:80]} with a definition of {len(publisher.definition)} characters")
+    definition = definition_of(publisher)
+    if len(definition) > MAX_DEFINITION:
+        raise SchemaError(f"{publisher.type.name[:80]} with a definition of {len(definition)} characters")
     if len(publisher.type.md5sum) > MAX_MD5:
         raise SchemaError(f"{publisher.type.name[:80]} with an md5sum of {len(publisher.type.md5sum)} characters")
     return RawMessage(
         header=header,
         type=label("type", publisher.type.name),
         md5=publisher.type.md5sum,
-        definition=publisher.definition,
+        definition=definition,
         latched=publisher.latching,
         data=memoryview(message.data),
     )

@@ -18,7 +18,8 @@ MIB: Final = 1 << 20
 Translate = Callable[[Message, Header], codec.Message]
 """Given a ROS message and a header without stamp and frame_id, returns the fleet's own message.
 
-Raises MessageError or SchemaError for bytes that are not such a message, Incomplete for those of which a part is.
+Raises MessageError or SchemaError for bytes that are not such a message, Incomplete for those of which a part is, and
+Repaired for those that contradict themselves and can mean one thing only.
 """
 
 
@@ -29,6 +30,18 @@ class Incomplete(SchemaError):  # noqa: N818 - it is one only to those who want 
         super().__init__(f"sent without {left_out} {what}")
         self.rest = rest
         self.left_out = left_out
+
+
+class Repaired(SchemaError):  # noqa: N818 - it is one only to those who want messages without faults
+    """A message that was put right. made: what it says."""
+
+    def __init__(self, made: codec.Message, what: str) -> None:
+        super().__init__(f"sent repaired: {what}")
+        self.made = made
+
+
+class NotOrganised(SchemaError):  # noqa: N818 - a cloud without the rows and colours of a picture is sound
+    """A cloud is no picture. With its driver's settings as they are, no other one will be."""
 
 
 @runtime_checkable
@@ -50,8 +63,13 @@ class StreamKind:
     schema: type[codec.Message]
     qos: QoS
     translators: Mapping[str, Callable[[], Translate]]
-    max_bytes: int = 64 * MIB
+    max_bytes: int = 1024 * MIB
     merges: bool = False
+
+    @property
+    def is_droppable(self) -> bool:
+        """Whether messages are left out where there are more than the settings or the link allow."""
+        return self.qos in (QoS.IMAGE, QoS.MESSAGE)
 
     @property
     def encoding(self) -> str:

@@ -67,6 +67,22 @@ def test_messages_wait_for_admission_and_the_oldest_go_first(lane: Lane) -> None
     assert (writer.written, writer.dropped) == ([b"2", b"3"], 1)
 
 
+def test_so_many_wait_as_each_message_says_before_admission_and_after_it() -> None:
+    lane, writer = Lane("test", depth=1), Recorder()
+    lane.offer(writer, b"large")
+    for payload in (b"1", b"2", b"3"):
+        lane.offer(writer, payload, 3)
+    lane.admit(writer)
+    lane.retire(writer, PATIENCE_S)
+    assert (writer.written, writer.dropped) == ([b"1", b"2", b"3"], 1)
+    lane.offer(writer, b"4", 3)
+    lane.offer(writer, b"larger")
+    lane.admit(writer)
+    lane.retire(writer, PATIENCE_S)
+    lane.stop(PATIENCE_S)
+    assert (writer.written[3:], writer.dropped) == ([b"larger"], 2)
+
+
 def test_a_writer_that_is_stuck_loses_its_oldest_and_retires_without_the_rest(lane: Lane) -> None:
     writer = Recorder()
     writer.gate.clear()

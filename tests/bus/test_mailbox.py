@@ -50,6 +50,14 @@ def test_per_key_forgets_a_discarded_key() -> None:
     assert box.take() is None
 
 
+def test_per_key_lets_fewer_wait_with_an_item_that_says_so() -> None:
+    box: PerKey[str, int] = PerKey()
+    assert [box.offer("a", number, depth=3) for number in range(4)] == [0, 0, 0, 1]
+    assert box.offer("a", 4) == 3
+    assert [box.offer("a", number, depth=3) for number in (5, 6, 7)] == [0, 0, 1]
+    assert box.take() == Taken("a", 5, 5)
+
+
 @given(steps, st.integers(1, 3))
 def test_per_key_against_a_model(steps: list[str | None], depth: int) -> None:
     box: PerKey[str, int] = PerKey(depth)

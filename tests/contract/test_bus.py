@@ -9,6 +9,8 @@ import pytest
 from bus import (
     LATEST,
     QUEUE,
+    SMALL_BYTES,
+    SMALL_WAITING,
     Bus,
     Pieces,
     Presence,
@@ -59,6 +61,32 @@ async def test_whole_frames_arrive(buses: tuple[Bus, Bus], *, history: bool, pie
         sample = await next_of(subscription)
         assert sample.payload == frame
         assert sample.encoding == "application/octet-stream"
+
+
+async def test_small_messages_are_queued_and_not_kept(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    burst = [b"%d" % number for number in range(SMALL_WAITING)]
+    async with here.subscribe(KEY, QUEUE(99)) as subscription, there.publisher(KEY, QoS.MESSAGE) as out:
+        await until(lambda: out.wanted)
+        for payload in burst:
+            out.put(payload)
+        assert [(await next_of(subscription)).payload for _ in burst] == burst
+        assert (out.counts.put, out.counts.dropped) == (len(burst), 0)
+        async with here.subscribe(KEY, QUEUE(9)) as late:
+            out.put(b"now")
+            assert (await next_of(late)).payload == b"now"
+
+
+async def test_a_large_message_arrives_whole(buses: tuple[Bus, Bus]) -> None:
+    here, there = buses
+    large = bytes(range(256)) * (SMALL_BYTES // 128)
+    async with here.subscribe(KEY, LATEST, history=False) as subscription, there.publisher(KEY, QoS.MESSAGE) as out:
+        await until(lambda: out.wanted)
+        async with asyncio.timeout(PATIENCE_S):
+            while not subscription.counts.received:  # large ones may be dropped
+                out.put(large)
+                await asyncio.sleep(0.05)
+        assert (await next_of(subscription)).payload == large
 
 
 async def test_a_bus_hears_itself(buses: tuple[Bus, Bus]) -> None:

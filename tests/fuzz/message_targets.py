@@ -23,6 +23,7 @@ from tests.fuzz.target import LeftOutError, Target
 from tests.gateway import sensing
 from tests.gateway.ros1.goldens import IMAGE
 from tests.gateway.ros1.msg.building import built
+from tests.gateway.translators.rvl_coding import rvl_of
 from tests.gateway.translators.translating import forward
 from tests.schemas.pictures import file_of
 from tests.schemas.test_codec import MESSAGES
@@ -121,6 +122,7 @@ STREAMS: list[tuple[str, Message]] = [
         "front/depth",
         sensing.compressed("32FC1; compressedDepth", struct.pack("<iff", 0, 1, 2) + file_of(MILLIMETRES, ".png")),
     ),
+    ("rear/depth", sensing.compressed("16UC1; compressedDepth rvl", bytes(12) + rvl_of(MILLIMETRES + 5))),
     ("front/depth", sensing.disparity(np.ones((2, 3), np.float32))),
     ("front/info", sensing.camera_info()),
     ("front/points", sensing.point_cloud()),

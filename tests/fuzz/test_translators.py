@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.subscriber import Message
 from gateway.stream import MALFORMED
+from gateway.translators.encodings import CONVERTERS
 from schemas import codec
 from schemas.image import BYTES_PER_PIXEL
 from tests.gateway import sensing
 from tests.gateway.sensing import received
+from tests.gateway.translators.rvl_coding import rvl_of
 from tests.gateway.translators.translating import forward
 from tests.schemas.pictures import file_of
 
@@ -25,7 +27,7 @@ images = st.builds(
     frame_id=st.text(max_size=20),
     height=small | uint32,
     width=small | uint32,
-    encoding=st.sampled_from([*sorted(BYTES_PER_PIXEL), ""]) | st.text(max_size=10),
+    encoding=st.sampled_from([*sorted(BYTES_PER_PIXEL), *CONVERTERS, ""]) | st.text(max_size=10),
     is_bigendian=st.booleans(),
     step=small | uint32,
     data=st.binary(max_size=64).map(memoryview),
@@ -35,6 +37,7 @@ SENT: list[tuple[str, Message]] = [
     ("front/points", sensing.point_cloud()),
     ("front/color", sensing.compressed("jpeg", file_of(np.zeros((2, 3), np.uint8), ".jpg"))),
     ("front/depth", sensing.compressed("16UC1; compressedDepth", bytes(12) + file_of(np.zeros((2, 3), "u2"), ".png"))),
+    ("front/depth", sensing.compressed("16UC1; compressedDepth rvl", bytes(12) + rvl_of(np.ones((2, 3), np.uint16)))),
     ("front/depth", sensing.disparity(np.ones((2, 3), np.float32))),
     ("text/mode", sensing.text("ready")),
     ("ros/mode", sensing.text("ready")),
@@ -42,7 +45,9 @@ SENT: list[tuple[str, Message]] = [
     ("tf_static", sensing.tf(sensing.transform("lens"), sensing.transform("lidar"))),
 ]
 
-IDS = [f"{name}-{message.publisher.type.name.partition('/')[2]}" for name, message in SENT]
+IDS = [
+    f"{number}-{name}-{message.publisher.type.name.partition('/')[2]}" for number, (name, message) in enumerate(SENT)
+]
 by_stream = pytest.mark.parametrize(("name", "message"), SENT, ids=IDS)
 
 

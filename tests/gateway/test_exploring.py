@@ -12,7 +12,7 @@ from gateway.discovery.sightings import Sightings
 from gateway.exploring import Explorer
 from gateway.nodes import node_name
 from gateway.offers import Offers
-from gateway.ros1.image import TYPE_NAME
+from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.rosmaster import RosMaster
 from gateway.settings import GatewaySettings
@@ -20,6 +20,7 @@ from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.offering import new_offers
 from tests.gateway.ros1.waiting import until
+from tests.gateway.translators.test_cloud_image import EMPTY, UNORDERED, colored
 
 FRONT = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 FRONT_TOPIC, REAR_TOPIC = "/front/color/image_raw", "/rear/color/image_raw"
@@ -168,3 +169,104 @@ async def test_a_master_that_restarts_or_stays_away_withdraws_nothing() -> None:
         async with late.advertise(REAR_TOPIC, TYPE_NAME):
             await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
         await rig.until_offered(FRONT_TOPIC)
+
+
+def picture(encoding: str) -> bytes:
+    return encode_image(Image(1, 1, 0, "lens", 1, 2, encoding, is_bigendian=False, step=8, data=memoryview(bytes(8))))
+
+
+async def test_depth_is_found_by_its_pixels_and_listened_to_no_longer_than_that(master: RosMaster) -> None:
+    depth, color = "/oak/stereo/image_raw", "/oak/rgb/image_raw"
+    async with (
+        exploring(master.uri, hold_s=600) as rig,
+        Node("/oak", master_uri=master.uri) as oak,
+        oak.advertise(color, TYPE_NAME),
+        oak.advertise(depth, TYPE_NAME) as publication,
+    ):
+        await until(lambda: publication.subscriber_count == 1, "it is looked at")
+        while not {"oak/depth"} & {key.name for key in rig.explorer.plan.streams}:
+            publication.publish(picture("16UC1"))
+            await asyncio.sleep(0.01)
+        assert {key.name: source.topic for key, source in rig.explorer.plan.streams.items()} == {
+            "oak/color": color,
+            "oak/depth": depth,
+        }
+        await until(lambda: publication.subscriber_count == 0, "it is looked at no longer")
+
+
+async def test_a_name_counts_while_nothing_is_sent_and_pixels_as_soon_as_something_is(master: RosMaster) -> None:
+    topic = "/oak/stereo/image_raw"
+    async with (
+        exploring(master.uri, hold_s=600) as rig,
+        Node("/oak", master_uri=master.uri) as oak,
+        oak.advertise(topic, TYPE_NAME) as publication,
+    ):
+        await until(lambda: [key.name for key in rig.explorer.plan.streams] == ["stereo/color"], "by its name")
+        publication.publish(picture("32FC1"))
+        await until(lambda: [key.name for key in rig.explorer.plan.streams] == ["stereo/depth"], "by its pixels")
+
+
+async def test_a_topic_that_is_gone_is_listened_to_no_longer(master: RosMaster) -> None:
+    async with exploring(master.uri, hold_s=0.1) as rig, Node("/oak", master_uri=master.uri) as oak:
+        async with oak.advertise("/oak/image_raw", TYPE_NAME):
+            await until(lambda: "/oak/image_raw" in rig.node.subscriptions(), "it is listened to")
+        await until(lambda: "/oak/image_raw" not in rig.node.subscriptions(), "it is not")
+
+
+async def test_a_driver_of_unordered_clouds_has_no_colour_until_it_is_started_anew(
+    master: RosMaster, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    topic = "/camera/depth/color/points"
+
+    def offered() -> list[str]:
+        return [status.stream for status in rig.offers.streams()]
+
+    async with exploring(master.uri) as rig, Node("/realsense", master_uri=master.uri) as driver:
+        async with driver.advertise(topic, POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "its name promises colour")
+            for cloud in (b"", bytes(EMPTY.data)):  # they tell nothing
+                publication.publish(cloud)
+            publication.publish(bytes(UNORDERED.data))
+            await until(lambda: publication.subscriber_count == 0, "its clouds are no pictures")
+            await asyncio.sleep(0.2)
+            assert offered() == ["points"]
+        await until(lambda: not offered(), "the topic is gone")
+        async with driver.advertise(topic, POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "its name promises colour again")
+            publication.publish(bytes(colored().data))
+            await until(lambda: offered() == ["color", "points"], "its clouds are pictures")
+            await until(lambda: publication.subscriber_count == 0, "it is listened to no longer")
+    assert caplog.messages.count(f"{topic}: its points are no picture, so they give their camera no colour") == 1
+    assert "camera/color: /camera/depth/color/points (sensor_msgs/PointCloud2)" in caplog.messages
+
+
+async def test_a_cloud_is_listened_to_no_longer_when_it_is_gone(master: RosMaster) -> None:
+    async with exploring(master.uri) as rig, Node("/realsense", master_uri=master.uri) as driver:
+        async with driver.advertise("/camera/rgb/points", POINTS) as publication:
+            await until(lambda: publication.subscriber_count == 1, "it is listened to")
+        await until(lambda: not rig.node.subscriptions(), "it is listened to no longer")
+
+
+async def test_no_cloud_is_listened_to_while_an_image_may_be_the_colour(master: RosMaster) -> None:
+    image, points = "/camera/image_raw", "/camera/rgb/points"
+    async with (
+        exploring(master.uri, hold_s=600) as rig,
+        Node("/driver", master_uri=master.uri) as driver,
+        driver.advertise(points, POINTS) as cloud,
+        driver.advertise(image, TYPE_NAME) as publication,
+    ):
+        await until(lambda: publication.subscriber_count == 1, "the image is looked at")
+        await rig.until_offered(points)
+        await asyncio.sleep(0.2)
+        assert points not in rig.node.subscriptions()
+        while len(rig.explorer.plan.streams) == 1:
+            publication.publish(picture("rgb8"))
+            await asyncio.sleep(0.01)
+        assert {key.name: source.topic for key, source in rig.explorer.plan.streams.items()} == {
+            "camera/color": image,
+            "camera/points": points,
+        }
+        await asyncio.sleep(0.2)
+        assert cloud.subscriber_count == 0
+        assert points not in rig.node.subscriptions()

@@ -3,7 +3,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from bus import QUEUE, Bus
+from bus import QUEUE, SMALL_BYTES, Bus
 from bus.fake import FakeNetwork
 from gateway.latching import MAX_BYTES, MAX_PUBLISHERS, Latched, latching
 from gateway.shaping.outlet import unshaped
@@ -51,18 +51,34 @@ async def test_each_publishers_last_message_is_kept_until_it_is_forgotten(bus: B
         for publisher, said in (("a", "a0"), ("b", "b0"), ("a", "a1")):
             assert latched.put(publisher, text(said), 1)
         await opened(latched)
-        assert latched.dropped == 1
+        assert latched.dropped == 0
         assert await kept(bus, 2) == {"a1", "b0"}
         assert latched.put("b", text("b1"), 1)
         assert await kept(bus, 2) == {"a1", "b1"}
-        assert latched.counts.bytes == 3 * len(codec.encode(text("a1")))
+        assert latched.counts.bytes == 4 * len(codec.encode(text("a1")))
         latched.forget("a")
         latched.forget("never there")
         await asyncio.sleep(0.01)
-        assert latched.counts.bytes == 3 * len(codec.encode(text("a1")))
+        assert latched.counts.bytes == 4 * len(codec.encode(text("a1")))
         assert await kept(bus, 1) == {"b1"}
     async with bus.subscribe(KEY, QUEUE(9)) as late:
         assert late.counts.received == 0
+
+
+async def test_small_messages_are_queued_and_of_large_ones_the_newest_goes(bus: Bus, latched: Latched) -> None:
+    said = [str(number) for number in range(10)]
+    async with bus.subscribe(KEY, QUEUE(99)) as early:
+        for each in said:
+            assert latched.put("a", text(each), SMALL_BYTES)
+            assert latched.put("b", text(each), SMALL_BYTES + 1)
+        await opened(latched)
+        assert latched.dropped == 9
+        async with asyncio.timeout(60):
+            heard = [codec.decode(Text, (await anext(early)).payload, ENCODING).text for _ in range(11)]
+        assert sorted(heard) == sorted([*said, "9"])
+        latched.put("b", text("smaller"), 1)
+        await opened(latched)
+        assert await kept(bus, 2) == {"9", "smaller"}
 
 
 async def test_a_publisher_more_than_there_is_room_for_is_told_so(

@@ -221,3 +221,11 @@ def test_services_are_listed_by_name_and_maybe_type() -> None:
 def test_services_that_are_refused(services: list[str], reason: str) -> None:
     with pytest.raises(ValidationError, match=reason):
         GatewaySettings(robot="r1", services=services)
+
+
+def test_a_message_of_24_megapixels_is_read_unless_told_otherwise() -> None:
+    assert GatewaySettings(robot="r1").max_message_bytes > 6_000 * 4_000 * 3
+    assert GatewaySettings(robot="r1", max_message_mib=1_024).max_message_bytes == 1 << 30
+    for refused in (0, 1_025):
+        with pytest.raises(ValidationError, match="max_message_mib"):
+            GatewaySettings(robot="r1", max_message_mib=refused)

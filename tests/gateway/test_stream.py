@@ -95,7 +95,9 @@ def test_a_malformed_image_costs_itself_only(
 
 
 @pytest.mark.parametrize("is_bigendian", [False, True])
-def test_byte_order_travels(forward: StreamForward, *, is_bigendian: bool) -> None:
+def test_byte_order_travels(*, is_bigendian: bool) -> None:
+    key = StreamKey(CameraKey("r1", "front"), Stream.DEPTH)
+    forward = StreamForward(key, "/image", kind_of(key), "boot")
     depth = Image(1, 2, 3, "lens", 1, 2, "16UC1", is_bigendian, 4, memoryview(bytes(4)))
     made = frame(forward.take(received(TYPE_NAME, encode_image(depth)), 0))
     assert (made.encoding, made.is_bigendian) == ("16UC1", is_bigendian)
@@ -141,7 +143,7 @@ def test_a_message_longer_than_its_kind_allows_is_not_looked_at(caplog: pytest.L
 def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
     instants = Instants()
     forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", Thinning(lambda: instants, "color", 0.5))
-    taken = [forward.take(message(stamp_s=1_700_000_000 + n), 0) for n in range(5)]
+    taken = [forward.take(message(stamp_s=1_700_000_000 + n), n * 1_000_000_000) for n in range(5)]
     assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
     assert [made is None for made in taken] == [False, True, False, True, False]
     status = forward.status(wanted=True, publishers=1, replaced=0, broken_links={})

@@ -146,6 +146,83 @@ while not rospy.is_shutdown():
         break
 """
 
+BURSTS = """
+import sys, rospy
+from rospy.impl import rosout
+from std_msgs.msg import String
+topic, rounds, latch = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "latch"
+rospy.init_node("bursts")
+logs = topic == "/rosout"
+publisher = rosout._rosout_pub if logs else rospy.Publisher(topic, String, queue_size=100, latch=latch)
+while not publisher.get_num_connections() and not rospy.is_shutdown():
+    rospy.sleep(0.01)
+for start in range(0, 10 * rounds, 10):
+    rospy.sleep(0.5)
+    for number in range(start, start + 10):
+        rospy.loginfo("line %d", number) if logs else publisher.publish(str(number))
+rospy.spin()
+"""
+
+LARGE_CAMERA = """
+import sys, rospy
+from sensor_msgs.msg import Image
+topic, width, height = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+rospy.init_node("camera")
+message = Image(height=height, width=width, encoding="rgb8", step=3 * width, data=b"abc" * (width * height))
+publisher = rospy.Publisher(topic, Image, queue_size=1)
+print("camera up", flush=True)
+while not rospy.is_shutdown():
+    message.header.stamp = rospy.Time.now()
+    publisher.publish(message)
+    rospy.sleep(0.7)
+"""
+
+OAK = """
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+rospy.init_node("oak")
+images = {
+    "rgb": Image(height=4, width=6, encoding="rgb8", step=18, data=bytes(72)),
+    "stereo": Image(height=4, width=6, encoding="16UC1", step=12, data=bytes([1, 2]) * 24),
+}
+info = CameraInfo(height=4, width=6, distortion_model="plumb_bob", D=[0] * 5, K=[6, 0, 3, 0, 6, 2, 0, 0, 1])
+info.P = [6, 0, 3, 0, 0, 6, 2, 0, 0, 0, 1, 0]
+publishers = [
+    (rospy.Publisher("/oak/%s/%s" % (name, leaf), type(message), queue_size=2), message)
+    for name, image in images.items()
+    for leaf, message in (("image_raw", image), ("camera_info", info))
+]
+print("camera up", flush=True)
+ticks = rospy.Rate(10)
+while not rospy.is_shutdown():
+    now = rospy.Time.now()
+    for publisher, message in publishers:
+        message.header.stamp, message.header.frame_id = now, "lens"
+        publisher.publish(message)
+    try:
+        ticks.sleep()
+    except rospy.ROSInterruptException:
+        break
+"""
+
+OFF_CAMERA = """
+import sys, rospy
+from sensor_msgs.msg import Image
+name, topic, behind_s = sys.argv[1], sys.argv[2], float(sys.argv[3])
+rospy.init_node(name)
+message = Image(height=6, width=8, encoding="mono8", step=8, data=bytes(48))
+publisher = rospy.Publisher(topic, Image, queue_size=2)
+print("camera up", flush=True)
+ticks = rospy.Rate(30)
+while not rospy.is_shutdown():
+    message.header.stamp = rospy.Time.now() - rospy.Duration(behind_s)
+    publisher.publish(message)
+    try:
+        ticks.sleep()
+    except rospy.ROSInterruptException:
+        break
+"""
+
 SENSORS = """
 import base64, sys, rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2

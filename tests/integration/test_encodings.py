@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from schemas.image import ImageFrame
+from schemas.image import DEPTH_ENCODINGS, ImageFrame
 from schemas.keys import CameraKey, Stream
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment
@@ -49,13 +49,19 @@ async def rig() -> AsyncIterator[FleetRig]:
 
 @pytest.mark.timeout(120)
 async def test_every_encoding_arrives_as_it_was_sent(ros: RosEnvironment, rig: FleetRig) -> None:
-    cameras = {f"c{number}": f"/c{number}/image_raw" for number in range(len(IMAGES))}
+    streams = [
+        CameraKey("r1", f"c{number}").stream(Stream.DEPTH if encoding in DEPTH_ENCODINGS else Stream.COLOR)
+        for number, (encoding, _) in enumerate(IMAGES)
+    ]
+    topics = [f"/c{number}/image_raw" for number in range(len(IMAGES))]
     said = (f"{encoding}:{WIDTH}:{step(encoding)}:{int(big)}:{data(encoding).hex()}" for encoding, big in IMAGES)
-    sent = (f"{topic}={image}" for topic, image in zip(cameras.values(), said, strict=True))
+    sent = (f"{topic}={image}" for topic, image in zip(topics, said, strict=True))
     await (await ros.script(SCRIPT, *sent)).until_output("encodings up")
-    await rig.gateway("r1", ros.master_uri, cameras, "--compression", "raw", "--no-results")
-    for camera, (encoding, bigendian) in zip(cameras, IMAGES, strict=True):
-        async with rig.subscribed(CameraKey("r1", camera).stream(Stream.COLOR)) as samples:
+    named = [f"{stream.removeprefix('fleet/r1/')}={topic}" for stream, topic in zip(streams, topics, strict=True)]
+    options = [part for each in named for part in ("--topics", each)]
+    await rig.gateway("r1", ros.master_uri, {}, *options, "--compression", "raw", "--no-results")
+    for stream, (encoding, bigendian) in zip(streams, IMAGES, strict=True):
+        async with rig.subscribed(stream) as samples:
             frame = await receive(samples, ImageFrame)
         shape = (frame.height, frame.width, frame.step)
         assert (frame.encoding, frame.is_bigendian, *shape) == (encoding, bigendian, 2, WIDTH, step(encoding))

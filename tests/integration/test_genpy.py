@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 
 from gateway.ros1.messages import deserialise, message_type, serialise, service_type
 from gateway.ros1.msg.catalogue import DEFINITIONS, SERVICES
+from tests.gateway import sensing
 from tests.gateway.ros1.msg.building import built, meaning, plain
 from tests.integration.ros import SYSTEM_PYTHON, require_ros
 
@@ -53,6 +54,25 @@ def test_messages_are_those_of_genpy(package: str) -> None:
         assert answer["md5sum"] == message_type(name).md5sum
         if package != "std_srvs":  # a service's whole text is that of both its messages
             assert meaning(name, answer["definition"]) == meaning(name, message_type(name).definition)
+
+
+@pytest.mark.usefixtures("ros_installed")
+def test_texts_that_are_not_utf8_are_read_as_genpy_reads_them() -> None:
+    require_ros("tf2_msgs", "sensor_msgs")
+    sent = [
+        (message.publisher.type.name, bytes(message.data).replace(b"K?ste", b"K\xe4ste"))
+        for message in (
+            sensing.tf(sensing.transform("lens"), sensing.transform("K?ste")),
+            sensing.camera_info(header=sensing.ros_header("K?ste")),
+            sensing.compressed("K?ste", b"file"),
+            sensing.point_cloud(header=sensing.ros_header("K?ste")),
+        )
+    ]
+    assert all(b"K\xe4ste" in data for _, data in sent)
+    for (name, data), answer in zip(sent, genpy([f"{name} {data.hex()}" for name, data in sent]), strict=True):
+        theirs = bytes.fromhex(answer["data"])
+        assert "K\ufffdste".encode() in theirs
+        assert serialise(name, deserialise(name, data)) == theirs
 
 
 @pytest.mark.usefixtures("ros_installed")

@@ -8,6 +8,7 @@ import pytest
 from backports import zstd
 
 from bus import Subscription
+from gateway.shaping.token_bucket import BURST_S
 from schemas.compression import picture_of
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
@@ -15,6 +16,7 @@ from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from schemas.status import THINNED
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment
+from tests.integration.rospy_scripts import OFF_CAMERA
 from tests.integration.test_first_light import CAMERAS, FRONT, camera, latest, raw
 from tests.services.detector.views import NEAR_VIEWS, near_view
 
@@ -59,6 +61,20 @@ async def test_colour_and_depth_are_thinned_to_the_same_instants_and_compressed(
     assert numbers == sorted(set(numbers))
     assert status.dropped[THINNED] > status.forwarded
     assert status.bytes < status.forwarded * 10_000
+
+
+@pytest.mark.timeout(120)
+async def test_a_replay_of_an_hour_ago_beside_a_live_camera_is_thinned_with_it(
+    ros: RosEnvironment, rig: FleetRig
+) -> None:
+    for name, behind_s in (("live", 0), ("replay", 3_600)):
+        await (await ros.script(OFF_CAMERA, name, CAMERAS["front"], str(behind_s))).until_output("camera up")
+    await rig.gateway("r1", ros.master_uri, {"front": CAMERAS["front"]}, "--max-hz", "5")
+    async with rig.subscribed(FRONT.stream(Stream.COLOR)) as samples:
+        await rig.stream_status("r1", "front", lambda status: status.publishers == 2)
+        headers = [frame.header for frame in await frames(samples, 40)]
+    took_s = (headers[-1].received_ns - headers[0].received_ns) / 1e9
+    assert len(headers) <= 5 * took_s + 1 + 5 * BURST_S
 
 
 @pytest.mark.timeout(120)

@@ -2,6 +2,7 @@
 
 Both functions work with what `codec` puts into their namespace. A read past the end always raises: a text that is cut
 off by a slice leaves the position outside, where nothing more can be read, and the whole must end where the bytes do.
+Bytes of a text that are not UTF-8 are read as U+FFFD, as genpy reads them: one name costs no other part of its message.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ class Reading(_Source):
     def _text(self) -> str:
         length, text = self._number("I"), self._name()
         self._flush()
-        self._add(f"{text} = str(data[at:at + {length}], 'utf-8')")
+        self._add(f"{text} = str(data[at:at + {length}], 'utf-8', 'replace')")
         self._add(f"at += {length}")
         return text
 

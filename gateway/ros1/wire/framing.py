@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gateway.ros1.errors import TcprosError
+from gateway.ros1.errors import TcprosError, TooLargeError
 from gateway.ros1.wire.header import LENGTH
 
 if TYPE_CHECKING:
@@ -23,12 +23,15 @@ FIRST_STEP_BYTES = 64 << 10
 class FrameReceiver:
     """Cuts a byte stream into frames of at most `max_frame_bytes`; the cap is checked before a frame is allocated.
 
+    of_messages: a frame over the cap is a message that is too large, rather than no TCPROS.
+
     Holds, besides the scratch buffer, at most FIRST_STEP_BYTES or twice what arrived of this frame or of the last one;
     more than FIRST_STEP_BYTES only where the budget, which it may share with others, has them.
     """
 
     def __init__(self, max_frame_bytes: int, budget: FrameBudget | None = None) -> None:
         self.max_frame_bytes = max_frame_bytes
+        self.of_messages = False
         self._small = memoryview(bytearray(SCRATCH_BYTES))
         self._scratch = self._small
         self._start = 0
@@ -74,6 +77,7 @@ class FrameReceiver:
 
         Raises:
             TcprosError: the frame's length is over the cap, or the budget is used up.
+            TooLargeError: it is over the cap, and the frames are messages.
 
         """
         if self._body is None and self._start < self._end:
@@ -110,6 +114,8 @@ class FrameReceiver:
             return
         (self._length,) = LENGTH.unpack_from(self._scratch, self._start)
         if self._length > self.max_frame_bytes:
+            if self.of_messages:
+                raise TooLargeError(self._length, self.max_frame_bytes)
             raise TcprosError(f"frame of {self._length} bytes, over the limit of {self.max_frame_bytes}")
         self._start += LENGTH.size
         if self._scratch is not self._small and len(self._scratch) - self._start == self._length:

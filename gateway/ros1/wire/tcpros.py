@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gateway.ros1.wire.budget import FrameBudget
 
 ANY = "*"
-DEFAULT_MAX_MESSAGE_BYTES = 64 << 20
+DEFAULT_MAX_MESSAGE_BYTES = 128 << 20
 
 
 class TopicType(NamedTuple):
@@ -126,6 +126,7 @@ class SubscriberConnection:
 
         Raises:
             HeaderError, TcprosError: the publisher does not speak TCPROS, or a limit is passed.
+            TooLargeError: a message is over `max_message_bytes`.
             LinkRefusedError: the publisher answered `error=`.
             TypeMismatchError: the publisher's type or md5sum is not the expected one.
 
@@ -138,6 +139,7 @@ class SubscriberConnection:
         event = self._accept(decode_header(frame))
         self._accepted = True
         self._frames.max_frame_bytes = self._max_message_bytes
+        self._frames.of_messages = True
         return event
 
     def _accept(self, fields: Mapping[str, str]) -> PublisherAccepted:

@@ -1,9 +1,11 @@
 """ROS graphs for tests, as drivers in the field make them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from gateway.discovery.plan import Plan
 from gateway.discovery.topics import Topic
+from schemas.keys import SensorKey, sensor_key
 
 IMAGE = "sensor_msgs/Image"
 COMPRESSED = "sensor_msgs/CompressedImage"
@@ -17,6 +19,21 @@ DRIVER = ("/driver",)
 def graph(topics: Mapping[str, str], publishers: tuple[str, ...] = DRIVER) -> list[Topic]:
     """Return topics, given by type as one text."""
     return [Topic(name, kind, publishers) for kind, names in topics.items() for name in names.split()]
+
+
+def heard(topics: list[Topic], **encodings: str) -> list[Topic]:
+    """Return the topics with the encodings of those whose names have these words."""
+    return [
+        replace(topic, encoding=next((known for word, known in encodings.items() if word in topic.name), ""))
+        if topic.type in {IMAGE, COMPRESSED, POINTS}
+        else topic
+        for topic in topics
+    ]
+
+
+def named(**topics: str) -> dict[SensorKey, str]:
+    """Return topics by the streams of robot r1 that they are named for, front/color as front__color."""
+    return {sensor_key("r1", name.replace("__", "/")): topic for name, topic in topics.items()}
 
 
 def mapping(made: Plan) -> dict[str, str]:

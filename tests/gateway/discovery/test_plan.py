@@ -9,15 +9,22 @@ from gateway.discovery import Plan, Wishes, plan
 from gateway.discovery.plan import NOTHING
 from gateway.discovery.topics import Topic
 from gateway.translators import kind_of
-from schemas.keys import SensorKey, StreamKey, sensor_key
+from schemas.keys import StreamKey
 from schemas.status import MAX_STREAMS
-from tests.gateway.discovery.graphs import COMPRESSED, DRIVERS, IMAGE, INFO, POINTS, REALSENSE, TF, graph, mapping
+from tests.gateway.discovery.graphs import (
+    COMPRESSED,
+    DRIVERS,
+    IMAGE,
+    INFO,
+    POINTS,
+    REALSENSE,
+    TF,
+    graph,
+    mapping,
+    named,
+)
 
 R1 = Wishes("r1")
-
-
-def named(**topics: str) -> dict[SensorKey, str]:
-    return {sensor_key("r1", name.replace("__", "/")): topic for name, topic in topics.items()}
 
 
 @pytest.mark.parametrize("driver", DRIVERS)

@@ -15,6 +15,15 @@ from gateway.discovery.reading import read
         ("/camera/infra1/image_rect_raw", "camera", "infra1 image rect raw", ""),
         ("/rgb0/image_raw", "rgb0", "image raw", ""),
         ("/a/webcam2", "a/webcam2", "", ""),
+        ("/depth_camera/image_raw", "camera", "depth image raw", ""),
+        ("/front_depth_camera/image_raw", "front_camera", "depth image raw", ""),
+        ("/cam/depth_front/image_raw", "cam/front", "depth image raw", ""),
+        ("/depth/front/image_raw", "front", "depth image raw", ""),
+        ("/a/depth/front/image_raw", "a/front", "depth image raw", ""),
+        ("/a/aligned_depth_to_color_front/image_raw", "a/front", "aligned depth image raw", "color"),
+        ("/front/rgb_left_image", "front/left", "image rgb", ""),
+        ("/a/depth_cam", "a/cam", "depth", ""),
+        ("/in_depth0/image_raw", "in_depth0", "image raw", ""),
     ],
 )
 def test_a_name_says_the_camera_and_what_is_shown(name: str, path: str, said: str, onto: str) -> None:

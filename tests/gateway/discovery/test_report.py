@@ -1,7 +1,7 @@
 from gateway.discovery import Wishes, plan
 from gateway.discovery.report import changes
 from gateway.discovery.topics import Topic
-from tests.gateway.discovery.graphs import IMAGE, POINTS, TF, graph
+from tests.gateway.discovery.graphs import IMAGE, POINTS, TF, graph, heard
 
 R1 = Wishes("r1")
 BEFORE = plan(graph({IMAGE: "/front/image_raw /rear/image_raw", TF: "/tf", "std_msgs/String": "/mode"}), R1)
@@ -34,6 +34,15 @@ def test_a_topic_that_turns_into_something_else_is_not_gone() -> None:
     assert changes(plan(graph(published), R1, BEFORE), BEFORE) == [
         "front/color: no longer offered, /front/image_raw is left out",
         "left out, a text; --discover --topics text/NAME=TOPIC takes it as well: /front/image_raw",
+    ]
+
+
+def test_a_topic_that_is_taken_for_another_stream_is_not_gone() -> None:
+    topics = graph({IMAGE: "/oak/stereo/image_raw"})
+    before = plan(topics, R1)
+    assert changes(plan(heard(topics, stereo="16UC1"), R1, before), before) == [
+        "stereo/depth: /oak/stereo/image_raw (sensor_msgs/Image)",
+        "stereo/color: no longer offered, /oak/stereo/image_raw is stereo/depth",
     ]
 
 

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -7,9 +8,11 @@ from gateway.doctor.evidence import BusLook, Graph, MasterLook, Router, StreamLo
 from gateway.doctor.finding import Finding, Severity, Stage
 from gateway.ros1.subscriber import LinkFailure
 from gateway.stream import MALFORMED, MISMATCH
+from gateway.translators import kind_of
 from schemas.status import REPLACED_BEFORE_LINK, StreamStatus
-from tests.gateway.doctor.seeing import IMAGE, account, color, counted, evidence, status, stream
+from tests.gateway.doctor.seeing import IMAGE, account, color, counted, evidence, heard, publisher, status, stream
 
+POINTS = "sensor_msgs/PointCloud2"
 WANTED: dict[str, Any] = {"wanted": True, "publishers": 1}
 SILENT = stream("front/color", "/front/color/image_raw", IMAGE)
 
@@ -98,6 +101,15 @@ def test_every_drop_has_its_advice(reason: str, advice: str) -> None:
 def test_a_stream_that_the_running_gateway_does_not_offer() -> None:
     (finding,) = said(counted("rear/color", "/rear"), counted("rear/color", "/rear"))
     assert (finding.severity, finding.what) == (Severity.PROBLEM, "the running gateway does not offer this stream")
+
+
+def test_colours_of_clouds_that_are_no_pictures_are_withdrawn_for_another_reason_than_options() -> None:
+    unreadable = replace(heard(), unreadable="a cloud of 1 x 6 points is no picture")
+    named = stream("front/color", "/front/points", POINTS, publisher(POINTS, unreadable))
+    found = replace(named, special=kind_of(named.key, of_points=True))
+    for look, count in ((named, 1), (found, 0)):
+        nothing = BusLook((Router("tcp/a:1"),), frozenset({"r1"}), (account(status(), status(sent_s=2.0)),))
+        assert len(list(check_demand(evidence(look, bus=nothing)))) == count
 
 
 def test_a_stream_that_the_running_gateway_takes_from_elsewhere() -> None:

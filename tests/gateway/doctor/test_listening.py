@@ -24,6 +24,13 @@ def test_what_was_heard() -> None:
     assert heard.unreadable == ""
 
 
+def test_stamps_are_found_where_the_publisher_sends_no_definition() -> None:
+    ear = Ear("http://robot:1/")
+    ear.accepted(PublisherAccepted("/camera", INFO.topic_type, "", latching=False))
+    ear.hear(DATA, 1.0, STAMP_NS + 5)
+    assert ear.heard(KEY, kind_of(KEY), 9).stamps_ns == (STAMP_NS,)
+
+
 def test_one_message_has_no_rate_and_none_is_nothing() -> None:
     ear = Ear("http://robot:1/")
     ear.accepted(ACCEPTED)

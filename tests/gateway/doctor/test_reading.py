@@ -7,6 +7,7 @@ from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
 from gateway.translators import kind_of
 from schemas.camera_info import CameraInfo
 from schemas.keys import sensor_key
+from schemas.points import PointCloud
 from schemas.raw import RawMessage
 from tests.gateway.sensing import STAMP_NS, camera_info, point_cloud, received, text, tf
 
@@ -64,3 +65,10 @@ def test_a_message_of_another_type_or_version_is_told_elsewhere() -> None:
 )
 def test_a_message_that_cannot_be_read(data: bytes, why: str) -> None:
     assert str(translated(INFO, kind_of(INFO), received("sensor_msgs/CameraInfo", data), 0)).startswith(why)
+
+
+def test_a_message_that_the_gateway_repairs_can_be_read() -> None:
+    points = sensor_key("r1", "lidar/points")
+    found = translated(points, kind_of(points), point_cloud(row_step=0), 0)
+    assert isinstance(found, PointCloud)
+    assert found.row_step == 24

@@ -163,6 +163,19 @@ async def test_publishers_that_do_not_let_us_listen(
     assert seen.heard.arrivals_s == ()
 
 
+async def test_a_message_over_the_limit_is_told_with_its_size(client: PoliteClient, master: RosMaster) -> None:
+    visiting = RobotVisit(client, seconds=0.5, patience_s=20, max_message_bytes=len(TEXT))
+    async with fake_publisher(chat(TEXT, TEXT + b"!"), hang=True) as uri:
+        await register(client, master, uri)
+        seen = await visiting.look_at_master(master.uri)
+        assert seen.graph is not None
+        (stream,) = await visiting.look_at_streams(CHAT, seen.graph)
+    trouble = stream.publishers[0].trouble
+    assert trouble
+    assert (trouble.failure, trouble.size) == (Failure.TOO_LARGE, len(TEXT) + 1)
+    assert trouble.reason == f"a message of {len(TEXT) + 1} bytes, over the limit of {len(TEXT)}"
+
+
 async def test_a_publisher_that_ends_is_told_with_what_it_sent(client: PoliteClient, master: RosMaster) -> None:
     async with fake_publisher(chat(TEXT, b"\0")) as uri:
         await register(client, master, uri)

@@ -122,6 +122,22 @@ def test_a_publisher_that_cannot_be_heard(failure: Failure, what: str, advice: s
     assert advice in alone.advice
 
 
+@pytest.mark.parametrize(
+    ("size", "advice"),
+    [
+        (72_000_061, "give the gateway --max-message-mib 69 or more, or have the driver send smaller"),
+        (1 << 30, "give the gateway --max-message-mib 1024 or more, or have"),
+        ((1 << 30) + 1, "have the driver send smaller or compressed messages"),
+    ],
+)
+def test_a_publisher_whose_messages_are_too_large(size: int, advice: str) -> None:
+    over = Trouble(Failure.TOO_LARGE, "arm", 40000, f"a message of {size} bytes, over the limit of 9", size)
+    finding = found(stream("front/color", TOPIC, IMAGE, PublisherLook("/arm", over)))
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what == f"/arm sends a message of {size} bytes, over the limit of 9"
+    assert finding.advice.startswith(advice)
+
+
 def test_a_dead_publisher_beside_a_live_one_keeps_nothing_from_flowing() -> None:
     dead = PublisherLook("/old", Trouble(Failure.DEAD, "robot", 40000))
     look = stream("front/color", TOPIC, IMAGE, dead, publisher(IMAGE, heard()))
@@ -150,6 +166,14 @@ def test_a_latched_message_has_no_rate_and_its_age_means_nothing() -> None:
     old = heard(count=1, late_ms=3_600_000)
     finding = found(stream("front/color", TOPIC, IMAGE, publisher(IMAGE, old, latching=True)))
     assert (finding.severity, finding.what) == (Severity.OK, "/camera sends one latched message, 100 bytes each")
+
+
+def test_depth_that_is_used_as_colour() -> None:
+    depth = replace(heard(), unreadable="32FC1 pixels are depth, not colour")
+    finding = found(stream("front/color", TOPIC, IMAGE, publisher(IMAGE, depth)))
+    assert finding.severity is Severity.PROBLEM
+    assert finding.what == "/camera sends depth, which is used as colour: 32FC1 pixels are depth, not colour"
+    assert finding.advice == f"name it as depth: --topics front/depth={TOPIC}"
 
 
 def test_messages_that_cannot_be_forwarded() -> None:

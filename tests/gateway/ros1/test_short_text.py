@@ -24,8 +24,10 @@ def test_a_text_that_is_too_long_or_cut_off() -> None:
         read_text(NAME, memoryview(b"abc"), 1, 3)
 
 
-def test_what_is_no_text() -> None:
-    with pytest.raises(UnicodeDecodeError):
-        read_text(NAME, memoryview(b"\xff"), 0, 1)
+def test_bytes_that_are_not_utf8_are_replaced() -> None:
+    assert read_text(NAME, memoryview(b"Gr\xfc\xdfe."), 0, 5) == ("Gr\ufffd\ufffde", 5)
+
+
+def test_what_cannot_be_encoded() -> None:
     with pytest.raises(UnicodeEncodeError):
         encode_text(NAME, "\ud800")

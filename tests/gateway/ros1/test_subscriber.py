@@ -40,7 +40,7 @@ def stream(*messages: bytes) -> bytes:
     ("data", "failure"),
     [
         pytest.param(b"garbage" * 1000, LinkFailure.PROTOCOL, id="garbage"),
-        pytest.param(stream(b"x" * 101), LinkFailure.PROTOCOL, id="over the cap"),
+        pytest.param(stream(b"x" * 101), LinkFailure.TOO_LARGE, id="over the cap"),
         pytest.param(encode_header({"error": "go away"}), LinkFailure.REFUSED, id="refused"),
         pytest.param(encode_header({"type": "a/B", "md5sum": "0"}), LinkFailure.MISMATCH, id="mismatch"),
         pytest.param(stream(), LinkFailure.CLOSED, id="closed"),

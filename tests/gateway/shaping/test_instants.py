@@ -238,11 +238,11 @@ def test_a_limit_can_change_and_be_lifted() -> None:
     instants = Instants()
     thinning = Thinning(lambda: instants, "color", 10)
     first, second, third = stamps(30, 1), stamps(30, 1, begin=BEGIN + 1000 * MS), stamps(30, 1, begin=BEGIN + 2000 * MS)
-    assert sum(thinning.passes(stamp, 0) for stamp in first) == 10
+    assert sum(thinning.passes(stamp, stamp) for stamp in first) == 10
     thinning.max_hz = 5
-    assert sum(thinning.passes(stamp, 0) for stamp in second) == 5
+    assert sum(thinning.passes(stamp, stamp) for stamp in second) == 5
     thinning.max_hz = None
-    assert all(thinning.passes(stamp, 0) for stamp in third)
+    assert all(thinning.passes(stamp, stamp) for stamp in third)
 
 
 def test_what_is_remembered_is_bounded() -> None:

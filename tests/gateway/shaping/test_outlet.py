@@ -7,6 +7,7 @@ from contextlib import AsyncExitStack
 import msgspec
 import pytest
 
+from bus import SMALL_BYTES, SMALL_WAITING
 from bus.fake import FakeNetwork
 from gateway.shaping import outlet as outlet_module
 from schemas import codec
@@ -15,7 +16,7 @@ from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.points import PointCloud
 from schemas.raw import RawMessage
-from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, UNSHAPED
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
 from schemas.transforms import Transforms
 from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.contract.waiting import receive
@@ -124,6 +125,58 @@ async def test_frames_wait_for_the_uplink_and_the_newest_wins_but_calibrations_g
     assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 3]
     assert (await receive(batteries, RawMessage)).data.nbytes == 50
     assert color.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_small_messages_wait_for_the_uplink_in_order_and_a_large_one_for_none(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08)  # 10,000 bytes a second, 1,000 of them ahead
+    battery, arrived = await rig.outlet(BATTERY, shaping)
+    sizes = range(400, 410)
+    for size in sizes:
+        battery.put(raw_message(size))
+    assert 0 < battery.counts.bytes < 2_000
+    assert [(await receive(arrived, RawMessage)).data.nbytes for _ in sizes] == list(sizes)
+    assert battery.counts.dropped == {}
+    for size in range(400, 400 + SMALL_WAITING + 10):
+        battery.put(raw_message(size))
+    assert battery.counts.dropped[OVER_BUDGET] in range(1, 11)
+    waited = SMALL_WAITING + battery.counts.dropped[OVER_BUDGET]
+    battery.put(raw_message(SMALL_BYTES + 1))
+    assert battery.counts.dropped == {OVER_BUDGET: waited}
+
+
+async def test_small_messages_that_wait_have_so_many_bytes_together(rig: Rig) -> None:
+    battery, _ = await rig.outlet(BATTERY, await rig.shaping(uplink_mbit=0.01))
+    for _ in range(5):
+        battery.put(raw_message(30_000))
+    assert battery.counts.dropped == {}
+    battery.put(raw_message(SMALL_BYTES - 1_000))
+    assert battery.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_small_messages_that_wait_go_at_once_when_all_who_listen_are_here(rig: Rig) -> None:
+    battery, arrived = await rig.outlet(BATTERY, await rig.shaping(uplink_mbit=0.01))
+    for size in range(400, 410):
+        battery.put(raw_message(size))
+    rig.listens(BATTERY, "here")
+    battery.put(raw_message(410))
+    assert [(await receive(arrived, RawMessage)).data.nbytes for _ in range(11)] == list(range(400, 411))
+
+
+@pytest.mark.parametrize("uplink_mbit", [None, 8])
+async def test_what_is_larger_than_receivers_read_is_left_out_and_counted(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, uplink_mbit: float | None
+) -> None:
+    monkeypatch.setattr(outlet_module, "LARGEST", 2_000)
+    shaping = await rig.shaping(compression="raw", uplink_mbit=uplink_mbit)
+    for key, large, small in (
+        (COLOR, numbered(0, size=30), numbered(1, size=10)),
+        (BATTERY, raw_message(2_000), raw_message(1_000)),
+    ):
+        outlet, arrived = await rig.outlet(key, shaping)
+        outlet.put(large)
+        outlet.put(small)
+        assert await receive(arrived, type(small)) == small
+        assert outlet.counts.dropped == {TOO_LARGE: 1}
 
 
 async def test_on_a_thin_uplink_a_cameras_streams_send_the_same_instants(rig: Rig) -> None:

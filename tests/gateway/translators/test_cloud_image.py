@@ -7,6 +7,7 @@ from gateway.ros1.messages import new_message
 from gateway.ros1.subscriber import Message
 from gateway.stream import MALFORMED, StreamForward
 from gateway.translators import kind_of
+from gateway.translators.cloud_image import shows_picture
 from schemas import codec, keys
 from schemas.image import ImageFrame
 from tests.gateway.sensing import STAMP_NS, point_cloud
@@ -53,3 +54,51 @@ def test_what_is_no_picture_is_malformed(cloud: Message) -> None:
     forward = stream()
     assert forward.take(cloud, 99) is None
     assert forward.status(wanted=True, publishers=1, replaced=0, broken_links={}).dropped == {MALFORMED: 1}
+
+
+UNORDERED = colored(height=1, width=6, row_step=48)
+EMPTY = colored(height=1, width=0, row_step=0, data=np.zeros(0, np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("cloud", "shows"),
+    [
+        (colored(), True),
+        (colored(row_step=0), True),
+        (UNORDERED, False),
+        (colored(height=6, width=1, row_step=8), False),
+        (point_cloud(), False),
+        (EMPTY, None),
+        (colored(height=3), None),
+        (EMPTY._replace(data=b"garbage"), None),
+    ],
+)
+def test_a_cloud_tells_whether_it_is_a_picture(cloud: Message, *, shows: bool | None) -> None:
+    assert shows_picture(cloud) is shows
+
+
+@pytest.mark.parametrize("cloud", [UNORDERED, point_cloud(), colored(height=6, width=1, row_step=8)])
+def test_a_driver_that_sends_no_pictures_is_known_by_its_first_cloud(cloud: Message) -> None:
+    forward = stream()
+    forward.take(EMPTY, 99)  # nothing was seen yet
+    forward.take(colored(height=3), 99)
+    assert forward.no_picture == ""
+    forward.take(cloud, 99)
+    assert "is no picture: have its driver send" in forward.no_picture
+    forward.take(colored(), 99)
+    assert forward.no_picture == ""
+
+
+def test_a_driver_that_has_sent_a_picture_is_one_that_does() -> None:
+    forward = stream()
+    for cloud in (colored(), UNORDERED):
+        forward.take(cloud, 99)
+    assert forward.no_picture == ""
+
+
+def test_a_picture_whose_row_step_is_wrong_is_repaired() -> None:
+    forward = stream()
+    frame = forward.take(colored(row_step=0), 99)
+    assert isinstance(frame, ImageFrame)
+    assert bytes(frame.data) == RGB.tobytes()
+    assert forward.status(wanted=True, publishers=1, replaced=0, broken_links={}).repaired == 1

@@ -19,7 +19,10 @@ def image(encoding: str, *, is_bigendian: bool = False) -> Message:
 
 @pytest.mark.parametrize("encoding", BYTES_PER_PIXEL)
 def test_every_encoding_is_an_image(encoding: str) -> None:
-    made = translated(ImageFrame, "front/color", image(encoding, is_bigendian=True))
+    stream, other = ("depth", "color") if encoding in DEPTH_ENCODINGS else ("color", "depth")
+    made = translated(ImageFrame, f"front/{stream}", image(encoding, is_bigendian=True))
+    if encoding != "mono16":  # as depth it is millimetres
+        assert dropped(f"front/{other}", image(encoding)) == {MALFORMED: 1}
     assert (made.encoding, made.is_bigendian, made.step) == (encoding, True, 2 * BYTES_PER_PIXEL[encoding])
     assert (made.header.stamp_ns, made.header.frame_id, made.header.received_ns) == (2_000_000_003, "lens", 99)
 
@@ -34,5 +37,7 @@ def test_bytes_without_a_meaning_are_the_colours_that_ros_shows_them_as(encoding
 def test_only_some_are_depth(encoding: str) -> None:
     if encoding in DEPTH_ENCODINGS:
         assert translated(ImageFrame, "front/depth", image(encoding)).encoding == encoding
+    elif encoding == "mono16":  # as compressed depth is often called, and raw depth by some drivers
+        assert translated(ImageFrame, "front/depth", image(encoding)).encoding == "16UC1"
     else:
         assert dropped("front/depth", image(encoding)) == {MALFORMED: 1}

@@ -1,6 +1,10 @@
+from typing import Any
+
+import numpy as np
 import pytest
 
 from bus import QoS
+from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.messages import message_type
 from gateway.translators import kind_of
 from schemas import codec, keys
@@ -10,6 +14,9 @@ from schemas.image import ImageFrame
 from schemas.points import PointCloud
 from schemas.raw import RawMessage, Text
 from schemas.transforms import Transforms
+from tests.gateway import sensing
+from tests.gateway.translators.translating import translated
+from tests.schemas.pictures import file_of
 
 KINDS: dict[str, tuple[type[Message], QoS, str]] = {
     "front/color": (ImageFrame, QoS.IMAGE, "*"),
@@ -20,13 +27,33 @@ KINDS: dict[str, tuple[type[Message], QoS, str]] = {
     "tf": (Transforms, QoS.RESULT, "*"),
     "tf_static": (Transforms, QoS.RESULT, "*"),
     "text/mode": (Text, QoS.RESULT, "std_msgs/String"),
-    "ros/battery": (RawMessage, QoS.IMAGE, "*"),
+    "ros/battery": (RawMessage, QoS.MESSAGE, "*"),
 }
 
 
 def test_every_stream_that_sensors_send_is_covered() -> None:
     named = {f"front/{stream}" for stream in keys.SENSOR_STREAMS} | keys.ROBOT_STREAMS
     assert named == {name for name in KINDS if name.partition("/")[0] not in keys.NAMED_STREAMS}
+
+
+PIXELS = memoryview(bytes(6))
+HEADED = {
+    "front/color": sensing.compressed("jpeg", file_of(np.zeros((2, 3), np.uint8), ".jpg")),
+    "front/depth": sensing.disparity(np.ones((2, 3), np.float32)),
+    "front/info": sensing.camera_info(),
+    "front/points": sensing.point_cloud(header=sensing.ros_header("lens")),
+    "rear/color": sensing.received(
+        TYPE_NAME, encode_image(Image(1, 2, 3, "lens", 2, 3, "mono8", is_bigendian=False, step=3, data=PIXELS))
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HEADED)
+def test_a_frame_id_that_is_not_utf8_costs_no_message(name: str) -> None:
+    sent = HEADED[name]
+    latin = sensing.received(sent.publisher.type.name, bytes(sent.data).replace(b"lens", b"l\xe4ns"))
+    made: Any = translated(kind_of(keys.sensor_key("r1", name)).schema, name, latin)
+    assert made.header.frame_id == "l\ufffdns"
 
 
 @pytest.mark.parametrize("name", KINDS)

@@ -49,6 +49,15 @@ def test_a_type_that_nobody_else_knows_and_a_message_without_fields() -> None:
     assert (made.type, bytes(made.data)) == ("own_msgs/Own", b"")
 
 
+def test_a_definition_that_its_publisher_does_not_send_is_the_known_one_of_the_same_type() -> None:
+    known = message_type("sensor_msgs/CameraInfo")
+    for md5sum, definition in ((known.md5sum, known.definition), ("0" * 32, "")):
+        made = translated(RawMessage, "ros/info", of_type(known.name, md5sum, ""))
+        assert (made.type, made.md5, made.definition) == (known.name, md5sum, definition)
+    sent = translated(RawMessage, "ros/info", of_type(known.name, known.md5sum, "uint32 own"))
+    assert sent.definition == "uint32 own"
+
+
 @pytest.mark.parametrize(
     ("name", "md5sum", "definition", "fits"),
     [

@@ -124,6 +124,16 @@ def test_a_name_that_is_too_long_costs_its_own_transform_alone(name: str, caplog
     assert "/topic from /localiser: sent without 2 transforms of frames whose names are longer than 256" in caplog.text
 
 
+@pytest.mark.parametrize("name", ["tf", "tf_static"])
+def test_a_name_that_is_not_utf8_costs_no_transform(name: str) -> None:
+    sent = tf(transform("a"), transform("T?r", parent="K?ste"), transform("b"))
+    latin = bytes(sent.data).replace(b"K?ste", b"K\xe4ste").replace(b"T?r", b"T\xfcr")
+    stream = forward(name)
+    assert children(stream, received("tf2_msgs/TFMessage", latin)) == {"a": 0, "T\ufffdr": 0, "b": 0}
+    status = stream.status(wanted=True, publishers=1, replaced=0, broken_links={})
+    assert (status.forwarded, status.dropped, status.left_out) == (1, {}, 0)
+
+
 def test_a_frames_name_is_never_cut() -> None:
     longest = transform("c" * MAX_LABEL, parent="p" * MAX_LABEL)
     assert translated(Transforms, "tf", tf(longest)).transforms[0].frame_id == "p" * MAX_LABEL

@@ -17,11 +17,13 @@ def forward(name: str) -> StreamForward:
     return StreamForward(key, "/topic", kind_of(key), "boot")
 
 
-def translated(schema: type[M], name: str, message: Message) -> M:
-    """Return what the message becomes on the named stream."""
+def translated(schema: type[M], name: str, message: Message, *, repaired: bool = False) -> M:
+    """Return what the message becomes on the named stream, and check whether it is counted as repaired."""
     stream = forward(name)
     made = stream.take(message, 99)
     assert made is not None
+    status = stream.status(wanted=True, publishers=1, replaced=0, broken_links={})
+    assert (status.forwarded, status.repaired) == (1, int(repaired))
     return codec.decode(schema, codec.encode(made), stream.kind.encoding)
 
 

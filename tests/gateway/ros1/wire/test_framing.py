@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gateway.ros1.errors import TcprosError
+from gateway.ros1.errors import TcprosError, TooLargeError
 from gateway.ros1.wire.budget import FrameBudget
 from gateway.ros1.wire.framing import FIRST_STEP_BYTES, SCRATCH_BYTES, FrameReceiver
 from tests.gateway.ros1.wire.framed import feed, framed
@@ -117,6 +117,14 @@ def test_frame_of_the_largest_size_is_taken_and_one_byte_more_is_not() -> None:
     assert feed(FrameReceiver(5), framed(b"12345")) == [b"12345"]
     with pytest.raises(TcprosError, match="6 bytes, over the limit of 5"):
         feed(FrameReceiver(5), framed(b"123456"))
+
+
+def test_a_message_over_the_cap_is_told_from_what_is_no_tcpros() -> None:
+    receiver = FrameReceiver(5)
+    receiver.of_messages = True
+    with pytest.raises(TooLargeError, match="a message of 1,000 bytes, over the limit of 5") as caught:
+        feed(receiver, framed(bytes(1_000)))
+    assert (caught.value.size, caught.value.limit) == (1_000, 5)
 
 
 def test_cap_is_checked_before_the_body_comes() -> None:

@@ -80,9 +80,9 @@ GOOD = PUBLISHER_HEADER + IMAGE + IMAGE
 @pytest.mark.parametrize(
     ("stream", "count", "error"),
     [
-        pytest.param(GOOD + message_prefix(1001), 3, "TcprosError", id="length after messages"),
-        pytest.param(GOOD + message_prefix(1001) + IMAGE, 3, "TcprosError", id="length before a message"),
-        pytest.param(PUBLISHER_HEADER + b"\xff" * 9, 1, "TcprosError", id="length after the header"),
+        pytest.param(GOOD + message_prefix(1001), 3, "TooLargeError", id="length after messages"),
+        pytest.param(GOOD + message_prefix(1001) + IMAGE, 3, "TooLargeError", id="length before a message"),
+        pytest.param(PUBLISHER_HEADER + b"\xff" * 9, 1, "TooLargeError", id="length after the header"),
         pytest.param(b"\xff" * 9 + GOOD, 0, "TcprosError", id="length of the header"),
         pytest.param(message_prefix(5) + b"\1\0\0\0x" + IMAGE, 0, "HeaderError", id="header"),
         pytest.param(PUBLISHER_REFUSAL + IMAGE, 0, "LinkRefusedError", id="refusal"),

@@ -1,0 +1,42 @@
+"""Which topics are listened to before it is decided what they are, since their names do not tell."""
+
+from collections.abc import Iterable
+
+from gateway.discovery.candidates import READERS, is_unclear, one_of_each_image, shows_colors
+from gateway.discovery.plan import Plan
+from gateway.discovery.sieve import why_not
+from gateway.discovery.topics import Topic, image_of
+from gateway.discovery.wishes import Wishes
+from gateway.ros1 import point_cloud as ros_point_cloud
+from schemas.keys import Stream, StreamKey
+
+
+def unclear(topics: Iterable[Topic], wishes: Wishes) -> list[Topic]:
+    """Return the images of which only their pixels say whether they are colour or depth, of those that may be taken."""
+    if not wishes.discover:
+        return []
+    named = {image_of(topic) for topic in wishes.named.values()}
+    looked_at = [topic for topic in topics if topic.type in READERS and why_not(topic, wishes, named) is None]
+    return [topic for topic in one_of_each_image(looked_at)[0] if is_unclear(topic)]
+
+
+def unclear_clouds(topics: Iterable[Topic], wishes: Wishes, made: Plan) -> list[Topic]:
+    """Return the clouds that would be the colour of a camera without another, were they known to be pictures.
+
+    Their names promise colours, but do not tell whether the clouds are organised.
+    """
+    if not wishes.discover:
+        return []
+    points = {
+        source.topic
+        for key, source in made.streams.items()
+        if isinstance(key, StreamKey)
+        and key.stream is Stream.POINTS
+        and StreamKey(key.camera, Stream.COLOR) not in made.streams
+        and shows_colors(source.topic)
+    }
+    return [
+        topic
+        for topic in topics
+        if topic.name in points and topic.type == ros_point_cloud.TYPE_NAME and not topic.encoding
+    ]

@@ -1,0 +1,102 @@
+"""Listens to topics whose names do not tell what they are, until a message does."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Iterable
+from dataclasses import replace
+from typing import Any, Final
+
+from gateway.discovery.topics import Topic, image_of
+from gateway.ros1.errors import Ros1Error
+from gateway.ros1.subscriber import Message
+from gateway.ros1.wire.tcpros import ANY
+from gateway.subscriptions import Subscriptions
+from gateway.translators.encoding import CLOUDS, IMAGES, UNKNOWN, encoding_of
+
+log = logging.getLogger(__name__)
+
+PATIENCE_S: Final = 2.0
+"""How long a topic that nobody sends is waited for; then others are no longer to wait for it."""
+
+MAX_AT_ONCE: Final = 64
+"""How many topics a sampler listens to at once; of others nothing is known."""
+
+_Sampled = tuple[str, str]
+"""A topic's name and type: who else publishes it makes nothing else of it."""
+
+
+class Sampler:
+    """Knows the encodings of images, and of the pictures in clouds, of which a message was heard.
+
+    group: runs what listens. changed: called when something became known, or was waited for long enough.
+    """
+
+    def __init__(
+        self,
+        group: asyncio.TaskGroup,
+        topics: Subscriptions,
+        changed: Callable[[], Coroutine[Any, Any, None]],
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        self._group = group
+        self._topics = topics
+        self._changed = changed
+        self._patience_s = patience_s
+        self._encodings: dict[_Sampled, str] = {}
+        self._waited_for: set[_Sampled] = set()
+        self._listening: dict[_Sampled, asyncio.Task[None]] = {}
+
+    def known(self, topics: Iterable[Topic]) -> list[Topic]:
+        """Return the topics with what is known of their pixels, and forget it of all others."""
+        found = [(topic, self._encodings.get(_sampled(topic), "")) for topic in topics]
+        self._encodings = {_sampled(topic): encoding for topic, encoding in found if encoding}
+        return [replace(topic, encoding=encoding) if encoding else topic for topic, encoding in found]
+
+    def listen(self, unclear: Iterable[Topic]) -> set[str]:
+        """Listen to these topics and to no others until a message of each has told.
+
+        Return the names of the images of which one may come at any moment.
+        """
+        wanted = {_sampled(topic) for topic in list(unclear)[:MAX_AT_ONCE]}
+        for sampled in self._listening.keys() - wanted:
+            self._listening.pop(sampled).cancel()
+            self._waited_for.discard(sampled)
+        for sampled in wanted - self._listening.keys():
+            self._listening[sampled] = self._group.create_task(self._sample(sampled))
+        return {image_of(name) for name, _ in wanted - self._waited_for}
+
+    async def _sample(self, sampled: _Sampled) -> None:
+        told: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        name, kind = sampled
+        is_cloud = kind in CLOUDS
+        try:
+            async with self._topics.subscribe(
+                name,
+                kind if is_cloud else ANY,
+                lambda message: _take(told, message),
+                accepted=CLOUDS if is_cloud else IMAGES,
+                on_gone=lambda _: None,
+                on_unkept=lambda _: None,
+            ):
+                await asyncio.wait([told], timeout=self._patience_s)
+                if not told.done():
+                    self._waited_for.add(sampled)
+                    self._group.create_task(self._changed())  # it may end this task, and is to be done nevertheless
+                self._encodings[sampled] = await told
+        except Ros1Error as error:
+            log.debug("%s: not looked at: %s", name, error)
+            self._encodings[sampled] = UNKNOWN
+        if is_cloud and self._encodings[sampled] == UNKNOWN:
+            log.info("%s: its points are no picture, so they give their camera no colour", name)
+        self._listening.pop(sampled, None)
+        self._waited_for.discard(sampled)
+        await self._changed()
+
+
+def _sampled(topic: Topic) -> _Sampled:
+    return topic.name, topic.type
+
+
+def _take(told: asyncio.Future[str], message: Message) -> None:
+    if not told.done() and (encoding := encoding_of(message)):
+        told.set_result(encoding)
