@@ -5,6 +5,7 @@ SECONDS ?=
 ROBOTS ?= 3
 BENCHMARKS ?=
 REPEAT ?= 1
+JOBS ?= 3
 
 .PHONY: demo test lint types tests ros postgresql chromium nginx screenshots bench fuzz clean help
 
@@ -27,7 +28,7 @@ types:
 
 tests:
 	@echo "[check] tests"
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 ros:
 	@tests/integration/install-ros.sh
