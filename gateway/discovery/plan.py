@@ -236,10 +236,10 @@ class _Planning:
             if isinstance(key, StreamKey) and key.stream is Stream.POINTS and self._shows_colors(source.topic):
                 self._streams.setdefault(StreamKey(key.camera, Stream.COLOR), source)
 
-    def _shows_colors(self, points: str) -> bool:
+    def _shows_colors(self, topic: str) -> bool:
         """Whether points are a picture: their name says so, and nothing that was heard of them says otherwise."""
-        heard = self._published[points].encoding if points in self._published else ""
-        return shows_colors(points) and heard in ("", cloud_image.ENCODING)
+        heard = self._published[topic].encoding if topic in self._published else ""
+        return shows_colors(topic) and heard in ("", cloud_image.ENCODING)
 
     def _take_infos(self, infos: set[str]) -> None:
         used = {source.topic for source in self._streams.values()}
