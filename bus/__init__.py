@@ -27,8 +27,8 @@ from bus.api import (
     SubscriptionCounts,
     Watch,
 )
+from bus.delivery.pieces import Payload, Pieces
 from bus.errors import BusClosedError, BusError, NotServedError, RefusedError, RequestError, RequestTimeoutError
-from bus.pieces import Payload, Pieces
 from bus.settings import BusSettings
 from bus.zenoh_bus import open_bus
 

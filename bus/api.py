@@ -8,8 +8,8 @@ from typing import Final, Protocol, Self
 
 import msgspec
 
-from bus.link_use import LinkUse
-from bus.pieces import Payload
+from bus.delivery.pieces import Payload
+from bus.session.link_use import LinkUse
 
 
 class QoS(Enum):

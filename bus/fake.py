@@ -7,16 +7,28 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import TypeVar
 
-from bus.api import DEFAULT_ENCODING, Bus, Handler, Latest, Publisher, QoS, Queue, Reply, Request, Subscription, Watch
-from bus.asking import Asking, Unanswered
+from bus.api import (
+    DEFAULT_ENCODING,
+    Bus,
+    Handler,
+    Latest,
+    Publisher,
+    QoS,
+    Queue,
+    Reply,
+    Request,
+    Subscription,
+    Watch,
+)
+from bus.delivery.pieces import Payload
+from bus.delivery.reading import PresenceReader, SampleReader
+from bus.delivery.writing import MessageWriter
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, matches, single_key
-from bus.link_use import MAX_LINKS, LinkUse
-from bus.pieces import Payload
-from bus.reading import PresenceReader, SampleReader
-from bus.serving import Call, Server, check_free
-from bus.writing import MessageWriter
+from bus.requests.pending_request import Asking, Unanswered
+from bus.requests.serving import Call, Server, check_free
+from bus.session.link_use import MAX_LINKS, LinkUse
 
 
 class _FakeToken:

@@ -1,9 +1,10 @@
-"""What a process says of itself while it works."""
+"""Status messages that a process publishes about itself while it runs, and the version it names in them."""
 
 import asyncio
 import logging
 import math
 from collections.abc import Callable
+from importlib.metadata import version
 from typing import Final, TypeVar
 
 import msgspec
@@ -48,3 +49,6 @@ async def report(bus: Bus, key: str, kind: type[S], status: Callable[[], S]) -> 
                 await asyncio.sleep(STATUS_PERIOD_S)
         finally:
             put()
+
+
+VERSION: Final = version("fleetsight")

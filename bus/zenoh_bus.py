@@ -7,21 +7,20 @@ from concurrent.futures import Future
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Final, Protocol, TypeVar
 
-from bus.allocator import keep_freed_memory
 from bus.api import DEFAULT_ENCODING, Bus, Handler, Latest, Publisher, QoS, Queue, Reply, Subscription, Watch
-from bus.asking import Asking, Unanswered
-from bus.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
+from bus.delivery.subscription import HistorySubscription, ZenohSubscription
 from bus.demand import Demand
 from bus.errors import BusClosedError
-from bus.files import raise_file_limit
 from bus.keys import key_expression, single_key
-from bus.known_keys import KnownKeys
-from bus.link_use import LinkUse, most_links
-from bus.locking import SHAREABLE_BYTES, may_lock
-from bus.serving import check_free
-from bus.session import Declaration, SessionThread
+from bus.requests.pending_request import Asking, Unanswered
+from bus.requests.serving import check_free
+from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
+from bus.session.file_limit import raise_file_limit
+from bus.session.known_keys import KnownKeys
+from bus.session.link_use import LinkUse, most_links
+from bus.session.memory import SHAREABLE_BYTES, keep_freed_memory, may_lock
+from bus.session.session import Declaration, SessionThread
 from bus.settings import BusSettings
-from bus.subscription import HistorySubscription, ZenohSubscription
 
 CLOSE_DEADLINE_S: Final = 2.0
 

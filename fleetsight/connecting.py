@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from bus import Bus, BusError, BusSettings, open_bus
-from bus.unreached import why_unreached
+from bus.session.links import why_unreached
 from fleetsight.errors import CertificateError, ConnectError, FleetsightError, SettingsError
 from fleetsight.fleet import Fleet
 from fleetsight.iterations import Iterations

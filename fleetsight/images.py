@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from bus import Bus, Latest, Queue, Subscription
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 
 

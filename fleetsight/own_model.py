@@ -7,16 +7,15 @@ from collections.abc import Awaitable, Callable, Sequence
 from typing import Final
 
 from bus import LATEST, Bus, BusClosedError, Sample
-from bus.clock import clock_id
-from bus.inbox import Inbox
-from bus.mailbox import PerKey
-from bus.reporting import report
-from bus.shared_demand import while_wanted
+from bus.clocks import clock_id
+from bus.delivery.inbox import Inbox
+from bus.delivery.mailbox import PerKey
+from bus.demand import while_wanted
+from bus.reporting import VERSION, report
 from bus.sharing import Sharing, SharingSettings
-from bus.sharing.asking import Asked
+from bus.sharing.rate_request import Asked
 from bus.sharing.sharing import say_unwanted
 from bus.sharing.tally import Tallies, Tally
-from bus.version import VERSION
 from fleetsight.results import Results, publishing
 from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections

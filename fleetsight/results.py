@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
 from bus import Bus, Publisher, QoS
-from bus.shared_demand import SharedDemand
+from bus.demand import SharedDemand
 from fleetsight.errors import MessageError, translated
 from schemas import codec
 from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from bus.version import VERSION
+from bus.reporting import VERSION
 from gateway.exploring import Explorer
 from gateway.offers import Offers
 from gateway.outgoing.returning import Return

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from bus import Bus, Publisher
-from bus.shared_demand import SharedDemand, while_wanted
+from bus.demand import SharedDemand, while_wanted
 from gateway.latching import Latched, latching
 from gateway.ros1.subscriber import LinkFailure, Message, Subscription
 from gateway.ros1.wire.tcpros import ANY

@@ -8,7 +8,9 @@ from gateway.ros1.subscriber import Message
 from gateway.translators import camera_info, compressed_image, disparity
 from schemas.header import gap
 
-NUMBERED: Final = frozenset((image.TYPE_NAME, compressed_image.TYPE_NAME, camera_info.TYPE_NAME, point_cloud.TYPE_NAME, disparity.TYPE_NAME))
+NUMBERED: Final = frozenset(
+    (image.TYPE_NAME, compressed_image.TYPE_NAME, camera_info.TYPE_NAME, point_cloud.TYPE_NAME, disparity.TYPE_NAME)
+)
 """Types that begin with a std_msgs/Header, whose first field is a number that ROS's own publishers count."""
 
 MAX_PUBLISHERS: Final = 64

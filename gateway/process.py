@@ -8,7 +8,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Any
 
 from bus import open_bus
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.reporting import report
 from gateway.account import Account
 from gateway.exploring import Explorer

@@ -4,7 +4,7 @@ import asyncio
 import logging
 from typing import Final
 
-from bus.shared_demand import SharedDemand, while_wanted
+from bus.demand import SharedDemand, while_wanted
 from gateway.ros1.errors import MessageError, Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock, decode_clock

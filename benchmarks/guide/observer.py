@@ -8,7 +8,7 @@ from typing import Final
 
 from benchmarks.guide.hops import Seen
 from bus import QUEUE, Bus, BusSettings, Sample, open_bus
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.errors import BusError
 from schemas import codec, keys
 from schemas.detections import ClassList, Detections

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from bus import BusSettings, clock, open_bus
+from bus import BusSettings, clocks, open_bus
 from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
 from services.detector.model import Found, Outcome, Request
@@ -53,6 +53,6 @@ async def work(router: str, name: str, frame_s: float) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) > 4:
-        clock.BOOT_ID = Path(sys.argv[4])
+        clocks.BOOT_ID = Path(sys.argv[4])
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(message)s")
     sys.exit(run(lambda: work(sys.argv[1], sys.argv[2], float(sys.argv[3]) / 1000)))

@@ -10,7 +10,7 @@ from zenoh.handlers import Callback
 
 from benchmarks.scaling.results import Log, Result
 from bus import BusSettings
-from bus.config import session_config
+from bus.session.config import session_config
 from schemas import codec, keys
 from schemas.detections import ClassList
 from schemas.keys import Stream

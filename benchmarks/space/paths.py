@@ -23,8 +23,8 @@ from services.distance.sensed import DEPTH_IMAGE, Sensed
 from services.distance.views import Limits as Readings
 from services.distance.views import Views
 from services.geometry.errors import GeometryError
-from services.geometry.joining import Joiner
 from services.simulator.placement import BASE, COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, MAP
+from services.worker.stamp_joiner import Joiner
 
 TARGET: Final = BASE
 CRITERIA: Final = Criteria()

@@ -1,12 +1,25 @@
 """How a worker shares the work with others. Plain data: whoever builds it reads environment, files and arguments."""
 
+import os
+import secrets
+import socket
 from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, BaseModel, Field
 
-from bus.sharing.naming import default_worker_name
 from schemas.keys import check_name
 from schemas.worker_keys import MAX_WEIGHT, MIN_WEIGHT, WorkerAlive, parse_worker_alive
+
+
+def default_worker_name() -> str:
+    """Return a name no other worker has: the machine's, the process's, and, as containers share those, one by lot."""
+    return f"{machine_name(socket.gethostname())}-{os.getpid()}-{secrets.token_hex(2)}"
+
+
+def machine_name(host: str) -> str:
+    """Return what of a host's name may stand in a key."""
+    machine = "".join(letter if letter.isascii() and letter.isalnum() else "-" for letter in host).strip("-")
+    return machine[:50] or "worker"
 
 
 def _named(what: str) -> AfterValidator:

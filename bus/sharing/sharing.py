@@ -8,8 +8,8 @@ from contextlib import AsyncExitStack, suppress
 from typing import Final
 
 from bus.api import Bus, Presence, Watch
-from bus.shared_demand import SharedDemand
-from bus.sharing.shares import HAND_OVER_S, Shares
+from bus.demand import SharedDemand
+from bus.sharing.rendezvous import HAND_OVER_S, Shares
 from schemas import keys, worker_keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream

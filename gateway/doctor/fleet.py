@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 from bus import QUEUE, Bus, BusError, BusSettings, open_bus
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.settings import port_of
 from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
 from gateway.doctor.reaching import can_be_tried, look_at_router

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Generic
 
 from bus import Bus, Sample
-from bus.shared_demand import SharedDemand, while_wanted
+from bus.demand import SharedDemand, while_wanted
 from gateway.outgoing.stream import StreamReturn
 from gateway.outgoing.translator import R
 from gateway.ros1.errors import MessageError, Ros1Error

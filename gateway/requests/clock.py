@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from bus import Handler, Reply, Request
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from schemas import codec
 from schemas.clock import ClockReading
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
-from bus.mailbox import PerKey
+from bus.delivery.mailbox import PerKey
 from gateway.shaping.compression import Frame, Method, compress
 from gateway.shaping.scaling import scale_image
 from gateway.shaping.uplink import Moment

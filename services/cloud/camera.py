@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from bus import LATEST, QUEUE, Bus, Sample, Subscription
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.sharing.tally import Tally
 from schemas import codec
 from schemas.camera_info import CameraInfo

@@ -5,7 +5,7 @@ import logging
 from bus import open_bus
 from services.cloud.settings import CloudSettings
 from services.cloud.worker import Worker
-from services.worker_thread import worker_thread
+from services.worker.thread import worker_thread
 
 log = logging.getLogger(__name__)
 

@@ -12,10 +12,10 @@ from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from services.cloud.reasons import DOUBLE, REPLACED, UNSTAMPED
 from services.geometry.errors import TooNewError, TransformError
-from services.geometry.joining import Joiner, NoPartner, Partner
 from services.geometry.memory_budget import MemoryBudget
 from services.geometry.motion import FIXED_FRAMES
 from services.geometry.transforms import TransformTree
+from services.worker.stamp_joiner import Joiner, NoPartner, Partner
 
 PATIENCE_S: Final = 0.3
 """How long detections wait for what belongs to them: longer than a lidar takes to turn, shorter than news is old."""

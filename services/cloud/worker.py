@@ -10,12 +10,11 @@ from contextlib import suppress
 from typing import Final
 
 from bus import Bus, QoS
-from bus.reporting import report
-from bus.shared_demand import SharedDemand, while_wanted
+from bus.demand import SharedDemand, while_wanted
+from bus.reporting import VERSION, report
 from bus.sharing import Sharing
 from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies, Tally
-from bus.version import VERSION
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream

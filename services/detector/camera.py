@@ -6,7 +6,7 @@ from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontext
 from dataclasses import dataclass
 
 from bus import Bus, Publisher, QoS
-from bus.shared_demand import SharedDemand
+from bus.demand import SharedDemand
 from schemas import codec
 from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list
 from schemas.image import ImageFrame

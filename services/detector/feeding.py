@@ -5,9 +5,9 @@ import logging
 from collections.abc import Callable
 
 from bus import LATEST, Bus, Sample
-from bus.clock import clock_id
-from bus.shared_demand import while_wanted
-from bus.sharing.asking import Asked
+from bus.clocks import clock_id
+from bus.demand import while_wanted
+from bus.sharing.rate_request import Asked
 from schemas import codec
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame

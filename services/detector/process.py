@@ -14,7 +14,7 @@ from services.detector.role import DETECTOR, OPINION
 from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
 from services.detector.worker import Worker
-from services.worker_thread import worker_thread
+from services.worker.thread import worker_thread
 
 log = logging.getLogger(__name__)
 

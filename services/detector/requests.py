@@ -20,7 +20,7 @@ from services.detector.leaving import Leaving
 from services.detector.model import Failed, Model, ModelError, Outcome, Request, TuningError
 from services.detector.role import DETECTOR, Role
 from services.detector.stills import ROBOT, StillError, frame_of
-from services.worker_thread import worker_thread
+from services.worker.thread import worker_thread
 
 log = logging.getLogger(__name__)
 

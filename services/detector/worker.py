@@ -9,12 +9,11 @@ from functools import partial
 from typing import Final
 
 from bus import Bus
-from bus.reporting import report
+from bus.reporting import VERSION, report
 from bus.sharing import Pace, Sharing
-from bus.sharing.asking import Asked
+from bus.sharing.rate_request import Asked
 from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies
-from bus.version import VERSION
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_CLASSES, WorkerStatus

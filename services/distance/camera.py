@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from bus import LATEST, Bus, Publisher, Sample
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from schemas import codec
 from schemas.detections import Detections
 from schemas.distances import Distances, ObjectDistance

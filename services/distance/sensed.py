@@ -11,9 +11,9 @@ from schemas.image import ImageFrame
 from services.distance.measuring import Frame
 from services.distance.views import Instant, Transform
 from services.geometry.errors import TooNewError, TransformError
-from services.geometry.joining import Joiner, NoPartner
 from services.geometry.motion import between
 from services.geometry.transforms import TransformTree
+from services.worker.stamp_joiner import Joiner, NoPartner
 
 DEPTH_IMAGE: Final = "depth image"
 NO_STAMP: Final = "the image has no stamp"

@@ -7,12 +7,11 @@ from concurrent.futures import Executor
 from typing import Final
 
 from bus import Bus, QoS
-from bus.reporting import report
-from bus.shared_demand import SharedDemand, while_wanted
+from bus.demand import SharedDemand, while_wanted
+from bus.reporting import VERSION, report
 from bus.sharing import Sharing
 from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies
-from bus.version import VERSION
 from schemas import codec
 from schemas.distances import Distances
 from schemas.keys import CameraKey, Stream
@@ -23,9 +22,9 @@ from services.distance.camera import Camera, work
 from services.distance.sensed import DEPTH_IMAGE, Sensed
 from services.distance.settings import DistanceSettings
 from services.distance.views import Views
-from services.geometry.joining import Joiner
 from services.geometry.memory_budget import MIB, MemoryBudget
 from services.geometry.transforms import TransformTree
+from services.worker.stamp_joiner import Joiner
 
 SERVICE: Final = "distance"
 

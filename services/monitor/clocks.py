@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
-from bus.offset import MAX_DRIFT, ClockOffset, Exchange
+from bus.clocks import MAX_DRIFT, ClockOffset, Exchange
 from schemas.clock import ClockReading
 
 PERIOD_S: Final = 10.0

@@ -8,7 +8,7 @@ from contextlib import suppress
 from ipaddress import ip_address
 from typing import Final
 
-from bus.links import host_of, is_name
+from bus.session.links import host_of, is_name
 from bus.settings import port_of
 from services.monitor.settings import MonitorSettings
 

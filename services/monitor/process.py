@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 from rich.console import Console
 
 from bus import QUEUE, Bus, Sample, Subscription, open_bus
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from schemas import codec, keys, worker_keys
 from schemas.detections import KEPT_LISTS, ClassList
 from schemas.distances import Distances

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from bus.links import host_of, is_name
+from bus.session.links import host_of, is_name
 from bus.settings import BusSettings, Endpoint, port_of
 from services.monitor.alerting.settings import AlertingSettings
 from services.monitor.history.settings import HistorySettings

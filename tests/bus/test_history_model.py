@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from bus.history import Fetch, History, Numbered
+from bus.history.ordering import Fetch, History, Numbered
 
 KEY = "fleet/r1/front/classes"
 ALL = 1_000

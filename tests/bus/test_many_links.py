@@ -8,7 +8,7 @@ from typing import Final
 import pytest
 
 from bus import QUEUE, BusSettings, open_bus
-from bus.link_use import OTHER_FILES
+from bus.session.link_use import OTHER_FILES
 from tests.bus.sessions import ROOT, client, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import until
@@ -20,7 +20,7 @@ CLIENTS: Final = """
 import json, os, sys
 import zenoh
 from bus import BusSettings
-from bus.config import session_config
+from bus.session.config import session_config
 
 config = json.dumps(session_config(BusSettings(connect=[sys.argv[1]], shared_memory=False)))
 sessions = [zenoh.open(zenoh.Config.from_json5(config)) for _ in range(int(sys.argv[2]))]
@@ -77,9 +77,9 @@ resource.setrlimit(resource.RLIMIT_NOFILE, (int(sys.argv[2]) // 2, int(sys.argv[
 async def main() -> None:
     async with open_bus(BusSettings(mode="router", listen=[sys.argv[1]], shared_memory=False)) as bus:
         print("ready", flush=True)
-        while not bus.links.problem:
+        while not bus.session.links.problem:
             await asyncio.sleep(0.05)
-        print(bus.links.problem, flush=True)
+        print(bus.session.links.problem, flush=True)
         await asyncio.Event().wait()
 
 asyncio.run(main())

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.offset import MAX_DRIFT, WINDOW, ClockOffset, Exchange, Offset
+from bus.clocks import MAX_DRIFT, WINDOW, ClockOffset, Exchange, Offset
 
 S = 1_000_000_000
 START_NS = 1_700_000_000 * S

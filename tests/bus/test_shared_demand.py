@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from bus.shared_demand import SharedDemand, while_wanted
+from bus.demand import SharedDemand, while_wanted
 
 
 async def settle() -> None:

@@ -52,7 +52,7 @@ async def test_a_centre_of_another_name_is_not_joined(tmp_path: Path, caplog: py
         await asyncio.sleep(LEASE_S)  # in which it tries again
         assert robot.link_problem == f"there is no link to {endpoint}"
     said = "nothing answers there, or the certificates do not fit"
-    assert [record.getMessage() for record in caplog.records if record.name == "bus.session"] == [
+    assert [record.getMessage() for record in caplog.records if record.name == "bus.session.session"] == [
         f"waiting for a link to {endpoint}: {said}"
     ]
 

@@ -7,19 +7,9 @@ from typing import Final, Literal, TypeVar
 
 import pytest
 
-from bus import (
-    LATEST,
-    QUEUE,
-    BusError,
-    BusSettings,
-    Presence,
-    Publisher,
-    QoS,
-    Subscription,
-    gathering,
-    open_bus,
-    session,
-)
+from bus import LATEST, QUEUE, BusError, BusSettings, Presence, Publisher, QoS, Subscription, open_bus
+from bus.delivery import batching
+from bus.session import session
 from tests.bus.sessions import LEASE_S, ROUTER, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import PATIENCE_S, next_of, until
@@ -204,7 +194,9 @@ async def test_a_robots_bus_waits_for_the_centre(
                 assert {(await next_of(present)).key, (await next_of(present)).key} == {"beside", "robot"}
                 await until(lambda: not robot.link_problem)
             await until(lambda: bool(robot.link_problem))
-    ours = [record.getMessage().partition(" tcp/")[0] for record in caplog.records if record.name == "bus.session"]
+    ours = [
+        record.getMessage().partition(" tcp/")[0] for record in caplog.records if record.name == "bus.session.session"
+    ]
     assert ours.count("connecting to") == 1
     assert ours.count("lost the link to") == 2
 
@@ -249,7 +241,7 @@ async def test_what_few_send_takes_no_thread() -> None:
 async def test_what_a_publisher_keeps_does_not_overtake_what_came_live_and_waits_for_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(gathering, "SHORTEST_S", gathering.LONGEST_S)
+    monkeypatch.setattr(batching, "SHORTEST_S", batching.LONGEST_S)
     endpoint = free_endpoint()
 
     async def numbers_of(robot: str) -> list[int]:

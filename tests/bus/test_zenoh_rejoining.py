@@ -9,9 +9,10 @@ from typing import Final
 import pytest
 import zenoh
 
-from bus import QUEUE, Bus, Presence, Publisher, QoS, caches, open_bus
-from bus.config import session_config
-from bus.declarations import ZenohWatch
+from bus import QUEUE, Bus, Presence, Publisher, QoS, open_bus
+from bus.history import caches
+from bus.session.config import session_config
+from bus.session.declarations import ZenohWatch
 from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until

@@ -19,7 +19,7 @@ from bus import (
     Request,
     RequestTimeoutError,
 )
-from bus.serving import INTERNAL
+from bus.requests.serving import INTERNAL
 from tests.contract.conftest import Opener
 from tests.contract.waiting import PATIENCE_S, until
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bus.link_use import MAX_LINKS, most_links
+from bus.session.link_use import MAX_LINKS, most_links
 from services.toolbox.process import EXIT_USAGE
 from tests.deploy.units import DEPLOY, values
 from tests.missing import require_debian

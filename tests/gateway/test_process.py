@@ -4,7 +4,7 @@ import os
 import pytest
 
 from bus import QUEUE, BusSettings, open_bus
-from bus.version import VERSION
+from bus.reporting import VERSION
 from gateway.process import run
 from gateway.ros1.master import SystemState
 from gateway.ros1.node import Node

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from bus import Publisher, QoS, Reply, Request
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from schemas import codec, keys
 from schemas.clock import ClockReading
 from schemas.detections import KEPT_LISTS, ClassList

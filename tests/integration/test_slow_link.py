@@ -5,7 +5,7 @@ import os
 import statistics
 
 from bus import QUEUE, BusSettings, QoS, open_bus
-from bus.connections import UNSENT_BYTES
+from bus.session.tcp_options import UNSENT_BYTES
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.ros1.waiting import until
 from tests.integration.thin_link import thin_link

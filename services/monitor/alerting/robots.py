@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 MAX_PUBLISHERS: Final = 4_096
 """How many keys are kept declared, for late subscribers and for speed; the one used longest ago is the next to go.
 
-Each that is declared again takes another number of the session's (see bus.known_keys).
+Each that is declared again takes another number of the session's (see bus.session.known_keys).
 """
 
 HEARD_S: Final = 10.0

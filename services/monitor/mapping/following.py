@@ -5,7 +5,7 @@ import logging
 from typing import Final
 
 from bus import QUEUE, Bus
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import RobotStreamKey, Wanted

@@ -5,7 +5,7 @@ from typing import Any, Final
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Security
 from pydantic import HttpUrl
 
-from bus.version import VERSION
+from bus.reporting import VERSION
 from services.monitor.monitor import Monitor
 from services.monitor.web.answers import answer_errors
 from services.monitor.web.api.about import about_routes

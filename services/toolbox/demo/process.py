@@ -12,7 +12,7 @@ from typing import Final
 from rich.console import Console
 
 from bus import open_bus
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from schemas.printing import printable
 from services.monitor.display import show
 from services.monitor.fleet import Fleet

@@ -1,6 +1,6 @@
 import pytest
 
-from bus.sharing.naming import default_worker_name, machine_name
+from bus.sharing.settings import default_worker_name, machine_name
 from schemas.keys import NAME
 
 

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.sharing import shares as limits
-from bus.sharing.rendezvous import owner
-from bus.sharing.shares import HAND_OVER_S, Shares
+from bus.sharing import rendezvous as limits
+from bus.sharing.rendezvous import HAND_OVER_S, Shares, owner
 from schemas.keys import CameraKey
 from schemas.worker_keys import Serves, WorkerAlive
 

@@ -6,8 +6,8 @@ from contextlib import AsyncExitStack
 
 import pytest
 
+from bus.demand import SharedDemand
 from bus.fake import FakeNetwork
-from bus.shared_demand import SharedDemand
 from bus.sharing import Sharing, SharingSettings
 from bus.sharing.sharing import say_unwanted
 from schemas.keys import CameraKey, Stream

@@ -4,17 +4,7 @@ from gateway.doctor.cameras import check_cameras
 from gateway.doctor.evidence import Heard, StreamLook
 from gateway.doctor.finding import Finding, Severity
 from schemas.camera_info import Region
-from tests.gateway.doctor.seeing import (
-    INFO,
-    color,
-    color_info,
-    depth,
-    depth_info,
-    evidence,
-    publisher,
-    sends,
-    stream,
-)
+from tests.gateway.doctor.seeing import INFO, color, color_info, depth, depth_info, evidence, publisher, sends, stream
 
 
 def said(

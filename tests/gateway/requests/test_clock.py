@@ -3,7 +3,7 @@ import time
 import pytest
 
 from bus import Request
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from gateway.requests.clock import clock_handler
 from schemas import codec
 from schemas.clock import ClockReading

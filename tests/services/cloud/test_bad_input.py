@@ -17,8 +17,8 @@ from schemas.points import PointCloud
 from services.cloud.reasons import MALFORMED_POINTS
 from services.cloud.settings import CloudSettings
 from services.cloud.worker import Worker
-from services.geometry.joining import FLUSHED
 from services.geometry.memory_budget import CROWDED
+from services.worker.stamp_joiner import FLUSHED
 from tests.contract.waiting import receive, until
 from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, about, found, load_when, placed, registered
 

@@ -18,15 +18,7 @@ from services.cloud.points import Points
 from services.cloud.projection import ProjectedView
 from tests.schemas.frames import header
 from tests.services.cloud.clouds import xyz_cloud
-from tests.services.cloud.scenes import (
-    CAMERA,
-    OPTICAL_IN_BASE,
-    Cuboid,
-    camera_view,
-    detection,
-    detections,
-    lidar_view,
-)
+from tests.services.cloud.scenes import CAMERA, OPTICAL_IN_BASE, Cuboid, camera_view, detection, detections, lidar_view
 
 BASE = Target("base_link", OPTICAL_IN_BASE)
 BOXES = (Cuboid((4.0, 0.6), (0.6, 0.9, 0.7), yaw=0.5), Cuboid((5.0, -0.8), (1.0, 0.8, 0.8), yaw=-0.3))

@@ -10,9 +10,9 @@ from schemas.transforms import Transform, Transforms
 from services.cloud.reasons import DOUBLE, REPLACED, UNSTAMPED
 from services.cloud.waiting import MAX_WAITING, NO_STAMP, PATIENCE_S, Waiting
 from services.geometry.errors import TooOldError
-from services.geometry.joining import DOUBLE as DOUBLE_STAMP
-from services.geometry.joining import UNUSED
 from services.geometry.transforms import OF_ITSELF
+from services.worker.stamp_joiner import DOUBLE as DOUBLE_STAMP
+from services.worker.stamp_joiner import UNUSED
 from tests.schemas.frames import header
 from tests.services.cloud.scenes import detections
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from bus import QUEUE, Bus, Publisher, QoS
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.fake import FakeNetwork
-from bus.version import VERSION
+from bus.reporting import VERSION
 from schemas import codec, keys, worker_keys
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections

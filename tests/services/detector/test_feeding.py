@@ -4,7 +4,7 @@ import asyncio
 
 from bus import QUEUE, QoS
 from bus.fake import FakeNetwork
-from bus.sharing.asking import Asked
+from bus.sharing.rate_request import Asked
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import Stream

@@ -8,9 +8,9 @@ import pytest
 from backports import zstd
 
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.fake import FakeNetwork
-from bus.version import VERSION
+from bus.reporting import VERSION
 from schemas import codec, keys, worker_keys
 from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame

@@ -18,7 +18,7 @@ from services.distance.camera import Camera, work
 from services.distance.picking import Criteria
 from services.distance.sensed import DEPTH_IMAGE, Sensed
 from services.distance.views import Instant, Limits, Views
-from services.geometry.joining import Joiner
+from services.worker.stamp_joiner import Joiner
 from tests.services.distance.rig import FRONT, only, robot
 from tests.services.distance.scenes import depth, detections, found, mask, wall
 

@@ -16,9 +16,9 @@ from services.distance.measuring import View, measure
 from services.distance.picking import Criteria
 from services.distance.sensed import Moment, Sensed
 from services.distance.views import Instant, Limits, Views
-from services.geometry.joining import Joiner
 from services.geometry.motion import LITTLE
 from services.geometry.rotation import inverse_of, matrix_of
+from services.worker.stamp_joiner import Joiner
 from tests.services.distance.scenes import FOCAL, FRAME, HEIGHT, WIDTH, calibration, depth, detections, found, head
 
 MS: Final = 1_000_000

@@ -3,7 +3,7 @@ import pytest
 
 from services.distance.sensed import Sensed
 from services.distance.views import Instant
-from services.geometry.joining import Joiner
+from services.worker.stamp_joiner import Joiner
 from tests.services.distance.scenes import FRAME, calibration, depth, detections, stamp_of, transforms, wall
 
 

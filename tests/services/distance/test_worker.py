@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from bus import QUEUE, Bus, Subscription
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.fake import FakeNetwork
-from bus.version import VERSION
+from bus.reporting import VERSION
 from schemas import keys, worker_keys
 from schemas.distances import Distances
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
 from schemas.status import WorkerStatus
 from services.distance.account import DOUBLE
 from services.distance.camera import WAITED
-from services.geometry.joining import FLUSHED
+from services.worker.stamp_joiner import FLUSHED
 from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
 from tests.services.distance.rig import FRONT, Robot, load, only, robot, working

@@ -4,7 +4,7 @@ import time
 
 from fastapi import APIRouter, HTTPException, Request
 
-from bus.version import VERSION
+from bus.reporting import VERSION
 from services.monitor.export.settings import moment
 from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor

@@ -7,16 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.ros1.errors import FaultError, StatusError, XmlRpcError
-from gateway.ros1.wire.xmlrpc import (
-    MAX_DEPTH,
-    Body,
-    Decoder,
-    Fault,
-    MethodCall,
-    MethodResponse,
-    encode,
-    result_of,
-)
+from gateway.ros1.wire.xmlrpc import MAX_DEPTH, Body, Decoder, Fault, MethodCall, MethodResponse, encode, result_of
 from tests.gateway.ros1.feeding import decode
 from tests.gateway.ros1.goldens import REGISTER_PUBLISHER, REGISTER_PUBLISHER_RESPONSE, TOPIC
 

@@ -2,7 +2,7 @@ import asyncio
 from collections.abc import Callable
 
 from bus import QoS
-from bus.clock import clock_id
+from bus.clocks import clock_id
 from bus.fake import FakeNetwork
 from schemas import codec, keys
 from schemas.keys import RobotStreamKey

@@ -2,7 +2,7 @@ import pytest
 
 from bus import BusSettings, open_bus
 from bus.fake import FakeNetwork
-from bus.link_use import LinkUse
+from bus.session.link_use import LinkUse
 from services.monitor.web.metrics import metrics_of
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import until
@@ -17,7 +17,7 @@ async def test_links_are_counted_against_how_many_there_can_be() -> None:
             await until(lambda: bus.links.count == 2)
             said = (await metrics_of(monitor)).decode().splitlines()
             assert "fleetsight_links 2.0" in said
-            assert f"fleetsight_links_limit {float(bus.links.limit)}" in said
+            assert f"fleetsight_links_limit {float(bus.session.links.limit)}" in said
         await until(lambda: bus.links.count == 0)
         assert monitor.problems() == []
 

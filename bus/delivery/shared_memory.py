@@ -1,0 +1,119 @@
+"""One publisher's payloads in memory that subscribers on the same machine read without a copy in between."""
+
+import logging
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import zenoh
+from zenoh.shm import ShmProvider, ZShmMut
+
+from bus.delivery.pieces import Payload, Pieces, joined
+from bus.errors import BusError
+from bus.session.panics import panics_are_errors
+
+FRAMES: Final = 3
+"""Payloads of one size that may be on their way at once: shared ones fill no socket, which would bound them."""
+
+PATIENCE: Final = 30
+PATIENCE_S: Final = 3.0
+"""With so many successive payloads without room, or after seconds of them, what subscribers hold is left to them: one
+that was stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
+
+SMALLEST_BYTES: Final = 4096
+"""A smaller payload is sent sooner than it is shared."""
+
+_SPARE: Final = 16
+"""A part of so much is added, so that headers which grow by a byte do not move the room each time."""
+
+_OVERHEAD_BYTES: Final = 4096
+
+_OWN_BYTES: Final = 2 << 20
+"""What Zenoh itself takes for its bookkeeping, once."""
+
+_FOLDER: Final = Path("/dev/shm")  # noqa: S108 - where Zenoh has its segments; only its free space is read
+
+_log: Final = logging.getLogger(__name__)
+
+
+class SharedFrames:
+    """Has room for FRAMES times the largest payload it saw. To be used by one thread at a time. clock: in seconds."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._largest = 0
+        self._refused = 0
+        self._refused_since = 0.0
+        self._provider: ShmProvider | None = None
+
+    def place(self, payload: Payload) -> ZShmMut | bytes | bytearray | None:
+        """Return the payload's copy in shared memory, or itself where it is small or the system has no room.
+
+        None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
+        stream's others for less than PATIENCE payloads and PATIENCE_S.
+        """
+        size = len(payload)
+        if size < SMALLEST_BYTES:
+            return joined(payload)
+        if size > self._largest:
+            self._renew(size + size // _SPARE)
+        if self._provider is None:
+            return joined(payload)
+        if (room := _allocated(self._provider, size)) is not None:
+            self._refused = 0
+            _write(payload, room)
+            return room
+        if not self._refused:
+            self._refused_since = self._clock()
+        self._refused += 1
+        if not self._is_impatient():
+            return None
+        self._renew(self._largest)
+        return self.place(payload)
+
+    def _is_impatient(self) -> bool:
+        return self._refused >= PATIENCE or self._clock() >= self._refused_since + PATIENCE_S
+
+    def _renew(self, largest: int) -> None:
+        self._largest = largest
+        self._refused = 0
+        self._provider = None  # whose memory the system has back then, once no subscriber has it
+        self._provider = _provider(FRAMES * (largest + _OVERHEAD_BYTES))
+
+
+def _write(payload: Payload, room: ZShmMut) -> None:
+    if isinstance(payload, Pieces):
+        payload.write(room)
+    else:
+        room[0 : len(payload)] = payload
+
+
+def _allocated(provider: ShmProvider, size: int) -> ZShmMut | None:
+    # Zenoh's own policies (1.10) give up where no single piece that came back is large enough.
+    provider.garbage_collect()
+    try:
+        return provider.alloc(size)
+    except zenoh.ZError:
+        provider.defragment()
+    try:
+        return provider.alloc(size)
+    except zenoh.ZError:
+        return None
+
+
+def _provider(size: int) -> ShmProvider | None:
+    """Return fresh shared memory, if the system has room for it and for as much again, which is for others."""
+    try:
+        free = os.statvfs(_FOLDER)
+        if free.f_bavail * free.f_frsize >= 2 * size + _OWN_BYTES:
+            with panics_are_errors():
+                provider = ShmProvider.default_backend(size)
+                provider.alloc(1)  # with the first, Zenoh takes what is for its bookkeeping
+            return provider
+        reason = f"{_FOLDER} is too full"
+    except (OSError, zenoh.ZError, BusError) as error:
+        reason = str(error)
+    _log.warning("no shared memory for %d bytes (%s): such messages are sent instead", size, reason)
+    return None

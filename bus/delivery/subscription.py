@@ -1,0 +1,185 @@
+"""A subscription of the real bus."""
+
+import threading
+import time
+from asyncio import AbstractEventLoop
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from typing import Any, Final
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.api import Latest, Queue, Sample
+from bus.delivery.batching import DELIVERED_S, taking
+from bus.delivery.inbox import call_soon
+from bus.delivery.reading import SampleReader
+from bus.history.caches import CACHE, Caches, is_sent_again, owner_of, stamp_of
+from bus.history.ordering import Fetch, History, Numbered
+from bus.session.known_keys import number_of
+
+AGAIN_S: Final = 0.5
+"""After so long a cache that had nothing is asked again: Zenoh's routers (1.10) find their ways 0.1 s after a link."""
+
+_PUT: Final = zenoh.SampleKind.PUT
+
+
+class ZenohSubscription(SampleReader):
+    """A subscription to what is published from now on. What many publish and nobody may miss is taken in in batches."""
+
+    takes_another = False
+
+    def __init__(self, key_expr: str, keep: Latest | Queue, loop: AbstractEventLoop, *, few: bool) -> None:
+        super().__init__(keep, loop)
+        self._key_expr = key_expr
+        self._together = isinstance(keep, Queue) and "*" in key_expr and not few
+        self._declared = ExitStack()
+        self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
+
+    @property
+    def number_of(self) -> str:
+        """See `Declaration`."""
+        return number_of(self._key_expr)
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread."""
+        declare = partial(session.declare_subscriber, self._key_expr)
+        self._declared.enter_context(taking(declare, partial(self.take, self._turn), together=self._together))
+
+    def undeclare(self) -> None:
+        """Undeclare."""
+        self._declared.close()
+
+    def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:  # noqa: ARG002 - for those with a history
+        """Take in what came live, in a turn that may be over."""
+        self.arrive_all(_sample(sample) for sample in samples if sample.kind == _PUT and not is_sent_again(sample))
+
+
+class HistorySubscription(ZenohSubscription):
+    """A subscription to what publishers keep, too.
+
+    Zenoh's own advanced subscriber (1.10) drops the history of those who send before it is there; it asks for what it
+    missed under a key expression that has a router look through all its keys, once for each publisher that it waits
+    for, and asks thousands of publishers at once.
+
+    submit: has something done on the session's thread. known: told the key of each that publishes.
+    """
+
+    def __init__(
+        self,
+        key_expr: str,
+        keep: Latest | Queue,
+        loop: AbstractEventLoop,
+        submit: Callable[[Callable[[], None]], object],
+        known: Callable[[str], None] | None,
+        *,
+        few: bool,
+        recover: int,
+    ) -> None:
+        super().__init__(key_expr, keep, loop, few=few)
+        self._caches = Caches(submit, recover, self._on_kept, self._on_fetched)
+        self._history: History[Sample | None] = History(
+            recover, self._caches.ask, self._ask_later, self._deliver, self.miss
+        )
+        self._known = known
+        self._one_at_a_time = threading.Lock()
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare on the session's thread, presences first: what is live waits for what those who are there keep."""
+        with self._one_at_a_time:
+            self._turn += 1
+            self._history.cut_off()
+        self._caches.use(session)
+        caches, liveliness = f"{self._key_expr}{CACHE}**", session.liveliness()
+        presences: Any = liveliness.declare_subscriber(
+            caches, Callback(partial(self._on_presence, self._turn), indirect=False)
+        )
+        self._declared.callback(presences.undeclare)
+        done = partial(self._on_all_present, self._turn)
+        liveliness.get(caches, Callback(partial(self._on_present, self._turn), done, indirect=False))
+        super().declare(session)
+
+    def undeclare(self) -> None:
+        """Undeclare; what waits for older messages does so until it is known who is still there."""
+        self._caches.use(None)
+        super().undeclare()
+
+    def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:
+        """See `ZenohSubscription.take`."""
+        numbered, others = _numbered(samples)
+        self.arrive_all(others)
+        with self._one_at_a_time:
+            self._history.live(numbered, current=turn == self._turn)
+
+    def _on_present(self, turn: int, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._on_presence(turn, reply.ok)
+
+    def _on_presence(self, turn: int, presence: zenoh.Sample) -> None:
+        cache = str(presence.key_expr)
+        key, _ = owner_of(cache)
+        with self._one_at_a_time:
+            if turn != self._turn:
+                return
+            if presence.kind == _PUT:
+                if self._known is not None:
+                    self._known(key)
+                self._history.appear(key, cache)
+            else:
+                self._history.leave(key, cache)
+
+    def _on_all_present(self, turn: int) -> None:
+        with self._one_at_a_time:
+            if turn == self._turn:
+                self._history.all_appeared()
+
+    def _on_kept(self, fetch: Fetch, sample: zenoh.Sample) -> None:
+        numbered, _ = _numbered([sample], kept=True)
+        with self._one_at_a_time:
+            for each in numbered:
+                self._history.kept(fetch, each)
+
+    def _on_fetched(self, fetch: Fetch, replied: bool) -> None:  # noqa: FBT001 - a callback's
+        """Take what a cache answered; where it overtook what came live before and waits for others, after that."""
+        fetched = partial(self._with_history, self._turn, partial(self._history.fetched, fetch, empty=not replied))
+        if self._together:
+            call_soon(self._loop, partial(self._loop.call_later, DELIVERED_S, fetched))
+        else:
+            fetched()
+
+    def _ask_later(self, fetch: Fetch) -> None:
+        again = partial(self._with_history, self._turn, partial(self._history.ask_again, fetch))
+        call_soon(self._loop, partial(self._loop.call_later, AGAIN_S, again))
+
+    def _with_history(self, turn: int, act: Callable[[], None]) -> None:
+        with self._one_at_a_time:
+            if turn == self._turn:
+                act()
+
+    def _deliver(self, messages: list[Sample | None]) -> None:
+        self.arrive_all(message for message in messages if message is not None)
+
+
+def _numbered(
+    samples: Iterable[zenoh.Sample], *, kept: bool = False
+) -> tuple[list[Numbered[Sample | None]], list[Sample]]:
+    """Return those that have numbers, deletions as None, which have one too, and the others."""
+    numbered: list[Numbered[Sample | None]] = []
+    others: list[Sample] = []
+    for sample in samples:
+        stamped = stamp_of(sample)
+        older = kept or (stamped is not None and stamped[2] > 0)
+        message = _sample(sample, kept=older) if sample.kind == _PUT else None
+        if stamped is not None:
+            publisher, number, newness = stamped
+            key = str(sample.key_expr) if message is None else message.key
+            numbered.append(Numbered(key, publisher, number, message, newness, sample.source_info))
+        elif message is not None:
+            others.append(message)
+    return numbered, others
+
+
+def _sample(arrived: zenoh.Sample, *, kept: bool = False) -> Sample:
+    """Return what came, with a time of its own: what came live at once has an order in time too."""
+    return Sample(str(arrived.key_expr), arrived.payload.to_bytes(), str(arrived.encoding), time.time_ns(), kept=kept)

@@ -1,0 +1,94 @@
+"""The asking end of a request, the same for the real bus and the fake."""
+
+import asyncio
+from asyncio import AbstractEventLoop
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Final
+
+from bus.api import MAX_REQUEST_BYTES, MAX_TIMEOUT_S, Reply
+from bus.delivery.inbox import call_soon
+from bus.errors import BusClosedError, BusError, NotServedError, RefusedError, RequestTimeoutError
+
+MAX_UNANSWERED: Final = 256
+"""Most requests of one bus under way."""
+
+Outcome = Reply | BusError
+
+
+class Asking:
+    """One request that waits for its answer: the first outcome counts, later ones are ignored."""
+
+    def __init__(self, key: str, payload: bytes | bytearray, encoding: str, timeout_s: float) -> None:
+        if not isinstance(payload, bytes | bytearray):
+            raise TypeError(f"a payload is bytes or bytearray, not {type(payload).__name__}")
+        if len(payload) > MAX_REQUEST_BYTES:
+            raise BusError(f"a request of {len(payload)} bytes, at most {MAX_REQUEST_BYTES} are sent")
+        if not 0 < timeout_s <= MAX_TIMEOUT_S:
+            raise BusError(f"a request takes at most {MAX_TIMEOUT_S:g} s, not {timeout_s:g}")
+        self.key = key
+        self.payload = payload
+        self.encoding = encoding
+        self.timeout_s = timeout_s
+        self._loop: AbstractEventLoop = asyncio.get_running_loop()
+        self._outcome: asyncio.Future[Outcome] = self._loop.create_future()
+
+    def settle(self, outcome: Outcome) -> None:
+        """Bring the outcome. Any thread."""
+        call_soon(self._loop, partial(self._set, outcome))
+
+    def refuse(self, reason: str) -> None:
+        """Bring a server's error. Any thread."""
+        self.settle(RefusedError(reason))
+
+    def give_up(self) -> None:
+        """Say that nobody answers. Any thread; after an answer it changes nothing."""
+        self.settle(NotServedError("nobody serves it, or whoever did left before answering"))
+
+    def end(self) -> None:
+        """Say that the bus is closed. Event loop only."""
+        self._set(BusClosedError("the bus was closed before an answer came"))
+
+    async def answered(self) -> Reply:
+        """Wait for the outcome, as `bus.api.Bus.request` says."""
+        try:
+            async with asyncio.timeout(self.timeout_s):
+                outcome = await self._outcome
+        except TimeoutError:
+            raise RequestTimeoutError(f"no answer within {self.timeout_s:g} s") from None
+        if isinstance(outcome, BusError):
+            raise outcome
+        return outcome
+
+    def _set(self, outcome: Outcome) -> None:
+        if not self._outcome.done():
+            self._outcome.set_result(outcome)
+
+
+class Unanswered:
+    """A bus's requests under way. Event loop only."""
+
+    def __init__(self) -> None:
+        self._askings: set[Asking] = set()
+
+    @contextmanager
+    def holding(self, asking: Asking) -> Iterator[None]:
+        """Count a request as under way.
+
+        Raises:
+            BusError: MAX_UNANSWERED are already.
+
+        """
+        if len(self._askings) >= MAX_UNANSWERED:
+            raise BusError(f"{MAX_UNANSWERED} requests are unanswered already")
+        self._askings.add(asking)
+        try:
+            yield
+        finally:
+            self._askings.discard(asking)
+
+    def end(self) -> None:
+        """Say to all of them that the bus is closed."""
+        for asking in self._askings:
+            asking.end()

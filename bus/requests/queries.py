@@ -1,0 +1,75 @@
+"""Requests as Zenoh's queries. Everything that touches a session is for its thread."""
+
+from contextlib import suppress
+from functools import partial
+from typing import Final
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.api import MAX_TIMEOUT_S, Reply
+from bus.requests.pending_request import Asking
+
+TIMEOUT_MS: Final = "timeout_ms"
+"""The query parameter that says how long its sender waits, for the server's sake."""
+
+DEFAULT_TIMEOUT_S: Final = 10.0
+ERROR_ENCODING: Final = "text/plain"
+MAX_ERROR_BYTES: Final = 4_096
+LATE_S: Final = 1.0
+"""How much longer than its sender a query lives, so that the sender's own clock decides."""
+
+
+def send_query(session: zenoh.Session, asking: Asking, *, served_here: bool) -> None:
+    """Ask. Dropped under congestion, as everything here, and so is the reply: then its sender's time runs out.
+
+    served_here: the session has a server of the key; Zenoh (1.10) would ask that one and another one too.
+
+    Raises:
+        zenoh.ZError: the session is closed.
+
+    """
+    session.get(
+        f"{asking.key}?{TIMEOUT_MS}={round(asking.timeout_s * 1000)}",
+        Callback(partial(_on_reply, asking), asking.give_up, indirect=False),
+        target=zenoh.QueryTarget.BEST_MATCHING,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        timeout=asking.timeout_s + LATE_S,
+        allowed_destination=zenoh.Locality.SESSION_LOCAL if served_here else zenoh.Locality.REMOTE,
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.INTERACTIVE_LOW,
+        payload=asking.payload,
+        encoding=asking.encoding,
+    )
+
+
+def _on_reply(asking: Asking, reply: zenoh.Reply) -> None:
+    if reply.ok is not None:
+        asking.settle(Reply(reply.ok.payload.to_bytes(), str(reply.ok.encoding)))
+    elif reply.err is not None:
+        asking.refuse(_error_text(reply.err.payload))
+
+
+def _error_text(payload: zenoh.ZBytes) -> str:
+    if len(payload) > MAX_ERROR_BYTES:
+        return f"an error of {len(payload)} bytes"
+    return " ".join(payload.to_bytes().decode(errors="replace").split())
+
+
+def finish_query(query: zenoh.Query, served: str, outcome: Reply | str | None) -> None:
+    """Answer a query that came to a server of `served`, and let go of it."""
+    with query, suppress(zenoh.ZError):  # whoever asked, or the session, is gone
+        key = served if "*" not in served else str(query.key_expr)
+        if isinstance(outcome, Reply) and "*" in key:
+            outcome = f"{key} is many keys: ask for one"
+        if isinstance(outcome, Reply):
+            query.reply(key, outcome.payload, encoding=outcome.encoding)
+        elif outcome is not None:
+            query.reply_err(outcome, encoding=ERROR_ENCODING)
+
+
+def timeout_of(text: str | None) -> float:
+    """Return how many seconds a query's sender waits, at most MAX_TIMEOUT_S."""
+    if text is None or not text.isascii() or not text.isdigit() or len(text) > 9:
+        return DEFAULT_TIMEOUT_S
+    return min(int(text) / 1000, MAX_TIMEOUT_S)

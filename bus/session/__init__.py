@@ -1,0 +1,1 @@
+"""The Zenoh session: its thread, its configuration, its links and their certificates."""

@@ -1,0 +1,132 @@
+"""The links of a session: which of the endpoints asked for are connected, and why the others are not.
+
+Zenoh (1.10) does not report why a connection failed.
+
+"""
+
+import queue
+import re
+import socket
+import threading
+from collections.abc import Sequence
+from ipaddress import ip_address
+from typing import Final
+
+from bus.settings import WITH_TLS, BusSettings, port_of
+
+_HOST: Final = re.compile(r"[a-z]+/\[?([^\]?#]*)\]?:\d+")
+
+
+class Links:
+    """The links that a session has, each as its own end and the other's; true while it has one that it sought."""
+
+    def __init__(self, settings: BusSettings) -> None:
+        self._settings = settings
+        self._there: set[tuple[str, str]] = set()
+        self._every: set[tuple[str, str]] = set()
+
+    @property
+    def count(self) -> int:
+        """How many there are, also those that others sought."""
+        return len(self._every)
+
+    def __bool__(self) -> bool:
+        return bool(self._there)
+
+    def clear(self) -> None:
+        self._there.clear()
+        self._every.clear()
+
+    def add(self, own: str, other: str) -> bool:
+        """Take in a link that is there; return whether it is one that was sought."""
+        self._every.add((own, other))
+        sought = self._is_sought(other)
+        if sought:
+            self._there.add((own, other))
+        return sought
+
+    def remove(self, own: str, other: str) -> bool:
+        """Take out a link that is gone; return whether it is one that was sought."""
+        self._every.discard((own, other))
+        was_there = (own, other) in self._there
+        self._there.discard((own, other))
+        return was_there
+
+    def missing(self) -> list[str]:
+        """Return the endpoints that no link is to, as far as addresses and ports tell: hosts have names."""
+        others = [other for _, other in self._there]
+        return [endpoint for endpoint in self._settings.connect if not any(_fits(endpoint, other) for other in others)]
+
+    def _is_sought(self, other: str) -> bool:
+        """Whether a link is one that was asked for, and not others' to us, as far as ports tell.
+
+        Who scouts and names nobody to connect to asks for any.
+        """
+        settings = self._settings
+        if settings.mode == "client" or (settings.scouting and not settings.connect):
+            return True
+        return port_of(other) in {port_of(endpoint) for endpoint in settings.connect}
+
+
+def host_of(endpoint: str) -> str:
+    """Return the host of an endpoint, or of a link's end; that of an IPv6 address without its brackets."""
+    match = _HOST.match(endpoint)
+    return match[1] if match is not None else ""
+
+
+def is_name(host: str) -> bool:
+    """Whether a host is not told by its address."""
+    try:
+        ip_address(host)
+    except ValueError:
+        return True
+    return False
+
+
+def _fits(endpoint: str, other: str) -> bool:
+    if port_of(endpoint) != port_of(other):
+        return False
+    asked, linked = host_of(endpoint), host_of(other)
+    if is_name(asked) or is_name(linked):
+        return True
+    return ip_address(asked) == ip_address(linked) or ip_address(asked).is_unspecified
+
+
+RESOLVING_S: Final = 1.0
+"""How long it is waited for a name server."""
+
+
+def why_unreached(endpoints: Sequence[str]) -> str:
+    """Say in words why nothing may be linked at any of these endpoints. Takes up to RESOLVING_S for each name."""
+    said = {endpoint: _why_unresolved(host_of(endpoint)) for endpoint in endpoints}
+    resolved = [endpoint for endpoint, unresolved in said.items() if not unresolved]
+    reasons = list(dict.fromkeys(unresolved for unresolved in said.values() if unresolved))
+    if any(endpoint.startswith(WITH_TLS) for endpoint in resolved):
+        reasons.append("nothing answers there, or the certificates do not fit")
+    elif resolved or not endpoints:
+        reasons.append("no Zenoh router answers there")
+    return "; ".join(reasons)
+
+
+def _why_unresolved(host: str) -> str:
+    """Return why a host's name has no address, or nothing if it has one.
+
+    The system's resolver cannot be cancelled: it gets a thread of its own, which nothing waits for.
+    """
+    if not is_name(host):
+        return ""
+    said: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def look_up() -> None:
+        try:
+            socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError) as error:
+            said.put(f"{host} does not resolve: {getattr(error, 'strerror', None) or error}")
+        else:
+            said.put("")
+
+    threading.Thread(target=look_up, name=f"resolve {host}", daemon=True).start()
+    try:
+        return said.get(timeout=RESOLVING_S)
+    except queue.Empty:
+        return f"no name server says within {RESOLVING_S:g} s where {host} is"

@@ -1,0 +1,406 @@
+"""The thread that owns the Zenoh session: opening, declaring, undeclaring and closing may block, so it does them."""
+
+import contextlib
+import json
+import logging
+import queue
+import re
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from functools import partial
+from random import uniform
+from typing import Final, Protocol
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.errors import BusError, NotServedError
+from bus.requests.pending_request import Asking
+from bus.requests.queries import send_query
+from bus.requests.serving import serves
+from bus.session.certificates import check_certificates
+from bus.session.config import session_config
+from bus.session.known_keys import Numbers
+from bus.session.link_use import LinkUse, LinkWarning
+from bus.session.links import Links, why_unreached
+from bus.session.panics import panics_are_errors
+from bus.session.tcp_options import Tuning
+from bus.settings import BusSettings
+
+RETRY_S: Final = 0.5
+"""Between attempts, and up to as long again: a fleet does not try in step."""
+
+BRIEF_S: Final = 5.0
+"""A session that lived no longer is followed by another one only after RETRY_S."""
+
+REST_S: Final = 0.2
+"""How long nothing follows the end of a session.
+
+Letting go of one holds the interpreter lock until a thread of Zenoh's has time, which may wait for that lock itself to
+call back (1.10), for ten seconds. By then nothing calls back any more.
+"""
+
+IN_A_ROW: Final = 8
+"""How many declarations a router is given to work off before it gets more."""
+
+SETTLING_S: Final = 1.0
+"""Longest wait for that; short of the deadline for closing."""
+
+TELL_AFTER_S: Final = 3.0
+"""How long a router or peer may take to link before it is said that it waits."""
+
+RENEWED_AFTER: Final = 10_000
+"""Declarations after which another session follows a client's: each may take a number (see bus.session.known_keys)."""
+
+OTHERS_RENEWED_AFTER: Final = 50_000
+"""Of a router or peer, with which all links end, as many that took another number."""
+
+LOOK_S: Final = 0.1
+"""How often it is looked meanwhile whether there is still anything to wait for."""
+
+NEVER: Final = 0
+
+_NOBODY: Final = "nobody"
+"""A presence that is not there."""
+
+_log: Final = logging.getLogger(__name__)
+
+
+class Declaration(Protocol):
+    """Something declared on a session. Both methods are called on the session's thread only."""
+
+    @property
+    def number_of(self) -> str:
+        """The key whose number it takes (see bus.session.known_keys), or empty."""
+
+    @property
+    def takes_another(self) -> bool:
+        """Whether it takes another number whenever it is declared."""
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Declare; may raise zenoh.ZError, and is then undeclared."""
+
+    def undeclare(self) -> None:
+        """Undo whatever `declare` got done; nothing if it was never called."""
+
+
+class SessionThread:
+    """Opens a session, again and again if it is a client's and nobody answers; declares what is kept on it.
+
+    Another one follows that of a client whose link is lost, and any with very many declarations. Zenoh's own (1.10)
+    may go on with what a router has not yet taken for lost, and then mixes up what keys the two speak of; it may give
+    up for good on a link that is closed as it comes up; and it declares everything at once. It still tries, once, until
+    it is ended.
+    """
+
+    def __init__(self, settings: BusSettings, most_links: int) -> None:
+        self._settings = settings
+        self._most_links = most_links
+        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._kept: dict[Declaration, None] = {}
+        self._numbers = Numbers()
+        self._session: zenoh.Session | None = None
+        self._turn = NEVER  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
+        self._links = Links(settings)
+        self._link_warning = LinkWarning()
+        self._tuning = Tuning(self.do)
+        self._stopping = threading.Event()
+        self._stopped = False
+        self._retry_at: float | None = None
+        self._refused = False
+        self._tell_at: float | None = None
+        self._opened_at = 0.0
+        self._unsettled = 0
+        self._declared = 0  # since the session is open; a client's are all counted: keys may be new ones, too
+        self._cut = threading.Event()
+        self._ended: zenoh.Session | None = None  # see REST_S
+        self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
+        self._thread.start()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a session; its links may be down all the same."""
+        return self._session is not None
+
+    @property
+    def link_problem(self) -> str:
+        """Why nobody can be heard, in words, or empty."""
+        if self._session is not None and (self._links or not self._settings.connect):
+            return ""
+        if self._session is None and self._turn != NEVER and self._settings.mode != "client":
+            return "the bus is being opened again"
+        return f"there is no link to {self._where}"
+
+    @property
+    def links(self) -> LinkUse:
+        """See `bus.api.Bus.links`."""
+        return LinkUse(self._links.count, self._most_links)
+
+    def open(self) -> Future[None]:
+        """Try to open once; a client whose routers do not answer goes on trying by itself, others fail."""
+        return self.submit(self._begin)
+
+    def keep(self, declaration: Declaration) -> Future[None]:
+        """Declare, now or when the session is open."""
+        return self.submit(lambda: self._declare(declaration))
+
+    def drop(self, declaration: Declaration) -> Future[None]:
+        """Undeclare."""
+        return self.submit(lambda: self._undeclare(declaration))
+
+    def ask(self, asking: Asking) -> None:
+        """Send a request; its outcome comes by itself."""
+        self.do(partial(self._ask, asking))
+
+    def stop(self, then: Callable[[], None]) -> Future[None]:
+        """Undeclare everything, close the session, call `then`, end the thread."""
+        self._stopping.set()
+        return self.submit(lambda: self._stop(then))
+
+    def submit(self, act: Callable[[], None]) -> Future[None]:
+        """Have something done on the session's thread, after what was submitted before. Any thread."""
+        future: Future[None] = Future()
+
+        def job() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
+            try:
+                with panics_are_errors():
+                    act()
+            except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the future
+                future.set_exception(error)
+            else:
+                future.set_result(None)
+
+        if self._thread.is_alive():
+            self._jobs.put(job)
+        else:
+            future.set_result(None)
+        return future
+
+    def do(self, act: Callable[[], None]) -> None:
+        """Have something done that nobody waits for. Any thread."""
+        self.submit(act).add_done_callback(_log_failure)
+
+    def _run(self) -> None:
+        while not self._stopped:
+            due = [at for at in (self._retry_at, self._tell_at) if at is not None]
+            try:
+                job = self._jobs.get(timeout=max(0, min(due) - time.monotonic()) if due else None)
+            except queue.Empty:
+                self._do_what_is_due()
+            else:
+                job()
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._jobs.get_nowait()()
+
+    def _begin(self) -> None:
+        check_certificates(self._settings)
+        self._open()
+
+    def _do_what_is_due(self) -> None:
+        if self._tell_at is not None:
+            self._tell_at = None
+            self.do(self._tell)
+        else:
+            self._retry_after(RETRY_S)
+            self.do(self._open)
+
+    def _open(self) -> None:
+        self._ended = None
+        if self._stopping.is_set():
+            return
+        first = self._retry_at is None
+        try:
+            session = self._opened()
+        except zenoh.ZError as error:
+            if self._settings.mode != "client" and self._turn == NEVER:
+                listen = self._settings.listen
+                named = [endpoint for endpoint in listen if endpoint.partition("/")[2] in str(error)]
+                raise BusError(
+                    f"cannot open the bus as a {self._settings.mode} (listen {', '.join(named or listen)}): "
+                    f"{_reason(error)}"
+                ) from error
+            if self._settings.mode == "client" and first:
+                self._warn_of(self._settings.connect)
+            elif self._settings.mode != "client" and not self._refused:
+                self._refused = True
+                _log.warning("cannot open the bus again yet: %s", _reason(error))
+            self._retry_after(RETRY_S)
+            return
+        if self._settings.mode != "client" and self._settings.connect:
+            _log.info("connecting to %s", self._where)
+            self._tell_at = time.monotonic() + TELL_AFTER_S
+        self._use(session)
+
+    def _tell(self) -> None:
+        """Say what a router or peer has no link to: it goes on trying without a word."""
+        if missing := self._links.missing():
+            self._warn_of(missing)
+
+    def _warn_of(self, endpoints: Sequence[str]) -> None:
+        _log.warning("waiting for a link to %s: %s", _named(endpoints), why_unreached(endpoints))
+
+    def _opened(self) -> zenoh.Session:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings, self._most_links))))
+
+    def _use(self, session: zenoh.Session) -> None:
+        self._retry_at, self._refused = None, False
+        self._session, self._opened_at = session, time.monotonic()
+        self._turn += 1
+        self._links.clear()
+        self._cut.clear()
+        self._unsettled = self._declared = 0
+        listener = Callback(partial(self._on_link, self._turn), indirect=False)
+        session.info.declare_link_events_listener(listener, history=True)
+        if self._settings.mode == "client" and not session.info.links():
+            _log.warning("lost the link to %s as it came up", self._where)
+            self._end(session)
+            return
+        for declaration in list(self._kept):
+            if self._stopping.is_set() or self._cut.is_set():
+                return
+            try:
+                with panics_are_errors():
+                    self._declare_on(session, declaration)
+            except Exception:  # noqa: BLE001 - the others are declared, and this one on the next session
+                _log.exception("a declaration was refused")
+                _take_back(declaration)
+
+    def _declare_on(self, session: zenoh.Session, declaration: Declaration) -> None:
+        self._numbers.keep(session, declaration.number_of)
+        declaration.declare(session)
+        self._settle(session)
+
+    def _settle(self, session: zenoh.Session) -> None:
+        """Wait now and then until the router has worked off what was declared.
+
+        In a large fleet it takes up to a millisecond for each. It works off all that it has read of a link before it
+        reads others, and takes those for lost that it has not read for their lease (Zenoh 1.10).
+        """
+        self._unsettled += 1
+        if self._settings.mode != "client" or self._unsettled < IN_A_ROW:
+            return
+        self._unsettled = 0
+        settled = threading.Event()
+        callback: Callback[zenoh.Reply] = Callback(lambda _: None, settled.set, indirect=False)
+        with contextlib.suppress(zenoh.ZError):
+            session.liveliness().get(_NOBODY, callback, timeout=SETTLING_S)
+            while not (settled.wait(LOOK_S) or self._stopping.is_set() or self._cut.is_set()):
+                pass
+
+    def _end(self, session: zenoh.Session) -> None:
+        """End a session, and have another one opened."""
+        self._session, self._ended = None, session
+        self._turn += 1
+        self._links.clear()
+        _close(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
+        for declaration in self._kept:
+            _take_back(declaration)
+        self._numbers.forget()
+        self._retry_after(REST_S if time.monotonic() > self._opened_at + BRIEF_S else RETRY_S)
+
+    def _retry_after(self, least_s: float) -> None:
+        self._retry_at = time.monotonic() + uniform(least_s, 2 * least_s)  # noqa: S311 - no secret
+
+    @property
+    def _where(self) -> str:
+        return _named(self._settings.connect)
+
+    def _on_link(self, turn: int, event: zenoh.LinkEvent) -> None:
+        """Have the session's thread act on it; this one is Zenoh's."""
+        up = event.kind == zenoh.SampleKind.PUT
+        if not up and self._settings.mode == "client" and turn == self._turn:
+            self._cut.set()
+        self.do(partial(self._link_up if up else self._link_down, turn, event.link.src, event.link.dst))
+
+    def _link_up(self, turn: int, own: str, other: str) -> None:
+        if turn == self._turn and self._links.add(own, other):
+            _log.info("connected to %s", other)
+        self._tuning.add(own)
+        if news := self._link_warning.news(self.links):
+            _log.warning("%s", news)
+
+    def _link_down(self, turn: int, own: str, other: str) -> None:
+        is_client = self._settings.mode == "client"
+        if turn != self._turn or self._session is None or not (self._links.remove(own, other) or is_client):
+            return
+        if not self._stopped:
+            _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
+        if is_client:
+            self._end(self._session)
+
+    def _declare(self, declaration: Declaration) -> None:
+        self._kept[declaration] = None
+        if self._session is None:
+            return
+        try:
+            self._declare_on(self._session, declaration)
+        except zenoh.ZError as error:
+            self._undeclare(declaration)
+            raise BusError(f"cannot declare: {_reason(error)}") from error
+        is_client = self._settings.mode == "client"
+        self._declared += is_client or declaration.takes_another
+        if self._declared >= (RENEWED_AFTER if is_client else OTHERS_RENEWED_AFTER):
+            _log.info("another session, after %d declarations on this one", self._declared)
+            self._end(self._session)
+
+    def _undeclare(self, declaration: Declaration) -> None:
+        if declaration not in self._kept:
+            return
+        del self._kept[declaration]
+        _take_back(declaration)
+
+    def _ask(self, asking: Asking) -> None:
+        if self._session is None:
+            asking.settle(NotServedError(f"there is no router at {self._where} yet"))
+            return
+        try:
+            send_query(self._session, asking, served_here=serves(asking.key, self._kept))
+        except zenoh.ZError as error:
+            asking.settle(BusError(f"cannot ask: {_reason(error)}"))
+
+    def _stop(self, then: Callable[[], None]) -> None:
+        self._stopped = True
+        for declaration in list(self._kept):
+            self._undeclare(declaration)
+        if self._session is not None:
+            _close(self._session)
+            self._session = None
+            self._numbers.forget()
+        then()
+
+
+def _named(endpoints: Sequence[str]) -> str:
+    return ", ".join(endpoints) or "any address found by scouting"
+
+
+def _take_back(declaration: Declaration) -> None:
+    try:
+        with panics_are_errors():
+            declaration.undeclare()
+    except Exception as error:  # noqa: BLE001 - the session may be gone already, or a thread stuck in the publisher
+        _log.debug("undeclaring failed: %s", error)
+
+
+def _close(session: zenoh.Session) -> None:
+    try:
+        with panics_are_errors():
+            session.close()
+    except (zenoh.ZError, BusError) as error:
+        _log.warning("the session did not close cleanly: %s", _reason(error))
+
+
+def _log_failure(done: Future[None]) -> None:
+    if not done.cancelled() and (error := done.exception()) is not None:
+        _log.error("the bus met an error: %s", error)
+
+
+def _reason(error: zenoh.ZError | BusError) -> str:
+    """Return what the system said, or Zenoh's message without the places in its own sources."""
+    text = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
+    said = re.search(r"([^:\[]+) \(os error \d+\)", text)
+    return said[1].strip() if said else text

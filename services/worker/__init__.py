@@ -1,0 +1,1 @@
+"""Parts that workers of several services share: their skeleton, stamp joiner, rate limiter and thread."""

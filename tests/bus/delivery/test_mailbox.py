@@ -1,0 +1,101 @@
+from collections import defaultdict
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bus.delivery.mailbox import Fifo, PerKey, Taken
+
+KEYS = "abcd"
+# None takes, a key offers the next number under that key.
+steps = st.lists(st.one_of(st.none(), st.sampled_from(KEYS)), max_size=60)
+
+
+def test_per_key_keeps_the_newest_of_each_key() -> None:
+    box: PerKey[str, int] = PerKey()
+    assert [box.offer("a", 1), box.offer("b", 2), box.offer("a", 3), box.offer("a", 4)] == [0, 0, 1, 1]
+    assert box.take() == Taken("a", 4, 2)
+    assert box.take() == Taken("b", 2, 0)
+    assert box.take() is None
+
+
+def test_per_key_serves_first_the_key_served_longest_ago() -> None:
+    box: PerKey[str, int] = PerKey()
+    for key in "abc":
+        box.offer(key, 0)
+    assert [taken.key for taken in (box.take(), box.take(), box.take()) if taken] == ["a", "b", "c"]
+    for key in "cba":
+        box.offer(key, 1)
+    box.offer("new", 1)
+    assert [taken.key for taken in (box.take(), box.take(), box.take(), box.take()) if taken] == ["new", "a", "b", "c"]
+
+
+def test_per_key_has_room_for_so_many_keys() -> None:
+    box: PerKey[int, int] = PerKey(max_keys=2)
+    assert [box.offer(1, 1), box.offer(2, 2), box.offer(3, 3)] == [0, 0, 1]
+    assert box.take() == Taken(1, 1, 0)
+    assert box.offer(3, 3) == 0
+    assert [box.take(), box.take()] == [Taken(2, 2, 0), Taken(3, 3, 0)]
+
+
+def test_per_key_forgets_a_discarded_key() -> None:
+    box: PerKey[str, int] = PerKey(depth=3)
+    for number in range(3):
+        box.offer("a", number)
+    box.offer("b", 9)
+    assert "a" in box
+    assert box.discard("a") == [0, 1, 2]
+    assert "a" not in box
+    assert box.discard("a") == []
+    assert box.take() == Taken("b", 9, 0)
+    assert box.take() is None
+
+
+def test_per_key_lets_fewer_wait_with_an_item_that_says_so() -> None:
+    box: PerKey[str, int] = PerKey()
+    assert [box.offer("a", number, depth=3) for number in range(4)] == [0, 0, 0, 1]
+    assert box.offer("a", 4) == 3
+    assert [box.offer("a", number, depth=3) for number in (5, 6, 7)] == [0, 0, 1]
+    assert box.take() == Taken("a", 5, 5)
+
+
+@given(steps, st.integers(1, 3))
+def test_per_key_against_a_model(steps: list[str | None], depth: int) -> None:
+    box: PerKey[str, int] = PerKey(depth)
+    waiting: dict[str, list[int]] = defaultdict(list)
+    dropped: dict[str, int] = defaultdict(int)
+    served = dict.fromkeys(KEYS, -1)
+    for number, key in enumerate(steps):
+        if key is not None:
+            full = len(waiting[key]) == depth
+            assert box.offer(key, number) == int(full)
+            waiting[key] = [*waiting[key], number][-depth:]
+            dropped[key] += full
+            continue
+        taken = box.take()
+        if taken is None:
+            assert not any(waiting.values())
+            continue
+        assert served[taken.key] == min(served[key] for key in KEYS if waiting[key])
+        assert taken.item == waiting[taken.key].pop(0)
+        assert taken.dropped == dropped.pop(taken.key, 0)
+        served[taken.key] = number
+
+
+@given(steps, st.integers(1, 4))
+def test_fifo_against_a_model(steps: list[str | None], depth: int) -> None:
+    box: Fifo[str, int] = Fifo(depth)
+    waiting: list[tuple[str, int]] = []
+    dropped: dict[str, int] = defaultdict(int)
+    for number, key in enumerate(steps):
+        if key is not None:
+            waiting.append((key, number))
+            assert box.offer(key, number) == int(len(waiting) > depth)
+            if len(waiting) > depth:
+                dropped[waiting.pop(0)[0]] += 1
+            continue
+        taken = box.take()
+        if not waiting:
+            assert taken is None
+            continue
+        first, item = waiting.pop(0)
+        assert taken == Taken(first, item, dropped.pop(first, 0))

@@ -1,0 +1,144 @@
+"""Caches are asked some at a time, on a real session."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.history.caches import ASKED_AT_ONCE, Caches
+from bus.history.ordering import Fetch
+from tests.contract.waiting import until
+
+RECOVER = 3
+MORE = 4
+PLACE = "abc/1"
+
+
+def cache_of(key: str) -> str:
+    return f"{key}/@adv/pub/{PLACE}/_"
+
+
+class Place:
+    """Where Zenoh says that a message was: which publisher's, and its number there."""
+
+    def __init__(self, session: str, number: int) -> None:
+        self.source_id = SimpleNamespace(zid=session, eid=1)
+        self.source_sn = number
+
+
+class Asked:
+    """Caches whose queries wait to be answered, and who asks them."""
+
+    def __init__(self, session: zenoh.Session, thread: ThreadPoolExecutor) -> None:
+        self.session = session
+        self.queries: list[zenoh.Query] = []
+        self.answers: list[tuple[str, bytes]] = []
+        self.answered: list[str] = []
+        self.empty: list[str] = []
+        self._thread = thread
+        self.caches = Caches(thread.submit, RECOVER, self._on_answer, self._on_answered)
+        session.declare_queryable(cache_of("*"), Callback(self.queries.append, indirect=False))
+        self.use(session)
+
+    def _on_answer(self, fetch: Fetch, sample: zenoh.Sample) -> None:
+        self.answers.append((fetch.key, sample.payload.to_bytes()))
+
+    def _on_answered(self, fetch: Fetch, replied: bool) -> None:  # noqa: FBT001 - a callback's
+        self.answered.append(fetch.key)
+        if not replied:
+            self.empty.append(fetch.key)
+
+    def use(self, session: zenoh.Session | None) -> None:
+        self._thread.submit(self.caches.use, session).result()
+
+    def ask(self, key: str, *places: object) -> None:
+        self.caches.ask(Fetch(key, cache_of(key), places))
+
+    def end(self, query: zenoh.Query, *payloads: bytes) -> None:
+        """Answer one; with nothing more it is known that there is no more."""
+        self.queries.remove(query)
+        for payload in payloads:
+            query.reply("key", payload)
+        query.drop()
+
+
+@contextmanager
+def asked() -> Iterator[Asked]:
+    config = zenoh.Config.from_json5('{mode: "peer", scouting: {multicast: {enabled: false}}}')
+    with ThreadPoolExecutor(1) as thread, zenoh.open(config) as session:
+        yield Asked(session, thread)
+
+
+async def test_some_are_asked_at_once_and_the_others_in_their_turn() -> None:
+    with asked() as those:
+        for number in range(ASKED_AT_ONCE + MORE):
+            those.ask(str(number))
+        await until(lambda: len(those.queries) >= ASKED_AT_ONCE)
+        for number in range(ASKED_AT_ONCE + MORE):
+            await until(lambda: those.queries)
+            assert len(those.queries) <= ASKED_AT_ONCE
+            those.end(those.queries[0], b"%d" % number)
+        await until(lambda: len(those.answered) == ASKED_AT_ONCE + MORE)
+        assert sorted(those.answered) == sorted(str(number) for number in range(ASKED_AT_ONCE + MORE))
+        assert len(those.answers) == ASKED_AT_ONCE + MORE
+
+
+@pytest.mark.parametrize(
+    ("places", "numbers"), [([], None), ([Place("abc", 4), Place("other", 9)], "5.."), ([Place("other", 9)], None)]
+)
+async def test_they_are_asked_for_what_came_after_their_own_last(places: list[Place], numbers: str | None) -> None:
+    with asked() as those:
+        those.ask("key", *places)
+        await until(lambda: those.queries)
+        parameters = those.queries[0].parameters
+        assert (parameters.get("_sn"), parameters.get("_max")) == (numbers, str(RECOVER))
+        those.end(those.queries[0], b"5", b"6")
+        await until(lambda: those.answered == ["key"])
+        assert those.answers == [("key", b"5"), ("key", b"6")]
+
+
+async def test_one_that_answers_with_more_than_it_was_asked_for_is_heard_so_far() -> None:
+    with asked() as those:
+        those.ask("key")
+        await until(lambda: those.queries)
+        those.end(those.queries[0], *(b"%d" % number for number in range(RECOVER + MORE)))
+        await until(lambda: those.answered == ["key"])
+        assert those.answers == [("key", b"%d" % number) for number in range(RECOVER)]
+
+
+async def test_whether_one_had_anything_is_told() -> None:
+    with asked() as those:
+        for key, payloads in (("nothing", ()), ("something", (b"1",))):
+            those.ask(key)
+            await until(lambda: those.queries)
+            those.end(those.queries[0], *payloads)
+        await until(lambda: len(those.answered) == 2)
+        assert those.empty == ["nothing"]
+
+
+async def test_what_was_asked_on_a_session_that_is_over_is_answered_by_nobody() -> None:
+    with asked() as those:
+        those.ask("key")
+        await until(lambda: those.queries)
+        those.use(None)
+        those.ask("nobody's")
+        those.end(those.queries[0], b"late")
+        those.use(those.session)
+        those.ask("next")
+        await until(lambda: those.queries)
+        those.end(those.queries[0], b"new")
+        await until(lambda: those.answered == ["next"])
+        assert those.answers == [("next", b"new")]
+
+
+async def test_one_that_cannot_be_asked_holds_up_none() -> None:
+    with asked() as those:
+        those.ask("no//key")
+        those.ask("key")
+        await until(lambda: those.queries)
+        those.end(those.queries[0])
+        await until(lambda: those.answered == ["no//key", "key"])
