@@ -2,21 +2,73 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
-from gateway.discovery import Plan, Wishes, plan, unclear, unclear_clouds
-from gateway.discovery.report import changes
-from gateway.discovery.sightings import Sightings
-from gateway.discovery.topics import Topic, image_of, topics_of
+from gateway.discovery import Wishes, plan, unclear, unclear_clouds
+from gateway.discovery.plan import NO_PLAN, Plan, Source
+from gateway.discovery.published_topics import Sightings, Topic, image_of, is_topic, topics_of
 from gateway.offers import Offers
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.point_cloud import TYPE_NAME as POINT_CLOUD
 from gateway.ros1.registrar import Look
 from gateway.sampling import Sampler
-from gateway.translators.encoding import UNKNOWN
+from gateway.to_bus.translators.pixel_encoding import UNKNOWN
+from schemas.keys import Stream, StreamKey
+
+MAX_LISTED: Final = 12
+MAX_SHOWN: Final = 80
+
+
+def changes(now: Plan, before: Plan = NO_PLAN) -> list[str]:
+    """Return a line for each stream that is new, changed or gone, and for each reason why topics are left out now."""
+    return [*_streams(now, before), *_gone(now, before), *_left_out(now.left_out, before.left_out)]
+
+
+def _streams(now: Plan, before: Plan) -> Iterator[str]:
+    for key, source in now.streams.items():
+        old = before.streams.get(key)
+        if old is None:
+            yield f"{key.name}: {_said(source)}"
+        elif old.topic != source.topic:
+            yield f"{key.name}: {_said(source)} now, no longer {old.topic}"
+        elif old.type != source.type:
+            yield f"{key.name}: {_said(source)} now"
+
+
+def _gone(now: Plan, before: Plan) -> Iterator[str]:
+    for key in sorted(before.streams.keys() - now.streams.keys(), key=str):
+        yield f"{key.name}: no longer offered, {_fate(before.streams[key].topic, now)}"
+
+
+def _fate(topic: str, now: Plan) -> str:
+    """Say what a topic is that was another stream's."""
+    user = next((key for key, source in now.streams.items() if source.topic == topic), None)
+    if user is None:
+        return f"{topic} is {'left out' if topic in now.left_out else 'gone'}"
+    of_points = isinstance(user, StreamKey) and user.stream is Stream.POINTS
+    return f"{topic} {'has points and no picture' if of_points else f'is {user.name}'}"
+
+
+def _said(source: Source) -> str:
+    return f"{source.topic} ({source.type[:MAX_SHOWN] or 'not known to the ROS master yet'})"
+
+
+def _left_out(now: Mapping[str, str], before: Mapping[str, str]) -> Iterator[str]:
+    by_reason: dict[str, list[str]] = {}
+    for topic, reason in now.items():
+        if before.get(topic) != reason:
+            by_reason.setdefault(reason, []).append(topic)
+    for reason, topics in sorted(by_reason.items()):
+        more = f" and {len(topics) - MAX_LISTED} more" if len(topics) > MAX_LISTED else ""
+        yield f"left out, {reason}: {', '.join(map(_shown, topics[:MAX_LISTED]))}{more}"
+
+
+def _shown(topic: str) -> str:
+    return topic if is_topic(topic) else repr(topic[:MAX_SHOWN])
+
 
 log = logging.getLogger(__name__)
 

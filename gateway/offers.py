@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from bus import Bus
-from gateway.discovery.plan import NOTHING, Plan
-from gateway.forward import Forward, offering
-from gateway.outgoing.returning import Return
-from gateway.outgoing.stream import StreamReturn
-from gateway.outgoing.topics import result_root
+from gateway.discovery.plan import NO_PLAN, Plan
 from gateway.ros1.node import Node
 from gateway.ros1.tasks import cancel_and_wait
 from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES
-from gateway.shaping.shaping import Shaping
-from gateway.stream import StreamForward
-from gateway.subscriptions import Subscriptions
-from gateway.translators import StreamKind
+from gateway.to_bus.forward import Forward, offering
+from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_bus.stream import StreamForward
+from gateway.to_bus.subscriptions import Subscriptions
+from gateway.to_bus.translators import StreamKind
+from gateway.to_ros.on_demand import Return
+from gateway.to_ros.outputs import result_root
+from gateway.to_ros.stream import StreamReturn
 from schemas.keys import CameraKey, SensorKey
 from schemas.status import ReturnStatus, StreamStatus
 
@@ -117,7 +117,7 @@ class Offers:
 
     async def close(self) -> None:
         """Withdraw everything."""
-        await self.change(NOTHING)
+        await self.change(NO_PLAN)
 
     def _offer(self, key: SensorKey, topic: str, kind: StreamKind) -> None:
         if key not in self._streams:

@@ -2,38 +2,113 @@
 
 import asyncio
 import logging
+import os
+import time
 import uuid
-from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
-from typing import Any
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any, Final
 
 from bus import open_bus
 from bus.clocks import clock_id
-from bus.reporting import report
-from gateway.account import Account
+from bus.reporting import VERSION, report
+from gateway.doctor.finding import Severity
+from gateway.doctor.master import check_host
+from gateway.doctor.reachability import look_at_host
 from gateway.exploring import Explorer
-from gateway.nodes import node_name
+from gateway.node_names import clear_predecessors, node_name
 from gateway.offers import Offers
-from gateway.outgoing.recorders import warn_of_recorders
-from gateway.outgoing.returned import actions_return, alerts_return, camera_returns
-from gateway.outgoing.returning import Return
-from gateway.outgoing.stream import StreamReturn
-from gateway.own_host import warn_of_own_host
-from gateway.predecessors import clear_predecessors
-from gateway.requests.answering import answering
+from gateway.requests import answering
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import SimClock
 from gateway.ros1.tasks import cancel_and_wait
-from gateway.scheduling import giving_way
-from gateway.settings import GatewaySettings
-from gateway.shaping.consumers import Consumers, stays_near
-from gateway.shaping.shaping import Shaping
+from gateway.settings import GatewaySettings, RosSettings
 from gateway.sim_time import follow_sim_time
+from gateway.to_bus.shaping.consumers import Consumers, stays_near
+from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_ros.on_demand import Return
+from gateway.to_ros.outputs import actions_return, alerts_return, camera_returns
+from gateway.to_ros.recorders import warn_of_recorders
+from gateway.to_ros.stream import StreamReturn
 from schemas import keys
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
 
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """Everything in a gateway that its status tells of. returns: those of the whole robot."""
+
+    settings: GatewaySettings
+    boot_id: str
+    clock_id: str
+    node: Node
+    clock: SimClock
+    explorer: Explorer
+    offers: Offers
+    returns: Sequence[Return[Any]]
+
+    def status(self) -> GatewayStatus:
+        """Account for everything so far."""
+        return GatewayStatus(
+            robot=self.settings.robot,
+            boot_id=self.boot_id,
+            clock_id=self.clock_id,
+            sent_ns=time.time_ns(),
+            waiting_for=self._waiting_for(),
+            ros_time_ns=self.clock.ros_time_ns,
+            clock_jumps=self.clock.jumps,
+            streams=self.offers.streams(),
+            returns=[*self.offers.returns(), *(returned.status() for returned in self.returns)],
+            withdrawn=dict(self.offers.withdrawn()),
+            version=VERSION,
+        )
+
+    def _waiting_for(self) -> str:
+        if self.node.master_answers is False:
+            return f"the ROS master at {self.settings.ros_master}"
+        return self.explorer.waiting_for
+
+
+@contextmanager
+def giving_way() -> Iterator[None]:
+    """Have this thread, and those that it starts, interrupt no program when they wake up (SCHED_BATCH).
+
+    They wait for a processor that is idle, or until another program's turn is over, which takes milliseconds. That also
+    keeps the threads of a gateway from interrupting each other: sending an image then takes fewer turns. What has been
+    started under another policy than the usual one keeps it.
+    """
+    gives_way = _changed(os.SCHED_OTHER, os.SCHED_BATCH)
+    try:
+        yield
+    finally:
+        if gives_way:
+            _changed(os.SCHED_BATCH, os.SCHED_OTHER)
+
+
+def _changed(before: int, after: int) -> bool:
+    """Change this thread's policy if it is `before`; return whether that was done. Some sandboxes know no policies."""
+    with suppress(OSError):
+        if os.sched_getscheduler(0) == before:
+            os.sched_setscheduler(0, after, os.sched_param(0))
+            return True
+    return False
+
+
+LOOKUP_S: Final = 10.0
+"""How long the host's name may take to be looked up."""
+
 log = logging.getLogger(__name__)
+
+
+async def warn_of_own_host(settings: RosSettings) -> None:
+    """Log what the doctor would call a problem of `ros_host`, and what it was given by."""
+    look = await look_at_host(settings.ros_host, LOOKUP_S)
+    for finding in check_host(look, remote_master=False):
+        if finding.severity is Severity.PROBLEM:
+            log.warning("%s %s: %s; %s", settings.host_given_by(), finding.subject, finding.what, finding.advice)
+
 
 SHUT_DOWN_BY_MASTER = 1
 

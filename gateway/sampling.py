@@ -6,12 +6,12 @@ from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import replace
 from typing import Any, Final
 
-from gateway.discovery.topics import Topic, image_of
+from gateway.discovery.published_topics import Topic, image_of
 from gateway.ros1.errors import Ros1Error
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import ANY
-from gateway.subscriptions import Subscriptions
-from gateway.translators.encoding import CLOUDS, IMAGES, UNKNOWN, encoding_of
+from gateway.to_bus.subscriptions import Subscriptions
+from gateway.to_bus.translators.pixel_encoding import CLOUDS, IMAGES, UNKNOWN, encoding_of
 
 log = logging.getLogger(__name__)
 

@@ -11,15 +11,15 @@ from pydantic import AfterValidator, BaseModel, Field, model_validator
 from bus.settings import BusSettings
 from gateway.discovery import Wishes
 from gateway.discovery.plan import INFOS, Plan, Source, cameras_of
-from gateway.discovery.topics import is_topic
-from gateway.outgoing.topics import ALERTS_TOPIC, RESULTS, is_result, result_root
+from gateway.discovery.published_topics import is_topic
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from gateway.ros1.errors import InvalidNameError
 from gateway.ros1.names import Names, validate_global, validate_type
 from gateway.ros1.sim_clock import TOPIC as CLOCK
 from gateway.ros1.wire.tcpros import ANY, DEFAULT_MAX_MESSAGE_BYTES
-from gateway.shaping.settings import ShapingSettings
-from gateway.uses import check_uses
+from gateway.to_bus.shaping.settings import ShapingSettings
+from gateway.to_ros.outputs import ALERTS_TOPIC, RESULTS, is_result, result_root
+from gateway.topic_conflicts import check_uses
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, StreamKey, robot_alive, sensor_key, service
 

@@ -8,7 +8,7 @@ from bus.demand import SharedDemand, while_wanted
 from gateway.ros1.errors import MessageError, Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock, decode_clock
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 
 log = logging.getLogger(__name__)
 

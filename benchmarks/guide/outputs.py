@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from benchmarks.guide.topics import CLASSES, DETECTION, DISTANCE, OBJECTS_SHOWN, SEGMENTATION
-from gateway.outgoing.texts import STRING
 from gateway.ros1 import image, point_cloud
+from gateway.to_ros.outputs import STRING
 
 OBJECTS: Final = "/ultralytics/segmentation/points"
 

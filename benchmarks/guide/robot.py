@@ -11,8 +11,8 @@ from benchmarks.guide.outputs import stamp_ns
 from benchmarks.guide.scene import MOVING, SENSORS, STATIC, Scene
 from benchmarks.guide.sets import Arrival
 from gateway.ros1.node import Node
-from gateway.ros1.publisher import Publication
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.publisher import Publication
+from gateway.ros1.tcpros.subscriber import Message
 from services.simulator.topics import Topic
 
 

@@ -14,7 +14,7 @@ from typing import Final
 
 from benchmarks.peers.answering import answer
 from bus import Bus, BusSettings, Publisher, QoS, open_bus
-from gateway.shaping.consumers import Consumers
+from gateway.to_bus.shaping.consumers import Consumers
 from schemas import codec
 from schemas.header import Header
 from schemas.image import ImageFrame

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from gateway.scheduling import giving_way
+from gateway.process import giving_way
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from benchmarks.progress import note
 from benchmarks.targets import at_least, at_most
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 from services.toolbox.demo.children import child
 from services.toolbox.demo.ports import free_ports
 

@@ -1,10 +1,13 @@
 """Which topics could be which stream of which camera, and how well they would do."""
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
 from typing import Final
 
-from gateway.discovery.reading import (
+from gateway.discovery.published_topics import Topic, image_of
+from gateway.discovery.topic_names import (
     COLORS,
     DEPTHS,
     DISPARITIES,
@@ -17,12 +20,12 @@ from gateway.discovery.reading import (
     read,
     says_rectified,
 )
-from gateway.discovery.topics import Topic, image_of
+from gateway.node_names import ros_chunk
 from gateway.ros1 import image as ros_image
 from gateway.ros1 import point_cloud as ros_point_cloud
-from gateway.translators import compressed_image, disparity
+from gateway.to_bus.translators import images
 from schemas.image import DEPTH_ENCODINGS
-from schemas.keys import Stream
+from schemas.keys import RESERVED, Stream
 
 LEAVES: Final = ("image_raw", "points", "image_color", "image", "image_rect_color", "image_rect_raw", "image_rect")
 """The names of pictures, the preferred one first where they show the same."""
@@ -95,8 +98,8 @@ def disparity_candidate(topic: Topic) -> Candidate | None:
 
 READERS: Final[Mapping[str, Callable[[Topic], Candidate | None]]] = {
     ros_image.TYPE_NAME: image_candidate,
-    compressed_image.TYPE_NAME: image_candidate,
-    disparity.TYPE_NAME: disparity_candidate,
+    images.COMPRESSED_TYPE: image_candidate,
+    images.DISPARITY_TYPE: disparity_candidate,
     ros_point_cloud.TYPE_NAME: points_candidate,
 }
 """By ROS type: what reads the names of its topics."""
@@ -151,3 +154,94 @@ def _modality(found: Reading) -> int:
     if found.said & GREYS or ("rect" in found.said and not found.said & COLORS):
         return _GREY
     return 0 if found.said & COLORS else 1
+
+
+SIDES: Final = ("left", "stereo", "right")
+"""The last chunk of what is a part of a camera if the rest of it is a camera too; the preferred one first."""
+
+
+def with_sides_joined(candidates: Sequence[Candidate], given: Mapping[Path, str]) -> list[Candidate]:
+    """Return the candidates with both sides of a stereo camera as one camera.
+
+    Two sides of which there is nothing in common are two cameras, and stay it: `given` are the cameras with a name.
+    """
+    whole = {candidate.path for candidate in candidates} | given.keys()
+    return [_joined(candidate, whole, given) for candidate in candidates]
+
+
+def _joined(candidate: Candidate, whole: Iterable[Path], given: Mapping[Path, str]) -> Candidate:
+    *parent, side = candidate.path or ("",)
+    if side not in SIDES or tuple(parent) not in whole or candidate.path in given:
+        return candidate
+    return replace(candidate, path=tuple(parent), rank=(1 + SIDES.index(side), *candidate.rank[1:]))
+
+
+def rectified_first(colors: Sequence[Candidate]) -> list[Candidate]:
+    """Return a camera's candidates for colour with the rectified ones of the preferred side first."""
+    side = colors[0].rank[0]
+    return sorted(colors, key=lambda each: not (each.rank[0] == side and is_rectified_color(each)))
+
+
+def best(candidates: Iterable[Candidate], names: Mapping[Path, str]) -> dict[tuple[str, Stream], list[Candidate]]:
+    """Return by camera and stream who could be it, the preferred one first."""
+    slots: dict[tuple[str, Stream], list[Candidate]] = {}
+    for candidate in sorted(candidates, key=lambda each: each.rank):
+        slots.setdefault((names[candidate.path], candidate.stream), []).append(candidate)
+    return dict(sorted(slots.items()))
+
+
+UNNAMED: Final = "camera"
+MAX_NAME: Final = 64
+
+
+def name_cameras(paths: Iterable[Path], robot: str, given: Mapping[Path, str], taken: Iterable[str]) -> dict[Path, str]:
+    """Return the name of every camera; those in `given` keep theirs, `taken` are nobody's.
+
+    A name is the end of the camera's namespace, as much of it as tells it from the others. Of two names that ROS could
+    not tell apart one gets a number.
+    """
+    names = dict(given)
+    stems = {path: _stem(path, robot) for path in {*paths, *given}}
+    tail = 0 if given else _common_tail(list(stems.values()))
+    telling = {path: stem[: len(stem) - tail] for path, stem in stems.items()}
+    ends = Counter(end for stem in telling.values() for end in _ends(stem))
+    taken_on_ros = {ros_chunk(name) for name in (*given.values(), *taken)}
+    for path in sorted(stems.keys() - names.keys(), key=lambda path: (len(path), path)):
+        proposals = _proposals(path, telling[path], ends)
+        names[path] = next(name for name in proposals if ros_chunk(name) not in taken_on_ros)
+        taken_on_ros.add(ros_chunk(names[path]))
+    return names
+
+
+def _stem(path: Path, robot: str) -> Path:
+    """Return the namespace less the robot's own, and less a node's that repeats what it is in, like zed/zed_node."""
+    chunks = path[1:] if len(path) > 1 and path[0] == ros_chunk(robot) else path
+    if len(chunks) > 1 and chunks[-1] == f"{chunks[-2]}_node":
+        chunks = chunks[:-1]
+    return chunks or (UNNAMED,)
+
+
+def _common_tail(stems: Collection[Path]) -> int:
+    """Return how many last chunks say nothing since all cameras share them."""
+    distinct = set(stems)
+    if len(distinct) < 2:
+        return 0
+    longest = min(len(stem) for stem in distinct) - 1
+    return next((n for n in range(longest, 0, -1) if len({stem[-n:] for stem in distinct}) == 1), 0)
+
+
+def _ends(stem: Path) -> Iterator[Path]:
+    """Return its ends, the shortest first, itself being the last."""
+    return (stem[-length:] for length in range(1, len(stem) + 1))
+
+
+def _proposals(path: Path, stem: Path, ends: Mapping[Path, int]) -> Iterator[str]:
+    yield from (_legal(end) for end in _ends(stem) if ends[end] == 1)
+    yield from (_legal(stem), _legal(path))
+    for number in count(2):
+        yield f"{_legal(path)[: MAX_NAME - 6]}_{number}"
+
+
+def _legal(chunks: Path) -> str:
+    name = "_".join(chunks).strip("_")[:MAX_NAME] or UNNAMED
+    return f"{name}_{UNNAMED}" if name in RESERVED else name

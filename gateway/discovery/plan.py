@@ -1,22 +1,88 @@
 """The decision: which topic becomes which stream."""
 
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Final
 
-from gateway.discovery.cameras import SIDES, best, rectified_first, with_sides_joined
-from gateway.discovery.candidates import READERS, Candidate, one_of_each_image, shows_colors
-from gateway.discovery.naming import name_cameras
-from gateway.discovery.reading import Path, read, says_rectified
-from gateway.discovery.sieve import why_not
-from gateway.discovery.topics import Topic, calibrations_of, image_of
-from gateway.discovery.wishes import Wishes
-from gateway.nodes import ros_chunk
-from gateway.translators import StreamKind, camera_info, cloud_image, kind_of, transforms
+from gateway.discovery.candidates import (
+    READERS,
+    SIDES,
+    Candidate,
+    best,
+    name_cameras,
+    one_of_each_image,
+    rectified_first,
+    shows_colors,
+    with_sides_joined,
+)
+from gateway.discovery.published_topics import Topic, calibrations_of, image_of, is_topic
+from gateway.discovery.topic_names import Path, read, says_rectified
+from gateway.node_names import ros_chunk
+from gateway.to_bus.translators import StreamKind, camera_info, kind_of, points, transforms
+from gateway.to_bus.translators.raw import STRING
+from gateway.to_ros.outputs import is_result
 from schemas.image import DEPTH_ENCODINGS
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.status import MAX_STREAMS
+
+EVERYTHING: Final = re.compile(".*")
+NO_TOPIC: Final = re.compile("")
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What a gateway's settings say of its streams.
+
+    named: topics that are taken as they are, published or not. discover: take what else is found.
+    allow, deny: patterns that the whole name of a topic matches which is found; `deny` wins.
+    rectified: streams whose pictures are, whatever their topics' names say.
+    """
+
+    robot: str
+    named: Mapping[SensorKey, str] = field(default_factory=dict)
+    discover: bool = True
+    allow: re.Pattern[str] = EVERYTHING
+    deny: re.Pattern[str] = NO_TOPIC
+    rectified: frozenset[SensorKey] = frozenset()
+
+
+NOT_A_NAME: Final = "no name that a stream's topic can have"
+OF_GATEWAYS: Final = "published by gateways"
+UNKNOWN_TYPE: Final = "of a type that the master does not know yet"
+TEXT: Final = "a text; --discover --topics text/NAME=TOPIC takes it as well"
+NO_SENSOR: Final = "of no type that sensors have; --discover --topics ros/NAME=TOPIC takes it as well, as it is"
+
+TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, *transforms.TYPE_NAMES}
+
+
+def why_not(topic: Topic, wishes: Wishes, named: Collection[str]) -> str | None:
+    """Return why discovery does not look at a topic; None when it does. `named`: images that the settings name."""
+    if not is_topic(topic.name):
+        return NOT_A_NAME
+    if topic.only_gateways or is_result(topic.name):
+        return OF_GATEWAYS
+    if image_of(topic.name) in named:
+        return "the same image as a topic that the settings name"
+    return _by_pattern(topic, wishes) or _by_type(topic)
+
+
+def _by_pattern(topic: Topic, wishes: Wishes) -> str | None:
+    if wishes.deny.fullmatch(topic.name):
+        return f"denied by --deny {wishes.deny.pattern}"
+    if not wishes.allow.fullmatch(topic.name):
+        return f"not allowed by --allow {wishes.allow.pattern}"
+    return None
+
+
+def _by_type(topic: Topic) -> str | None:
+    if not topic.type:
+        return UNKNOWN_TYPE
+    if topic.type == STRING:
+        return TEXT
+    return None if topic.type in TYPES else NO_SENSOR
+
 
 UNNAMED: Final = (
     "not named like a camera's image or points; --discover --cameras NAME=TOPIC or --discover --topics "
@@ -83,10 +149,10 @@ def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
     return [key.camera for key in keys if isinstance(key, StreamKey) and key.stream is Stream.COLOR]
 
 
-NOTHING: Final = Plan()
+NO_PLAN: Final = Plan()
 
 
-def plan(topics: Iterable[Topic], wishes: Wishes, before: Plan = NOTHING) -> Plan:
+def plan(topics: Iterable[Topic], wishes: Wishes, before: Plan = NO_PLAN) -> Plan:
     """Decide what is offered, given what is published now and what was decided before.
 
     The same topics give the same plan in whatever order they are. Cameras keep the names they have.
@@ -239,7 +305,7 @@ class _Planning:
     def _shows_colors(self, topic: str) -> bool:
         """Whether points are a picture: their name says so, and nothing that was heard of them says otherwise."""
         heard = self._published[topic].encoding if topic in self._published else ""
-        return shows_colors(topic) and heard in ("", cloud_image.ENCODING)
+        return shows_colors(topic) and heard in ("", points.ENCODING)
 
     def _take_infos(self, infos: set[str]) -> None:
         used = {source.topic for source in self._streams.values()}

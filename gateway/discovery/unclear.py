@@ -3,10 +3,8 @@
 from collections.abc import Iterable
 
 from gateway.discovery.candidates import READERS, is_unclear, one_of_each_image, shows_colors
-from gateway.discovery.plan import Plan
-from gateway.discovery.sieve import why_not
-from gateway.discovery.topics import Topic, image_of
-from gateway.discovery.wishes import Wishes
+from gateway.discovery.plan import Plan, Wishes, why_not
+from gateway.discovery.published_topics import Topic, image_of
 from gateway.ros1 import point_cloud as ros_point_cloud
 from schemas.keys import Stream, StreamKey
 

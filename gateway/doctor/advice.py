@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gateway.discovery.topics import calibrations_of
+from gateway.discovery.published_topics import calibrations_of
 from gateway.doctor.evidence import Evidence, StreamLook
 from schemas.errors import SchemaError
 from schemas.keys import ROS, Stream, sensor_key

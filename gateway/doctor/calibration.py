@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Final
 
-from gateway.discovery import topics
+from gateway.discovery import published_topics
 from gateway.doctor import advice
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Stage, note, problem
@@ -95,7 +95,7 @@ def _off_centre(info: CameraInfo, image: ImageFrame | None) -> str:
 def _calibrator(camera: str, of: Stream, evidence: Evidence) -> str:
     """Return the command that calibrates a camera with a chessboard of 9 x 7 squares of 2.5 cm."""
     look = evidence.of(camera, of)
-    topic = topics.image_of(look.topic) if look else "TOPIC"
+    topic = published_topics.image_of(look.topic) if look else "TOPIC"
     board, space = "--size 8x6 --square 0.025", topic.rpartition("/")[0] or "/"
     return f"rosrun camera_calibration cameracalibrator.py {board} image:={topic} camera:={space}"
 

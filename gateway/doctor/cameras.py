@@ -10,7 +10,7 @@ from typing import Final
 
 from gateway.doctor import advice
 from gateway.doctor.calibration import by, calibration_of, check_calibration, image_of, pixels, sent_pixels
-from gateway.doctor.edges import Placement, placement
+from gateway.doctor.depth_alignment import Placement, placement
 from gateway.doctor.evidence import Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.doctor.frames import connected, links

@@ -6,11 +6,11 @@ from typing import Final
 
 from gateway.doctor.evidence import Account, Evidence, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
-from gateway.nodes import is_gateway
-from gateway.outgoing.topics import cure, recorders, results_of
-from gateway.ros1.subscriber import LinkFailure
-from gateway.stream import MALFORMED, MISMATCH
-from gateway.translators import kind_of
+from gateway.node_names import is_gateway
+from gateway.ros1.tcpros.subscriber import LinkFailure
+from gateway.to_bus.stream import MALFORMED, MISMATCH
+from gateway.to_bus.translators import kind_of
+from gateway.to_ros.outputs import cure, recorders, results_of
 from schemas.status import (
     BEYOND_USE,
     ENDED,

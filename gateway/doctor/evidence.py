@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from gateway.ros1.wire.tcpros import TopicType
-from gateway.translators import StreamKind, kind_of
+from gateway.to_bus.translators import StreamKind, kind_of
 from schemas import codec
 from schemas.keys import SensorKey, Stream, StreamKey
 from schemas.status import GatewayStatus

@@ -11,7 +11,7 @@ from bus import QUEUE, Bus, BusError, BusSettings, open_bus
 from bus.clocks import clock_id
 from bus.settings import port_of
 from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
-from gateway.doctor.reaching import can_be_tried, look_at_router
+from gateway.doctor.reachability import can_be_tried, look_at_router
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.errors import SchemaError

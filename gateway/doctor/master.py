@@ -6,7 +6,7 @@ from typing import Final
 
 from gateway.doctor.evidence import Failure, Graph, HostLook, MasterLook, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
-from gateway.outgoing.topics import is_result
+from gateway.to_ros.outputs import is_result
 
 _LOGS: Final = frozenset({"/rosout", "/rosout_agg"})
 

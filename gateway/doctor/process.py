@@ -9,17 +9,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final
 
-from gateway.doctor.asking import PoliteClient
-from gateway.doctor.diagnosis import diagnose, healthy
 from gateway.doctor.evidence import BusLook, Evidence, HostLook, StreamLook
 from gateway.doctor.finding import Finding
 from gateway.doctor.fleet import look_at_bus
 from gateway.doctor.presence import check_fleet
-from gateway.doctor.reaching import look_at_host
-from gateway.doctor.report import as_json, as_text
-from gateway.doctor.robot import RobotVisit
+from gateway.doctor.reachability import look_at_host
+from gateway.doctor.report import as_json, as_text, diagnose, healthy
+from gateway.doctor.robot import PoliteClient, RobotVisit, beside, left_out, planned, to_sample, undiscovered
 from gateway.doctor.settings import DoctorSettings
-from gateway.doctor.topics import beside, left_out, planned, to_sample, undiscovered
 
 MAX_WIDTH: Final = 120
 UNWELL: Final = 1

@@ -3,16 +3,20 @@
 import asyncio
 import time
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, Final
 from urllib.parse import urlsplit
 
-from gateway.doctor.asking import PoliteClient
+from gateway.discovery import Plan, plan, unclear
+from gateway.discovery.plan import INFOS, OF_GATEWAYS, TYPES
+from gateway.discovery.published_topics import calibrations_of, topics_of
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
-from gateway.doctor.listening import FEW, ONE, TRANSFORMS, Ear, Enough, listen
-from gateway.doctor.reaching import is_ours, reach, resolve, uri_of
+from gateway.doctor.reachability import is_ours, reach, resolve, uri_of
+from gateway.doctor.sensors import CLOCK
+from gateway.doctor.topic_probe import FEW, ONE, TRANSFORMS, Ear, Enough, listen
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.errors import (
     FaultError,
@@ -24,10 +28,44 @@ from gateway.ros1.errors import (
     UnreachableError,
 )
 from gateway.ros1.master import MasterClient
+from gateway.ros1.sim_clock import TOPIC as SIM_CLOCK
 from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES, PublisherAccepted
-from gateway.translators import StreamKind, kind_of
-from gateway.translators.encoding import encoding_of
-from schemas.keys import ROBOT_STREAMS, SensorKey
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.settings import GatewaySettings
+from gateway.to_bus.translators import StreamKind, kind_of
+from gateway.to_bus.translators.camera_info import TYPE_NAME as CAMERA_INFO
+from gateway.to_bus.translators.pixel_encoding import encoding_of
+from schemas.keys import ROBOT_STREAMS, TF, TF_STATIC, SensorKey, StreamKey, owner_of, sensor_key
+
+
+@dataclass(slots=True)
+class _Peer:
+    turn: asyncio.Lock = field(default_factory=asyncio.Lock)
+    silence: UnreachableError | None = None
+
+
+class PoliteClient(XmlRpcClient):
+    """Asks each server one thing at a time, and none again that did not answer.
+
+    Python's ROS nodes keep five callers waiting and drop the others, who then notice nothing for a second.
+    """
+
+    def __init__(self, *, timeout: float) -> None:
+        super().__init__(timeout=timeout)
+        self._peers: dict[str, _Peer] = {}
+
+    async def call(self, uri: str, method: str, *params: Any) -> Any:
+        """See `XmlRpcClient.call`."""
+        peer = self._peers.setdefault(uri, _Peer())
+        async with peer.turn:
+            if peer.silence is not None:
+                raise UnreachableError(str(peer.silence)) from peer.silence.__cause__
+            try:
+                return await super().call(uri, method, *params)
+            except UnreachableError as error:
+                peer.silence = error
+                raise
+
 
 MAX_PUBLISHERS: Final = 16
 """How many publishers of one topic are looked at."""
@@ -201,3 +239,56 @@ def _trouble(
             return Trouble(Failure.DEAD, host, port, "connection refused")
     refused = isinstance(error, LinkRefusedError | InvalidNameError | FaultError | StatusError)
     return Trouble(Failure.REFUSED if refused else Failure.FOREIGN, host, port, str(error))
+
+
+NOTHING_HEARD: Final[Mapping[str, str]] = MappingProxyType({})
+
+
+def planned(settings: GatewaySettings, graph: Graph, encodings: Mapping[str, str] = NOTHING_HEARD) -> Plan:
+    """Return what a gateway with the settings would take, were it started now. encodings: of images, by topic."""
+    topics = topics_of(graph.publishers, graph.types)
+    return plan([replace(each, encoding=encodings.get(each.name, "")) for each in topics], settings.wishes())
+
+
+def to_sample(settings: GatewaySettings, graph: Graph) -> list[str]:
+    """Return the topics of images of which the gateway looks at one message first."""
+    return [topic.name for topic in unclear(topics_of(graph.publishers, graph.types), settings.wishes())]
+
+
+def undiscovered(settings: GatewaySettings, graph: Graph) -> list[str]:
+    """Return the topics that a gateway would take as well if it discovered streams beside those that are named."""
+    if settings.discover:
+        return []
+    wishes = replace(settings.wishes(), discover=True)
+    found = plan(topics_of(graph.publishers, graph.types), wishes).streams
+    return sorted({source.topic for source in found.values()} - set(wishes.named.values()))
+
+
+def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:
+    """Return why a topic of a type that sensors have is not taken, by its name."""
+    return {
+        topic: why for topic, why in found.left_out.items() if graph.types.get(topic) in TYPES and why != OF_GATEWAYS
+    }
+
+
+def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:
+    """Return further topics that tell about the streams: calibrations, transforms, the simulation's clock."""
+    robot = next((owner_of(key)[0] for key in streams), "")
+    found: dict[SensorKey, str] = dict(_calibrations(streams, graph))
+    for name in (TF, TF_STATIC):
+        if f"/{name}" in graph.publishers and robot:
+            found[sensor_key(robot, name)] = f"/{name}"
+    if sim_time and robot:
+        found[sensor_key(robot, CLOCK)] = SIM_CLOCK
+    return {key: topic for key, topic in found.items() if key not in streams}
+
+
+def _calibrations(streams: Mapping[SensorKey, str], graph: Graph) -> Iterator[tuple[SensorKey, str]]:
+    taken = set(streams.values())
+    for key, topic in streams.items():
+        if isinstance(key, StreamKey) and key.stream in INFOS:
+            infos = (name for name in calibrations_of(topic) if graph.types.get(name) == CAMERA_INFO)
+            info = next((name for name in infos if name not in taken), None)
+            if info is not None:
+                taken.add(info)
+                yield StreamKey(key.camera, INFOS[key.stream]), info

@@ -6,7 +6,7 @@ import struct
 from typing import NamedTuple
 
 from gateway.ros1.errors import MessageError
-from gateway.ros1.short_text import encode_text, read_text
+from gateway.ros1.wire.text import encode_text, read_text
 
 TYPE_NAME = "sensor_msgs/Image"
 _HEAD = struct.Struct("<IIII")

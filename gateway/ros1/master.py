@@ -11,7 +11,7 @@ from gateway.ros1.sim_clock import PARAMETER
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from gateway.ros1.xmlrpc_client import XmlRpcClient
+    from gateway.ros1.xmlrpc.client import XmlRpcClient
 
 T = TypeVar("T")
 

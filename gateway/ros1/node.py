@@ -8,21 +8,21 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from random import Random
 from typing import TYPE_CHECKING, Any, Self
 
-from gateway.ros1.dead import unregister_dead
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.master import MasterClient, SystemState
 from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
-from gateway.ros1.publisher import Publication
 from gateway.ros1.registrar import Look, Registrar
 from gateway.ros1.registrations import Registration, Role
 from gateway.ros1.slave import SlaveApi
-from gateway.ros1.subscriber import Message, Subscription
+from gateway.ros1.stale_nodes import unregister_dead
 from gateway.ros1.tasks import TaskScope, cancel_and_wait, to_the_end
-from gateway.ros1.tcpros_server import TcprosServer
+from gateway.ros1.tcpros.publisher import Publication
+from gateway.ros1.tcpros.server import TcprosServer
+from gateway.ros1.tcpros.subscriber import Message, Subscription
 from gateway.ros1.wire.tcpros import ANY, DEFAULT_MAX_MESSAGE_BYTES, Offer
-from gateway.ros1.xmlrpc_client import XmlRpcClient
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.ros1.xmlrpc.server import XmlRpcServer
 
 if TYPE_CHECKING:
     from collections.abc import AsyncGenerator, AsyncIterator, Callable, Collection, Mapping, Sequence

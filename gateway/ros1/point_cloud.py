@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 
 from gateway.ros1.errors import MessageError
-from gateway.ros1.short_text import encode_text, read_text
+from gateway.ros1.wire.text import encode_text, read_text
 
 TYPE_NAME = "sensor_msgs/PointCloud2"
 MAX_FIELDS = 64

@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gateway.ros1.errors import ERROR, FAILURE, StatusError
-from gateway.ros1.methods import Methods
+from gateway.ros1.xmlrpc.methods import Methods
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from contextlib import AsyncExitStack
 
 from gateway.ros1.node import Node
-from gateway.ros1.publisher import Publication
+from gateway.ros1.tcpros.publisher import Publication
 from services.simulator.robot import Robot
 from services.simulator.topics import Content, Topic
 

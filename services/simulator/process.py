@@ -11,7 +11,6 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.tasks import TaskScope
 from services.simulator.bagging import write_bags
 from services.simulator.errors import MasterError
@@ -21,6 +20,7 @@ from services.simulator.live import LiveRobot
 from services.simulator.prerendering import prerender
 from services.simulator.recording import one_each
 from services.simulator.robot import Robot
+from services.simulator.ros_master.master import RosMaster
 from services.simulator.settings import SimulatorSettings
 
 log = logging.getLogger(__name__)

@@ -75,7 +75,7 @@ COMMANDS: Final = (
         "gateway.settings:GatewaySettings",
         "gateway.process:run",
         refusals=("bus:BusError", "gateway.process:HostError"),
-        arguments="gateway.arguments:options_of",
+        arguments="gateway.roslaunch_arguments:options_of",
         examples=(
             "fleetsight gateway --robot r1 --connect tcp/central:7447",
             "fleetsight gateway --robot r1 --cameras front=/cam0/picture --topics front/depth=/cam0/range,tf=/tf",
@@ -87,7 +87,7 @@ COMMANDS: Final = (
         "on a robot: say in plain words why nothing flows, and what to do about it",
         "gateway.doctor.settings:DoctorSettings",
         "gateway.doctor.process:run",
-        arguments="gateway.arguments:options_of",
+        arguments="gateway.roslaunch_arguments:options_of",
         finite=True,
         examples=(
             "fleetsight doctor --robot r1 --connect tcp/central:7447",

@@ -12,8 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from gateway.ros1.msg.catalogue import DEFINITIONS
 from gateway.ros1.msg.codec import compiled
-from gateway.ros1.msg.definition import MOMENTS, NUMBERS, STRING, Definition, parse
-from gateway.ros1.msg.digest import md5sum, whole_text
+from gateway.ros1.msg.definition import MOMENTS, NUMBERS, STRING, Definition, md5sum, parse, whole_text
 from tests.gateway.ros1.msg.building import built, meaning, plain, taken_apart
 
 if TYPE_CHECKING:

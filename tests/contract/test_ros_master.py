@@ -10,9 +10,9 @@ import pytest
 
 from gateway.ros1.errors import StatusError
 from gateway.ros1.master import MasterClient
-from gateway.ros1.rosmaster import RosMaster
-from gateway.ros1.xmlrpc_client import XmlRpcClient
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.ros1.xmlrpc.server import XmlRpcServer
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.fakes import FakeSlave
 from tests.gateway.ros1.waiting import until
 from tests.integration.ros import real_master, require_ros

@@ -3,7 +3,7 @@ import shlex
 import pytest
 
 from gateway.settings import GatewaySettings
-from gateway.shaping.consumers import stays_near
+from gateway.to_bus.shaping.consumers import stays_near
 from services.cloud.settings import CloudSettings
 from services.distance.settings import DistanceSettings
 from tests.deploy.units import command, example, unit, values

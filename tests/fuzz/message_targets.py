@@ -23,14 +23,14 @@ from tests.fuzz.target import LeftOutError, Target
 from tests.gateway import sensing
 from tests.gateway.ros1.goldens import IMAGE
 from tests.gateway.ros1.msg.building import built
-from tests.gateway.translators.rvl_coding import rvl_of
-from tests.gateway.translators.translating import forward
+from tests.gateway.to_bus.translators.rvl_coding import rvl_of
+from tests.gateway.to_bus.translators.translating import forward
 from tests.schemas.pictures import file_of
 from tests.schemas.test_codec import MESSAGES
 
 if TYPE_CHECKING:
     from gateway.ros1.msg.definition import Field
-    from gateway.ros1.subscriber import Message
+    from gateway.ros1.tcpros.subscriber import Message
 
 SEEDS_PER_TYPE = 4
 

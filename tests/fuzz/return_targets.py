@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from schemas import codec
 from tests.fuzz.target import LeftOutError, Target
 from tests.fuzz.test_returns import RESULTS, stream_of
-from tests.gateway.outgoing.taking import take
+from tests.gateway.to_ros.taking import take
 
 if TYPE_CHECKING:
     from random import Random

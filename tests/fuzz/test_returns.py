@@ -10,16 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.outgoing.clouds import POINT
-from gateway.outgoing.returned import actions_return, alerts_return, camera_returns
-from gateway.outgoing.stream import MALFORMED, REFUSED, StreamReturn
+from gateway.to_ros.outputs import POINT, actions_return, alerts_return, camera_returns
+from gateway.to_ros.stream import MALFORMED, REFUSED, StreamReturn
 from schemas import codec
 from schemas.codec import Message
 from schemas.keys import CameraKey
-from tests.gateway.outgoing.lists import class_list
-from tests.gateway.outgoing.namespaces import IN_ROOT
-from tests.gateway.outgoing.overlays import overlay
-from tests.gateway.outgoing.taking import status, take
+from tests.gateway.to_ros.lists import class_list
+from tests.gateway.to_ros.namespaces import IN_ROOT
+from tests.gateway.to_ros.overlays import overlay
+from tests.gateway.to_ros.taking import status, take
 from tests.schemas import frames
 from tests.schemas.results import action, alert, cloud, clouds, distances, known, unknown
 

@@ -19,7 +19,7 @@ from gateway.ros1.errors import (
 )
 from gateway.ros1.image import decode_image
 from gateway.ros1.messages import deserialise
-from gateway.ros1.std_srvs import TRIGGER, deserialise_response
+from gateway.ros1.tcpros.service_client import TRIGGER, deserialise_response
 from gateway.ros1.wire.header import decode_header
 from gateway.ros1.wire.service import ServiceAnswered, ServiceConnection
 from gateway.ros1.wire.tcpros import Offer, PublisherConnection, SubscriberConnection, TopicType

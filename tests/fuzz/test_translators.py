@@ -6,15 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
-from gateway.ros1.subscriber import Message
-from gateway.stream import MALFORMED
-from gateway.translators.encodings import CONVERTERS
+from gateway.ros1.tcpros.subscriber import Message
+from gateway.to_bus.stream import MALFORMED
+from gateway.to_bus.translators.encoding_conversion import CONVERTERS
 from schemas import codec
 from schemas.image import BYTES_PER_PIXEL
 from tests.gateway import sensing
 from tests.gateway.sensing import received
-from tests.gateway.translators.rvl_coding import rvl_of
-from tests.gateway.translators.translating import forward
+from tests.gateway.to_bus.translators.rvl_coding import rvl_of
+from tests.gateway.to_bus.translators.translating import forward
 from tests.schemas.pictures import file_of
 
 uint32 = st.integers(0, 2**32 - 1)

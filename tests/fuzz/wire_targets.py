@@ -18,7 +18,6 @@ from gateway.ros1.errors import (
     XmlRpcError,
 )
 from gateway.ros1.master import MasterClient
-from gateway.ros1.master_api import MasterApi
 from gateway.ros1.resolver import Resolver
 from gateway.ros1.slave import SlaveApi
 from gateway.ros1.wire.framing import FrameReceiver
@@ -27,6 +26,7 @@ from gateway.ros1.wire.http import ClientExchange, ServerExchange
 from gateway.ros1.wire.service import ServiceConnection
 from gateway.ros1.wire.tcpros import ANY, Offer, PublisherConnection, SubscriberConnection, TopicType
 from gateway.ros1.wire.xmlrpc import Fault, MethodCall, MethodResponse, encode, result_of
+from services.simulator.ros_master.api import MasterApi
 from tests.fuzz.mutation import pieces
 from tests.fuzz.odd_values import something
 from tests.fuzz.target import Target

@@ -6,14 +6,14 @@ from typing import Any
 
 from bus import Bus
 from gateway.offers import Offers
-from gateway.outgoing.returned import camera_returns
-from gateway.outgoing.stream import StreamReturn
 from gateway.ros1.node import Node
-from gateway.shaping.consumers import Consumers
-from gateway.shaping.settings import ShapingSettings
-from gateway.shaping.shaping import Shaping
+from gateway.to_bus.shaping.consumers import Consumers
+from gateway.to_bus.shaping.settings import ShapingSettings
+from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_ros.outputs import camera_returns
+from gateway.to_ros.stream import StreamReturn
 from schemas.keys import CameraKey
-from tests.gateway.outgoing.namespaces import IN_ROOT
+from tests.gateway.to_ros.namespaces import IN_ROOT
 
 Returned = Callable[[CameraKey, str], list[StreamReturn[Any]]]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.ros1.messages import Time, message_type, new_message, serialise
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted
 
 STAMP_NS = 1_700_000_000_000_000_005

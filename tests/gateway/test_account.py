@@ -10,19 +10,19 @@ import pytest
 
 from bus import QUEUE, Bus, Presence, Publisher
 from bus.fake import FakeNetwork
-from gateway.discovery.plan import NOTHING, Plan, Source
+from gateway.discovery.plan import NO_PLAN, Plan, Source
 from gateway.offers import Offers
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
-from gateway.ros1.publisher import Publication
-from gateway.ros1.rosmaster import RosMaster
-from gateway.shaping.consumers import Consumers
-from gateway.shaping.outlet import Outlet
-from gateway.shaping.settings import ShapingSettings
-from gateway.shaping.shaping import Shaping
-from gateway.stream import MALFORMED
+from gateway.ros1.tcpros.publisher import Publication
+from gateway.to_bus.shaping.consumers import Consumers
+from gateway.to_bus.shaping.outlet import Outlet
+from gateway.to_bus.shaping.settings import ShapingSettings
+from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_bus.stream import MALFORMED
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey, Wanted
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, StreamStatus
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.waiting import until
 
 COLOR = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
@@ -120,7 +120,7 @@ class Life:
         await asyncio.sleep(0.05)
 
     async def plan(self) -> None:
-        await self._offers.change(self._random.choice((NOTHING, planned(TOPICS[0]), planned(TOPICS[1]))))
+        await self._offers.change(self._random.choice((NO_PLAN, planned(TOPICS[0]), planned(TOPICS[1]))))
 
     async def end(self) -> None:
         for stack, _ in self._publications.values():
@@ -143,7 +143,7 @@ class Rig:
 
     async def account(self) -> StreamStatus:
         """Withdraw the stream, with whatever is under way, and return what is said when it is offered again."""
-        await self.offers.change(NOTHING)
+        await self.offers.change(NO_PLAN)
         await self.offers.change(planned(TOPICS[0]))
         (status,) = self.offers.streams()
         return status

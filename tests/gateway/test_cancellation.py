@@ -8,17 +8,17 @@ import pytest
 from bus import QUEUE
 from bus.fake import FakeNetwork
 from gateway.discovery import Wishes, plan
-from gateway.forward import offering
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
-from gateway.shaping.consumers import Consumers
-from gateway.shaping.settings import ShapingSettings
-from gateway.shaping.shaping import Shaping
-from gateway.stream import StreamForward
-from gateway.subscriptions import Subscriptions
-from gateway.translators import kind_of
+from gateway.to_bus.forward import offering
+from gateway.to_bus.shaping.consumers import Consumers
+from gateway.to_bus.shaping.settings import ShapingSettings
+from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_bus.stream import StreamForward
+from gateway.to_bus.subscriptions import Subscriptions
+from gateway.to_bus.translators import kind_of
 from schemas.keys import CameraKey, Stream, StreamKey
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.discovery.graphs import IMAGE, graph
 from tests.gateway.offering import new_offers
 from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered

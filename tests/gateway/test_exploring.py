@@ -8,19 +8,19 @@ import pytest
 
 from bus.fake import FakeNetwork
 from gateway.discovery import Wishes
-from gateway.discovery.sightings import Sightings
+from gateway.discovery.published_topics import Sightings
 from gateway.exploring import Explorer
-from gateway.nodes import node_name
+from gateway.node_names import node_name
 from gateway.offers import Offers
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
 from gateway.settings import GatewaySettings
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
+from services.simulator.ros_master.master import RosMaster
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.offering import new_offers
 from tests.gateway.ros1.waiting import until
-from tests.gateway.translators.test_cloud_image import EMPTY, UNORDERED, colored
+from tests.gateway.to_bus.translators.test_cloud_image import EMPTY, UNORDERED, colored
 
 FRONT = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 FRONT_TOPIC, REAR_TOPIC = "/front/color/image_raw", "/rear/color/image_raw"

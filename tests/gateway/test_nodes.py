@@ -1,6 +1,6 @@
 import pytest
 
-from gateway.nodes import is_gateway, is_of, node_name, ros_chunk
+from gateway.node_names import is_gateway, is_of, node_name, ros_chunk
 from gateway.ros1.names import validate_global
 
 

@@ -8,23 +8,22 @@ import pytest
 
 from bus import QUEUE, Bus
 from bus.fake import FakeNetwork
-from gateway.discovery.plan import NOTHING, Plan, Source
+from gateway.discovery.plan import NO_PLAN, Plan, Source
 from gateway.offers import MAX_RETURNED, Offers
-from gateway.outgoing.returned import camera_returns
-from gateway.outgoing.texts import STRING
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.names import Names
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
-from gateway.stream import MALFORMED
+from gateway.to_bus.stream import MALFORMED
+from gateway.to_ros.outputs import STRING, camera_returns
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from schemas.points import PointCloud
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.offering import Returned, new_offers, returned_in_root
 from tests.gateway.ros1.waiting import until
-from tests.gateway.test_forward import message
-from tests.gateway.translators.test_cloud_image import colored
+from tests.gateway.to_bus.test_forward import message
+from tests.gateway.to_bus.translators.test_cloud_image import colored
 
 FRONT, REAR = (CameraKey("r1", name) for name in ("front", "rear"))
 COLOR, DEPTH = StreamKey(FRONT, Stream.COLOR), StreamKey(FRONT, Stream.DEPTH)
@@ -71,7 +70,7 @@ async def test_what_is_planned_is_present_and_what_is_not_no_longer_is(rig: Rig)
         gone = await anext(watch)
         assert (gone.key, gone.alive) == (DEPTH.alive, False)
         assert [status.stream for status in rig.offers.streams()] == ["color"]
-        await rig.offers.change(NOTHING)
+        await rig.offers.change(NO_PLAN)
         assert rig.offers.streams() == []
         assert not (await anext(watch)).alive
 
@@ -101,7 +100,7 @@ async def test_a_stream_counts_on_when_it_has_another_topic_or_was_withdrawn(rig
     assert (status.topic, status.received, status.forwarded, status.dropped) == (OTHER, 4, 2, {MALFORMED: 2})
     assert rig.offers.withdrawn() == {}
     broken = status.broken_links
-    await rig.offers.change(NOTHING)
+    await rig.offers.change(NO_PLAN)
     assert rig.offers.withdrawn() == {MALFORMED: 2}
     await rig.offer({COLOR: TOPIC})
     assert rig.offers.withdrawn() == {}
@@ -126,7 +125,7 @@ async def test_what_withdrawn_streams_dropped_is_added_up_without_those_that_are
     for _ in range(2):
         await rig.offer({COLOR: TOPIC})
         assert rig.offers.withdrawn() == {MALFORMED: 1}
-        await rig.offers.change(NOTHING)
+        await rig.offers.change(NO_PLAN)
         assert rig.offers.withdrawn() == {MALFORMED: 2}
         await rig.offer(both)
         assert rig.offers.withdrawn() == {}
@@ -146,7 +145,7 @@ async def test_results_follow_the_cameras_and_the_first_ones_topic_stays(rig: Ri
     assert {returned.camera for returned in rig.offers.returns()} == {"front"}
     await rig.offer({COLOR: TOPIC, rear: "/rear"}, first="rear")
     assert topics() == both
-    await rig.offers.change(NOTHING)
+    await rig.offers.change(NO_PLAN)
     assert rig.offers.returns() == []
 
 
@@ -157,7 +156,7 @@ async def test_withdrawing_ends_the_subscription(rig: Rig) -> None:
         rig.bus.subscribe(str(COLOR), QUEUE(9)),
     ):
         await until(lambda: publication.subscriber_count == 1, "it is subscribed")
-        await rig.offers.change(NOTHING)
+        await rig.offers.change(NO_PLAN)
         await until(lambda: publication.subscriber_count == 0, "it is subscribed no longer")
         await rig.offer({COLOR: TOPIC})
         await until(lambda: publication.subscriber_count == 1, "it is subscribed again")

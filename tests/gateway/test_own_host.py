@@ -1,6 +1,6 @@
 import pytest
 
-from gateway.own_host import warn_of_own_host
+from gateway.process import warn_of_own_host
 from gateway.settings import RosSettings
 
 VARIABLES = ("ROS_HOSTNAME", "ROS_IP")

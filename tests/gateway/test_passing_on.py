@@ -7,11 +7,11 @@ import pytest
 from bus import Pieces
 from gateway.ros1.image import Image, encode_image
 from gateway.ros1.point_cloud import PointCloud, PointField, encode_point_cloud
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.framing import SCRATCH_BYTES, FrameReceiver
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
-from gateway.translators.image import image
-from gateway.translators.points import point_cloud
+from gateway.to_bus.translators.images import image
+from gateway.to_bus.translators.points import point_cloud
 from schemas import codec
 from schemas.header import MAX_LABEL, Header
 from schemas.image import ImageFrame

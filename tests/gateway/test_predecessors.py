@@ -4,13 +4,12 @@ import logging
 
 import pytest
 
-from gateway.nodes import node_name
-from gateway.predecessors import clear_predecessors
+from gateway.node_names import clear_predecessors, node_name
 from gateway.ros1.master import MasterClient
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
-from gateway.ros1.xmlrpc_client import XmlRpcClient
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.ros1.xmlrpc.server import XmlRpcServer
+from services.simulator.ros_master.master import RosMaster
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.ros1.fakes import FakeSlave
 from tests.gateway.ros1.nodes import node
@@ -30,7 +29,7 @@ async def register(master: RosMaster, *names: str) -> None:
 
 
 async def test_the_robots_own_dead_gateways_are_unregistered_and_nobody_else(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.INFO, "gateway.predecessors")
+    caplog.set_level(logging.INFO, "gateway.node_names")
     async with RosMaster() as master:
         await register(master, *DEAD, *OTHERS)
         async with node(OWN, master) as own, own.subscribe(TOPIC, TYPE, lambda _: None):

@@ -8,11 +8,11 @@ from bus.reporting import VERSION
 from gateway.process import run
 from gateway.ros1.master import SystemState
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
-from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
+from services.simulator.ros_master.master import RosMaster
 from services.toolbox.demo.ports import free_ports
 from tests.gateway.ros1.waiting import until
 

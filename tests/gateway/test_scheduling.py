@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from gateway.scheduling import giving_way
+from gateway.process import giving_way
 
 
 def in_a_thread(look: Callable[[], list[int]]) -> list[int]:

@@ -5,9 +5,9 @@ from contextlib import AsyncExitStack
 import pytest
 
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock
 from gateway.sim_time import follow_sim_time
+from services.simulator.ros_master.master import RosMaster
 from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.gateway.ros1.waiting import until
 

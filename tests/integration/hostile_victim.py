@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from gateway.ros1.messages import deserialise, new_message, serialise
 from gateway.ros1.node import Node
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 
 STRING = "std_msgs/String"
 PAYLOAD = serialise(STRING, new_message(STRING, data="x" * (1 << 20)))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.master import MasterClient
-from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc.client import XmlRpcClient
 from tests.gateway.ros1.waiting import until
 from tests.missing import require_debian
 

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from gateway.ros1.messages import message_type
-from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.wire.header import encode_header
-from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc.client import XmlRpcClient
 from schemas.keys import CameraKey, Stream
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.fakes import fake_publisher
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment, free_port, require_ros

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.waiting import until
 from tests.integration.ros import RosEnvironment
 from tests.integration.rospy_scripts import LISTENER, TALKER

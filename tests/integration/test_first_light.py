@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Writer
 from bus import Subscription
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.messages import message_type
-from gateway.stream import MALFORMED
+from gateway.to_bus.stream import MALFORMED
 from schemas.detections import ClassList, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream

@@ -8,14 +8,14 @@ import pytest
 
 from gateway.ros1.messages import message_type
 from gateway.ros1.node import Node
-from gateway.ros1.subscriber import LinkFailure
+from gateway.ros1.tcpros.subscriber import LinkFailure
 from gateway.ros1.wire.header import encode_header
 from tests.gateway.ros1.fakes import fake_publisher
 from tests.gateway.ros1.waiting import until
 from tests.integration.rospy_scripts import TALKER
 
 if TYPE_CHECKING:
-    from gateway.ros1.subscriber import Message
+    from gateway.ros1.tcpros.subscriber import Message
     from tests.integration.ros import RosEnvironment
 
 STRING = message_type("std_msgs/String")

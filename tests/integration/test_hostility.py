@@ -15,17 +15,17 @@ import pytest
 
 from gateway.ros1.messages import message_type, new_message, serialise
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.wire.header import encode_header
-from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.fakes import fake_publisher
 from tests.integration.ros import RosProcess
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
 
-    from gateway.ros1.publisher import Publication
-    from gateway.ros1.subscriber import Message
+    from gateway.ros1.tcpros.publisher import Publication
+    from gateway.ros1.tcpros.subscriber import Message
 
 ROOT: Final = Path(__file__).parents[2]
 STRING: Final = message_type("std_msgs/String")

@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from gateway.ros1.subscriber import LinkFailure
+from gateway.ros1.tcpros.subscriber import LinkFailure
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from tests.integration.fleet import FleetRig, fleet_rig, receive

@@ -8,8 +8,8 @@ import pytest
 from rosbags.rosbag1 import Writer
 
 from bus import Subscription
-from gateway.forward import LINGER_S
 from gateway.ros1.messages import deserialise, message_type
+from gateway.to_bus.forward import LINGER_S
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.raw import RawMessage

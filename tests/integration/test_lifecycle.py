@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from bus import Publisher, QoS, Subscription
-from gateway.nodes import is_gateway
+from gateway.node_names import is_gateway
 from gateway.ros1.master import MasterClient
 from gateway.ros1.node import Node
-from gateway.ros1.xmlrpc_client import XmlRpcClient
-from gateway.stream import MALFORMED
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.to_bus.stream import MALFORMED
 from schemas import codec
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.status import StreamStatus
 from tests.contract.waiting import PATIENCE_S
-from tests.gateway.outgoing.lists import class_list
+from tests.gateway.to_ros.lists import class_list
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, RosProcess
 from tests.integration.rospy_scripts import GREY_CAMERA, LISTENER, TALKER

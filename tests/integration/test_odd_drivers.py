@@ -9,8 +9,8 @@ import pytest
 
 from gateway.ros1.image import TYPE_NAME as IMAGE
 from gateway.ros1.image import Image, encode_image
-from gateway.ros1.subscriber import Message
-from gateway.stream import MALFORMED
+from gateway.ros1.tcpros.subscriber import Message
+from gateway.to_bus.stream import MALFORMED
 from schemas import keys
 from schemas.codec import Message as OurMessage
 from schemas.image import ImageFrame
@@ -18,8 +18,8 @@ from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from tests.gateway.ros1.waiting import until
 from tests.gateway.sensing import compressed, point_cloud, received, tf, transform
-from tests.gateway.translators.rvl_coding import rvl_of
-from tests.gateway.translators.test_cloud_image import RGB, UNORDERED, colored
+from tests.gateway.to_bus.translators.rvl_coding import rvl_of
+from tests.gateway.to_bus.translators.test_cloud_image import RGB, UNORDERED, colored
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, require_ros
 from tests.schemas.pictures import file_of

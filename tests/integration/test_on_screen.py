@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.outgoing.stream import MALFORMED
+from gateway.to_ros.stream import MALFORMED
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectCloud, ObjectClouds
-from tests.gateway.outgoing.overlays import BLUE, RED, overlay
+from tests.gateway.to_ros.overlays import BLUE, RED, overlay
 from tests.integration.detecting import results
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment, require_ros

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gateway.ros1.messages import new_message
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 from schemas.points import PointCloud
 from tests.gateway.sensing import point_cloud
-from tests.gateway.translators.translating import translated
+from tests.gateway.to_bus.translators.translating import translated
 from tests.integration.ros import SYSTEM_PYTHON
 
 SCRIPT = Path(__file__).with_name("point_cloud2_reader.py")

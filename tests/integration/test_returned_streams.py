@@ -12,8 +12,6 @@ import pytest
 from rosbags.rosbag1 import Reader
 
 from bus import Publisher, QoS
-from gateway.outgoing.stream import REFUSED, SLOW, UNHEARD
-from gateway.outgoing.texts import STRING
 from gateway.ros1 import image as ros_image
 from gateway.ros1 import point_cloud as ros_point_cloud
 from gateway.ros1.image import decode_image
@@ -21,12 +19,14 @@ from gateway.ros1.master import MasterClient
 from gateway.ros1.messages import message_type
 from gateway.ros1.point_cloud import decode_point_cloud
 from gateway.ros1.wire.tcpros import SubscriberConnection
-from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.to_ros.outputs import STRING
+from gateway.to_ros.stream import REFUSED, SLOW, UNHEARD
 from schemas import codec
 from schemas.keys import ACTIONS, ALERTS, CameraKey, RobotStreamKey, Stream
-from tests.gateway.outgoing.lists import class_list
-from tests.gateway.outgoing.overlays import BLUE, RED, overlay
 from tests.gateway.ros1.waiting import until
+from tests.gateway.to_ros.lists import class_list
+from tests.gateway.to_ros.overlays import BLUE, RED, overlay
 from tests.integration.detecting import results
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment, RosProcess, require_ros

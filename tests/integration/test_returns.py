@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 
 from bus import Publisher, QoS
-from gateway.outgoing.stream import MALFORMED
-from gateway.outgoing.texts import STRING
 from gateway.ros1.master import MasterClient
 from gateway.ros1.messages import message_type
-from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.to_ros.outputs import STRING
+from gateway.to_ros.stream import MALFORMED
 from schemas import codec
 from schemas.detections import ClassList
 from schemas.keys import CameraKey, Stream
-from tests.gateway.outgoing.lists import class_list
 from tests.gateway.ros1.waiting import until
+from tests.gateway.to_ros.lists import class_list
 from tests.integration.detecting import results
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment, RosProcess

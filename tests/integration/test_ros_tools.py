@@ -13,8 +13,8 @@ from schemas import codec
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from tests.gateway.outgoing.lists import class_list
 from tests.gateway.ros1.waiting import until
+from tests.gateway.to_ros.lists import class_list
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig, receive
 from tests.integration.ros import SYSTEM_PYTHON, RosEnvironment, require_ros
 from tests.integration.rospy_scripts import GREY_CAMERA, LISTENER

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from gateway.ros1.image import Image, decode_image, encode_image
 from gateway.ros1.messages import deserialise, new_message, serialise
 from gateway.ros1.node import Node
-from gateway.ros1.subscriber import LinkFailure, Message
+from gateway.ros1.tcpros.subscriber import LinkFailure, Message
 from tests.gateway.ros1.waiting import until
 from tests.integration.rospy_scripts import CAMERA, IMAGE_LISTENER, LISTENER, TALKER
 
 if TYPE_CHECKING:
     import pytest
 
-    from gateway.ros1.publisher import Publication
+    from gateway.ros1.tcpros.publisher import Publication
     from tests.integration.ros import RosEnvironment
 
 PIXELS = bytes(i % 251 for i in range(480 * 1920))

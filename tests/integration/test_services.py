@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from bus import Bus, NotServedError, RefusedError
-from gateway.ros1.std_srvs import ALL
+from gateway.ros1.tcpros.service_client import ALL
 from schemas import codec, keys
 from schemas.clock import ClockReading
 from schemas.service import ServiceRequest, ServiceResponse

@@ -5,11 +5,11 @@ import os
 from contextlib import AsyncExitStack
 
 from bus import QUEUE, Bus, BusSettings, open_bus
-from gateway.shaping.consumers import Consumers
-from gateway.shaping.outlet import Outlet
-from gateway.shaping.settings import ShapingSettings
-from gateway.shaping.shaping import Shaping
-from gateway.translators import kind_of
+from gateway.to_bus.shaping.consumers import Consumers
+from gateway.to_bus.shaping.outlet import Outlet
+from gateway.to_bus.shaping.settings import ShapingSettings
+from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_bus.translators import kind_of
 from schemas.keys import SensorKey, sensor_key
 from schemas.raw import RawMessage
 from schemas.status import OVER_BUDGET

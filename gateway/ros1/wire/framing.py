@@ -8,13 +8,32 @@ the last two were of one size, as a camera's are, it is there before the length 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gateway.ros1.errors import TcprosError, TooLargeError
 from gateway.ros1.wire.header import LENGTH
 
-if TYPE_CHECKING:
-    from gateway.ros1.wire.budget import FrameBudget
+
+class FrameBudget:
+    """At most `max_bytes` of large frames that are not whole; whoever comes when it is used up is refused."""
+
+    def __init__(self, max_bytes: int) -> None:
+        self._max_bytes = max_bytes
+        self.held_bytes = 0
+
+    def has(self, count: int) -> bool:
+        """Return whether so much more may be held."""
+        return self.held_bytes + count <= self._max_bytes
+
+    def take(self, count: int) -> None:
+        """Hold more, or less.
+
+        Raises:
+            TcprosError: others hold too much for that.
+
+        """
+        if count > 0 and not self.has(count):
+            raise TcprosError(f"unfinished messages hold {self.held_bytes} bytes, {count} more are over the limit")
+        self.held_bytes += count
+
 
 SCRATCH_BYTES = 16 << 10
 FIRST_STEP_BYTES = 64 << 10

@@ -16,7 +16,7 @@ from gateway.ros1.wire.text import one_line
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from gateway.ros1.wire.budget import FrameBudget
+    from gateway.ros1.wire.framing import FrameBudget
 
 ANY = "*"
 DEFAULT_MAX_MESSAGE_BYTES = 128 << 20

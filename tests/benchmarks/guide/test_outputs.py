@@ -1,7 +1,6 @@
 from benchmarks.guide.outputs import FLEETSIGHT, GUIDE, stamp_ns, stamped
-from gateway.outgoing.texts import STRING, string
-from gateway.outgoing.topics import RESULTS
 from gateway.ros1.image import TYPE_NAME, Image, decode_image, encode_image
+from gateway.to_ros.outputs import RESULTS, STRING, string
 
 IMAGE = encode_image(
     Image(

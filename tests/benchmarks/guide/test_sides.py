@@ -9,7 +9,7 @@ from benchmarks.guide.robot import Robot
 from benchmarks.guide.scene import Scene
 from benchmarks.guide.sets import Arrival
 from benchmarks.guide.sides import Side, process_error
-from gateway.outgoing.texts import STRING
+from gateway.to_ros.outputs import STRING
 from services.toolbox.demo.children import Child, child
 
 TOPIC = "/classes"

@@ -11,11 +11,11 @@ from benchmarks.guide.robot import robot
 from benchmarks.guide.scene import Scene
 from benchmarks.guide.sides import NODES, Side
 from benchmarks.guide.topics import CLASSES, DETECTION, DISTANCE, OBJECTS_SHOWN, SEGMENTATION
-from gateway.outgoing.texts import STRING
 from gateway.ros1.image import decode_image
 from gateway.ros1.messages import deserialise
 from gateway.ros1.node import Node
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
+from gateway.to_ros.outputs import STRING
 from services.detector.settings import SHIPPED_MODEL
 from tests.integration.ros import require_ros
 

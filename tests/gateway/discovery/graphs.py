@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from gateway.discovery.plan import Plan
-from gateway.discovery.topics import Topic
+from gateway.discovery.published_topics import Topic
 from schemas.keys import SensorKey, sensor_key
 
 IMAGE = "sensor_msgs/Image"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.discovery import Plan, Wishes, plan
-from gateway.discovery.topics import Topic
+from gateway.discovery.published_topics import Topic
 from gateway.settings import GatewaySettings
 from services.toolbox.settings import load
 from tests.gateway.discovery.graphs import DRIVERS, IMAGE, POINTS, TF, graph, mapping

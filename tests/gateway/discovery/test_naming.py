@@ -1,7 +1,7 @@
 import pytest
 
-from gateway.discovery.naming import name_cameras
-from gateway.discovery.reading import Path
+from gateway.discovery.candidates import name_cameras
+from gateway.discovery.topic_names import Path
 
 
 def names(*paths: str, robot: str = "r1", given: dict[Path, str] | None = None, taken: str = "") -> dict[str, str]:

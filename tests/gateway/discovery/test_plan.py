@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.discovery import Plan, Wishes, plan
-from gateway.discovery.plan import NOTHING
-from gateway.discovery.topics import Topic
-from gateway.translators import kind_of
+from gateway.discovery.plan import NO_PLAN
+from gateway.discovery.published_topics import Topic
+from gateway.to_bus.translators import kind_of
 from schemas.keys import StreamKey
 from schemas.status import MAX_STREAMS
 from tests.gateway.discovery.graphs import (
@@ -202,7 +202,7 @@ def test_any_topics_give_one_plan_whatever_their_order(topics: list[Topic], rng:
 @given(GRAPHS, GRAPHS)
 @settings(deadline=None, max_examples=150)
 def test_no_camera_ever_changes_its_name(before: list[Topic], after: list[Topic]) -> None:
-    first = plan(before, R1, NOTHING)
+    first = plan(before, R1, NO_PLAN)
     second = plan(after, R1, first)
     check(second, after)
     assert first.names.items() <= second.names.items()

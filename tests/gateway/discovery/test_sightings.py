@@ -1,7 +1,6 @@
 from collections.abc import Sequence
 
-from gateway.discovery.sightings import HOLD_S, MAX_GAP_S, Sightings
-from gateway.discovery.topics import Topic
+from gateway.discovery.published_topics import HOLD_S, MAX_GAP_S, Sightings, Topic
 from tests.gateway.discovery.graphs import IMAGE, POINTS, graph
 
 FRONT, REAR = graph({IMAGE: "/front/image_raw /rear/image_raw"})

@@ -5,8 +5,8 @@ import re
 import pytest
 
 from gateway.discovery import Wishes, plan, unclear, unclear_clouds
-from gateway.discovery.report import changes
-from gateway.translators.encoding import UNKNOWN
+from gateway.exploring import changes
+from gateway.to_bus.translators.pixel_encoding import UNKNOWN
 from tests.gateway.discovery.graphs import COMPRESSED, IMAGE, INFO, POINTS, graph, heard, mapping, named
 
 R1 = Wishes("r1")

@@ -11,9 +11,9 @@ from gateway.doctor.advice import raw_name
 from gateway.doctor.cameras import check_cameras
 from gateway.doctor.evidence import Evidence, Graph, StreamLook
 from gateway.doctor.finding import Finding
+from gateway.doctor.robot import beside, left_out, planned, undiscovered
 from gateway.doctor.sensors import check_sensors
 from gateway.doctor.settings import DoctorSettings
-from gateway.doctor.topics import beside, left_out, planned, undiscovered
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.settings import GatewaySettings
 from schemas.keys import sensor_key

@@ -3,9 +3,9 @@ from typing import Any
 
 import pytest
 
-from gateway.doctor.asking import PoliteClient
+from gateway.doctor.robot import PoliteClient
 from gateway.ros1.errors import StatusError, UnreachableError
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc.server import XmlRpcServer
 from tests.gateway.ros1.fakes import FakeSlave
 from tests.integration.ros import free_port
 

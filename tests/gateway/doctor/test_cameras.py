@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from gateway.doctor.cameras import check_cameras
-from gateway.doctor.edges import placement
+from gateway.doctor.depth_alignment import placement
 from gateway.doctor.evidence import Failure, Heard, MasterLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Severity, Stage
 from schemas.transforms import Transforms

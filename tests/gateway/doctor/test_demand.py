@@ -6,9 +6,9 @@ import pytest
 from gateway.doctor.demand import check_demand, check_recorders
 from gateway.doctor.evidence import BusLook, Graph, MasterLook, Router, StreamLook
 from gateway.doctor.finding import Finding, Severity, Stage
-from gateway.ros1.subscriber import LinkFailure
-from gateway.stream import MALFORMED, MISMATCH
-from gateway.translators import kind_of
+from gateway.ros1.tcpros.subscriber import LinkFailure
+from gateway.to_bus.stream import MALFORMED, MISMATCH
+from gateway.to_bus.translators import kind_of
 from schemas.status import REPLACED_BEFORE_LINK, StreamStatus
 from tests.gateway.doctor.seeing import IMAGE, account, color, counted, evidence, heard, publisher, status, stream
 

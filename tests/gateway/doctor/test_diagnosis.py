@@ -1,6 +1,6 @@
-from gateway.doctor.diagnosis import diagnose, healthy
 from gateway.doctor.evidence import BusLook, Failure, HostLook, MasterLook, Router, Trouble
 from gateway.doctor.finding import Severity, Stage
+from gateway.doctor.report import diagnose, healthy
 from tests.gateway.doctor.seeing import TF, color, color_info, depth, depth_info, evidence, links, sends
 
 

@@ -1,7 +1,7 @@
-from gateway.doctor.listening import KEPT, KEPT_BYTES, MAX_MESSAGES, Ear
+from gateway.doctor.topic_probe import KEPT, KEPT_BYTES, MAX_MESSAGES, Ear
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import PublisherAccepted
-from gateway.translators import kind_of
+from gateway.to_bus.translators import kind_of
 from schemas.camera_info import CameraInfo
 from schemas.keys import sensor_key
 from tests.gateway.sensing import STAMP_NS, camera_info

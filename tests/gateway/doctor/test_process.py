@@ -4,7 +4,7 @@ import pytest
 
 from gateway.doctor.process import UNWELL, run
 from gateway.doctor.settings import DoctorSettings
-from gateway.ros1.rosmaster import RosMaster
+from services.simulator.ros_master.master import RosMaster
 from services.toolbox.settings import load
 from tests.integration.ros import free_port
 

@@ -1,10 +1,10 @@
 import pytest
 
-from gateway.doctor.reading import stamp_at, stamp_offset, translated
+from gateway.doctor.topic_probe import stamp_at, stamp_offset, translated
 from gateway.ros1.messages import message_type
-from gateway.ros1.subscriber import Message
+from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
-from gateway.translators import kind_of
+from gateway.to_bus.translators import kind_of
 from schemas.camera_info import CameraInfo
 from schemas.keys import sensor_key
 from schemas.points import PointCloud

@@ -7,24 +7,22 @@ from typing import Any
 
 import pytest
 
-from gateway.doctor.asking import PoliteClient
 from gateway.doctor.evidence import Failure, MasterLook, PublisherLook, Trouble
 from gateway.doctor.finding import Severity
-from gateway.doctor.robot import RobotVisit
+from gateway.doctor.robot import PoliteClient, RobotVisit, planned
 from gateway.doctor.sensors import check_sensors
-from gateway.doctor.topics import planned
 from gateway.ros1.image import Image, encode_image
 from gateway.ros1.messages import message_type, new_message, serialise
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
 from gateway.ros1.wire.header import encode_header
 from gateway.ros1.wire.tcpros import message_prefix
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc.server import XmlRpcServer
 from gateway.settings import GatewaySettings
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.raw import RawMessage, Text
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.doctor.seeing import evidence
 from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
 from tests.gateway.ros1.waiting import until

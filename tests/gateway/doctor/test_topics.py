@@ -1,5 +1,5 @@
 from gateway.doctor.evidence import Graph
-from gateway.doctor.topics import beside, left_out, planned
+from gateway.doctor.robot import beside, left_out, planned
 from gateway.settings import GatewaySettings
 from schemas.keys import SensorKey
 

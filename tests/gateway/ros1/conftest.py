@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from blockbuster import blockbuster_ctx
 
-from gateway.ros1.rosmaster import RosMaster
+from services.simulator.ros_master.master import RosMaster
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from gateway.ros1.node import Node
 
 if TYPE_CHECKING:
-    from gateway.ros1.rosmaster import RosMaster
+    from services.simulator.ros_master.master import RosMaster
 
 
 def node(name: str, master: RosMaster) -> Node:

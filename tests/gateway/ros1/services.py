@@ -6,7 +6,7 @@ import asyncio
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
-from gateway.ros1.std_srvs import TRIGGER
+from gateway.ros1.tcpros.service_client import TRIGGER
 from gateway.ros1.wire.header import LENGTH, encode_header
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gateway.ros1.acceptor import Acceptor
-from gateway.ros1.hosts import listen
+from gateway.ros1.listening import Acceptor, listen
 from tests.gateway.ros1.waiting import until
 
 if TYPE_CHECKING:

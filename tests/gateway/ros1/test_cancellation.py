@@ -7,11 +7,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered
 
 if TYPE_CHECKING:
-    from gateway.ros1.subscriber import Message
+    from gateway.ros1.tcpros.subscriber import Message
 
 STRING = "std_msgs/String"
 

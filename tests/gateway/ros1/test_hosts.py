@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.ros1.hosts import listen_address, uri_host
+from gateway.ros1.listening import listen_address, uri_host
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 
 from gateway.ros1.errors import XmlRpcError
 from gateway.ros1.master import MasterClient, SystemState
-from gateway.ros1.xmlrpc_client import XmlRpcClient
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from gateway.ros1.xmlrpc.server import XmlRpcServer
 from tests.gateway.ros1.fakes import FakeSlave
 
 

@@ -8,15 +8,15 @@ import pytest
 
 from gateway.ros1.errors import InvalidNameError, Ros1Error, StatusError, UnknownTypeError
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
-from gateway.ros1.xmlrpc_client import XmlRpcClient
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.nodes import node
 from tests.gateway.ros1.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
-    from gateway.ros1.subscriber import Message
+    from gateway.ros1.tcpros.subscriber import Message
 
 STRING = "std_msgs/String"
 NOBODY = "http://127.0.0.1:9/"

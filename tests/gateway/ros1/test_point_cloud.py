@@ -9,7 +9,7 @@ import pytest
 from gateway.ros1.errors import MessageError
 from gateway.ros1.messages import deserialise, new_message, serialise
 from gateway.ros1.point_cloud import MAX_FIELDS, TYPE_NAME, PointField, decode_point_cloud, encode_point_cloud
-from gateway.ros1.short_text import MAX_TEXT_BYTES
+from gateway.ros1.wire.text import MAX_TEXT_BYTES
 from tests.gateway.sensing import STAMP_NS, point_cloud
 
 MESSAGE = bytes(point_cloud().data)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.ros1.errors import StatusError
 from gateway.ros1.node import Node
-from gateway.ros1.rosmaster import RosMaster
-from gateway.ros1.xmlrpc_server import XmlRpcServer
+from gateway.ros1.xmlrpc.server import XmlRpcServer
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.waiting import until
 
 if TYPE_CHECKING:

@@ -12,13 +12,13 @@ from gateway.ros1 import resolver
 from gateway.ros1.errors import UnreachableError
 from gateway.ros1.master import MasterClient
 from gateway.ros1.resolver import Resolver
-from gateway.ros1.rosmaster import RosMaster
-from gateway.ros1.service_client import ServiceClient
+from gateway.ros1.tcpros.service_client import ServiceClient
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.ros1.wire.xmlrpc import MethodResponse, encode
-from gateway.ros1.xmlrpc_client import XmlRpcClient
-from tests.gateway.ros1.test_xmlrpc_client import ok, peer
+from gateway.ros1.xmlrpc.client import XmlRpcClient
+from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.xmlrpc.test_xmlrpc_client import ok, peer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from bus.sharing.pace import Pace, Totals
-from gateway.shaping.budgets import Allowance
+from gateway.to_bus.shaping.consumers import Allowance
 from schemas.budget import RateBudget
 from schemas.keys import CameraKey
 from services.detector.board import Board, Waiting

@@ -8,7 +8,7 @@ import pytest
 from schemas.image import ImageFrame
 from services.geometry.depth import read_depth
 from tests.gateway.sensing import compressed
-from tests.gateway.translators.translating import translated
+from tests.gateway.to_bus.translators.translating import translated
 from tests.schemas.pictures import file_of
 
 NAN = float("nan")

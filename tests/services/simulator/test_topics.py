@@ -1,7 +1,7 @@
 import pytest
 
 from gateway.discovery import Wishes, plan
-from gateway.discovery.topics import Topic as Published
+from gateway.discovery.published_topics import Topic as Published
 from services.simulator.topics import Stream, topics
 
 DEPTH = {True: "/camera/aligned_depth_to_color", False: "/camera/depth"}

@@ -4,8 +4,7 @@ import hashlib
 
 import pytest
 
-from gateway.ros1.msg.definition import parse
-from gateway.ros1.msg.digest import md5sum, whole_text
+from gateway.ros1.msg.definition import md5sum, parse, whole_text
 
 TEXTS = {
     "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id",

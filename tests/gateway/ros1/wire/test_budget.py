@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.ros1.errors import TcprosError
-from gateway.ros1.wire.budget import FrameBudget
+from gateway.ros1.wire.framing import FrameBudget
 
 
 def test_as_much_as_there_is_and_no_more() -> None:

@@ -7,8 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.ros1.errors import TcprosError, TooLargeError
-from gateway.ros1.wire.budget import FrameBudget
-from gateway.ros1.wire.framing import FIRST_STEP_BYTES, SCRATCH_BYTES, FrameReceiver
+from gateway.ros1.wire.framing import FIRST_STEP_BYTES, SCRATCH_BYTES, FrameBudget, FrameReceiver
 from tests.gateway.ros1.wire.framed import feed, framed
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.ros1.errors import LinkRefusedError, Ros1Error, TcprosError, TypeMismatchError, WireError
-from gateway.ros1.std_srvs import SET_BOOL, TRIGGER
+from gateway.ros1.tcpros.service_client import SET_BOOL, TRIGGER
 from gateway.ros1.wire.header import decode_header, encode_header
 from gateway.ros1.wire.service import (
     MAX_REASON_BYTES,

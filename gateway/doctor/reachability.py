@@ -1,0 +1,87 @@
+"""Whether something can be connected to, each step with a deadline."""
+
+import asyncio
+import socket
+from contextlib import closing, suppress
+from typing import Final
+
+from gateway.doctor.evidence import Failure, HostLook, Router, Trouble
+from gateway.ros1.listening import uri_host
+from gateway.ros1.resolver import Resolver
+
+MAX_ADDRESSES: Final = 4
+_TCP: Final = ("tcp", "tls", "ws")
+"""Links of the bus whose listener can be connected to without speaking."""
+
+
+async def resolve(host: str, patience_s: float) -> list[str]:
+    """Return a host's addresses, or none when it has none or its name server keeps silent."""
+    with suppress(OSError, UnicodeError):
+        async with asyncio.timeout(patience_s):
+            return (await Resolver().addresses(host.strip("[]")))[:MAX_ADDRESSES]
+    return []
+
+
+async def reach(host: str, port: int, patience_s: float) -> str | Trouble:
+    """Return the address of the host at which something accepts connections, or why there is none."""
+    addresses = await resolve(host, patience_s)
+    if not addresses:
+        return Trouble(Failure.UNRESOLVED, host, port)
+    troubles = []
+    for address in addresses:
+        trouble = await _connect(address, port, patience_s / len(addresses))
+        if trouble is None:
+            return address
+        troubles.append(Trouble(trouble[0], host, port, trouble[1]))
+    return troubles[-1]
+
+
+async def _connect(address: str, port: int, patience_s: float) -> tuple[Failure, str] | None:
+    try:
+        async with asyncio.timeout(patience_s):
+            _, writer = await asyncio.open_connection(address, port)
+    except TimeoutError:
+        return Failure.SILENT, f"no answer within {patience_s:g} s"
+    except ConnectionRefusedError:
+        return Failure.DEAD, "connection refused"
+    except OSError as error:
+        return Failure.OFF, error.strerror or str(error)
+    writer.transport.abort()
+    with suppress(OSError):
+        await writer.wait_closed()
+    return None
+
+
+def is_ours(address: str) -> bool:
+    """Return whether something on this machine can listen at the address."""
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    try:
+        with closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
+            probe.bind((address, 0))
+    except OSError:
+        return False
+    return True
+
+
+async def look_at_host(host: str, patience_s: float) -> HostLook:
+    """Look at what other nodes are told to connect to."""
+    addresses = await resolve(host, patience_s)
+    return HostLook(host, tuple(addresses), any(is_ours(address) for address in addresses))
+
+
+def can_be_tried(endpoint: str) -> bool:
+    """Return whether something at an endpoint of the bus accepts connections or not, as TCP's do."""
+    return endpoint.partition("/")[0] in _TCP
+
+
+async def look_at_router(endpoint: str, patience_s: float) -> Router:
+    """Look whether something accepts connections at an endpoint of the bus, if that can be tried."""
+    host, _, port = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
+    if not can_be_tried(endpoint):
+        return Router(endpoint)
+    found = await reach(host, int(port), patience_s)
+    return Router(endpoint, found if isinstance(found, Trouble) else None)
+
+
+def uri_of(address: str, port: int) -> str:
+    return f"http://{uri_host(address)}:{port}/"

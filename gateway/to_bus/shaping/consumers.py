@@ -1,0 +1,182 @@
+"""Who subscribes to a robot's streams: whether all of them are on this machine, and how much they can use."""
+
+import ipaddress
+import logging
+import math
+import re
+from asyncio import TaskGroup
+from collections.abc import Iterable
+from typing import Final
+
+from bus import QUEUE, Bus, BusSettings, Presence, Sample
+from schemas import codec, keys
+from schemas.budget import RateBudget
+from schemas.errors import SchemaError
+from schemas.keys import CameraKey, SensorKey, Stream, StreamKey, Wanted
+
+MAX_BUDGETS: Final = 10_000
+
+SECOND_NS: Final = 1_000_000_000
+
+LATE: Final = 0.7
+"""By how much of a turn a frame may come too late without putting off the next one."""
+
+
+class Allowance:
+    """The rate that one consumer can use. Times are nanoseconds of any one clock of this machine."""
+
+    def __init__(self) -> None:
+        self.hz = math.inf
+        self._due_ns = 0
+        self._longest_ns = 0
+
+    def say(self, budget: RateBudget, now_ns: int) -> None:
+        """Take a consumer's word; one that says nothing new puts no frame forward."""
+        hz = math.inf if budget.hz is None else budget.hz
+        if hz == self.hz and not budget.wait_s:
+            return
+        self.hz = hz
+        self._longest_ns = round(budget.wait_s * SECOND_NS)
+        self._due_ns = now_ns + self._longest_ns
+
+    def passes(self, now_ns: int) -> bool:
+        """Return whether a frame is sent that is here now."""
+        if math.isinf(self.hz):
+            return True
+        if 0 < self._due_ns - now_ns <= self._longest_ns:  # a longer wait than there ever is: the clock was set back
+            return False
+        turn_ns = round(SECOND_NS / self.hz)
+        on_time_ns = self._due_ns if 0 <= now_ns - self._due_ns <= LATE * turn_ns else now_ns
+        self._due_ns, self._longest_ns = on_time_ns + turn_ns, turn_ns
+        return True
+
+
+class Budgets:
+    """What consumers said. A word counts while its consumer wants the stream; the newest MAX_BUDGETS are remembered.
+
+    A word can come when its consumer's token has gone already, and is then forgotten only to make room.
+    """
+
+    def __init__(self) -> None:
+        self._allowances: dict[tuple[SensorKey, str], Allowance] = {}
+
+    def say(self, camera: CameraKey, budget: RateBudget, now_ns: int) -> None:
+        """Take a consumer's word on a camera.
+
+        Raises:
+            SchemaError: it is on another camera, or on no stream of it.
+        """
+        if (budget.robot, budget.camera) != (camera.robot, camera.camera):
+            raise SchemaError(f"it is for {budget.robot}/{budget.camera}, the key says {camera}")
+        if budget.stream not in set(Stream):
+            raise SchemaError(f"no stream of a camera: {budget.stream[:80]!r}")
+        of = StreamKey(camera, Stream(budget.stream)), budget.consumer
+        allowance = self._allowances.pop(of, None) or Allowance()
+        self._allowances[of] = allowance
+        allowance.say(budget, now_ns)
+        if len(self._allowances) > MAX_BUDGETS:
+            del self._allowances[next(iter(self._allowances))]
+
+    def forget(self, wanted: Wanted) -> None:
+        """Forget what a consumer said who no longer wants a stream."""
+        self._allowances.pop((wanted.key, wanted.consumer), None)
+
+    def passes(self, key: StreamKey, consumers: Iterable[Wanted], now_ns: int) -> bool:
+        """Return whether a frame is sent: whenever the consumer that can use most has a use for it.
+
+        consumers: all that are known to want the stream. One that never said how much it can use can use all, and so
+        can who is not known, if nobody is.
+        """
+        found = [self._allowances.get((key, each.consumer)) for each in consumers]
+        if not found or None in found:
+            return True
+        return max((each for each in found if each), key=lambda each: each.hz).passes(now_ns)
+
+
+MAX_CONSUMERS: Final = 10_000
+BUDGETS_WAITING: Final = 1_000
+
+log = logging.getLogger(__name__)
+
+
+class Consumers:
+    """What consumers say of themselves, by their tokens and budgets.
+
+    clock_id: this machine's. near: whether what this process sends to one on the same machine stays on it.
+    """
+
+    def __init__(self, robot: str, clock_id: str, *, near: bool) -> None:
+        self._robot = robot
+        self._clock_id = clock_id
+        self._near = near
+        self._known: dict[SensorKey, set[Wanted]] = {}
+        self._count = 0
+        self._budgets = Budgets()
+
+    def passes(self, key: StreamKey, now_ns: int) -> bool:
+        """Return whether a frame that is here now is sent: not if it is more than anybody can use.
+
+        now_ns: nanoseconds since the epoch.
+        """
+        known = self._known.get(key)
+        return known is None or self._budgets.passes(key, known, now_ns)
+
+    def all_here(self, key: SensorKey) -> bool:
+        """Return whether everybody who says to subscribe to the stream is on this machine, and somebody does."""
+        known = self._known.get(key)
+        return self._near and bool(known) and all(each.clock_id == self._clock_id for each in known or ())
+
+    def note(self, presence: Presence) -> None:
+        """Take in that a token appeared or vanished."""
+        try:
+            wanted = keys.parse_wanted(presence.key)
+        except SchemaError as error:
+            log.warning("%s: consumer left out: %s", presence.key[:200], error)
+            return
+        known = self._known.setdefault(wanted.key, set())
+        before = len(known)
+        if not presence.alive:
+            known.discard(wanted)
+            self._budgets.forget(wanted)
+        elif self._count < MAX_CONSUMERS:
+            known.add(wanted)
+        self._count += len(known) - before
+        if not known:
+            del self._known[wanted.key]
+
+    def note_budget(self, sample: Sample) -> None:
+        """Take in how much a consumer can use."""
+        try:
+            budget = codec.decode(RateBudget, sample.payload, sample.encoding)
+            self._budgets.say(keys.parse_budget(sample.key), budget, sample.received_ns)
+        except SchemaError as error:
+            log.warning("%s: budget left out: %s", sample.key[:200], error)
+
+    async def follow(self, bus: Bus) -> None:
+        """Take in who comes and goes and what they can use, for ever."""
+        async with TaskGroup() as group:
+            group.create_task(self._follow_tokens(bus))
+            group.create_task(self._follow_budgets(bus))
+
+    async def _follow_tokens(self, bus: Bus) -> None:
+        async with bus.watch(keys.every_wanted(self._robot), few=True) as watch:
+            async for presence in watch:
+                self.note(presence)
+
+    async def _follow_budgets(self, bus: Bus) -> None:
+        async with bus.subscribe(keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING), few=True) as budgets:
+            async for sample in budgets:
+                self.note_budget(sample)
+
+
+def stays_near(settings: BusSettings) -> bool:
+    """Return whether two processes on this machine reach each other without its network: not by way of a far router."""
+    return settings.mode != "client" or (bool(settings.connect) and all(map(_is_loopback, settings.connect)))
+
+
+def _is_loopback(endpoint: str) -> bool:
+    host = re.sub(r":\d+(?:[?#].*)?$", "", endpoint.partition("/")[2]).strip("[]")
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

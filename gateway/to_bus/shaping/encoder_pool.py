@@ -1,0 +1,116 @@
+"""Where frames are scaled and compressed: off the event loop, one at a time."""
+
+import asyncio
+from collections.abc import Callable, Hashable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+from bus.delivery.mailbox import PerKey
+from gateway.to_bus.shaping.compression import Frame, Method, compress
+from gateway.to_bus.shaping.scaling import scale_image
+from gateway.to_bus.shaping.uplink import Moment
+from schemas import codec
+from schemas.image import ImageFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Shaped:
+    """A payload, how it is compressed, and the moment of the job that it is of."""
+
+    payload: bytes
+    method: Method
+    moment: Moment | None
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A frame, what is to be done to it, and what it shares with frames of other streams."""
+
+    frame: Frame
+    factor: int
+    method: Method
+    moment: Moment | None = None
+
+    def do(self) -> Shaped:
+        """Do it; may take a while.
+
+        Raises:
+            ShapingError: the frame cannot be scaled.
+        """
+        frame = self.frame
+        if self.factor > 1 and isinstance(frame, ImageFrame):
+            frame = scale_image(frame, self.factor)
+        made, method = compress(frame, self.method)
+        return Shaped(codec.encode(made), method, self.moment)
+
+
+class Customer(Hashable, Protocol):
+    """Who brings frames and is told what became of them, on the event loop."""
+
+    def shaped(self, made: Shaped) -> None:
+        """Take a frame's payload."""
+
+    def spoilt(self, error: Exception) -> None:
+        """Learn that a frame could not be shaped, and why."""
+
+
+class Workshop:
+    """Keeps of each customer the newest frame that waits, serves them in turn, and keeps each one's order."""
+
+    def __init__(self) -> None:
+        self._jobs: PerKey[Customer, Job] = PerKey()
+        self._brought = asyncio.Event()
+        self._serving: Customer | None = None
+
+    def bring(self, customer: Customer, job: Job) -> int:
+        """Let a frame wait; return how many it replaced."""
+        self._brought.set()
+        return self._jobs.offer(customer, job)
+
+    def is_busy_for(self, customer: Customer) -> bool:
+        """Return whether a frame of the customer waits or is being shaped."""
+        return customer is self._serving or customer in self._jobs
+
+    def leave(self, customer: Customer) -> int:
+        """Forget a customer, who is told nothing more; return how many frames of it were waiting or being shaped."""
+        left = len(self._jobs.discard(customer))
+        if customer is self._serving:
+            self._serving = None
+            left += 1
+        return left
+
+    async def run(self) -> None:
+        """Work, for ever."""
+        with _thread() as executor:
+            while True:
+                while (taken := self._jobs.take()) is None:
+                    self._brought.clear()
+                    await self._brought.wait()
+                self._serving = taken.key
+                await self._serve(taken.key, taken.item.do, executor)
+
+    async def _serve(self, customer: Customer, do: Callable[[], Shaped], executor: Executor) -> None:
+        made: Shaped | Exception
+        try:
+            made = await asyncio.get_running_loop().run_in_executor(executor, do)
+        except Exception as error:  # noqa: BLE001 - whatever a frame does to an encoder, it fails alone
+            made = error
+        there, self._serving = self._serving, None
+        if there is None:
+            return
+        if isinstance(made, Exception):
+            customer.spoilt(made)
+        else:
+            customer.shaped(made)
+
+
+@contextmanager
+def _thread() -> Iterator[Executor]:
+    """Give the work a thread of its own; leaving does not wait for a frame that is being shaped."""
+    executor = ThreadPoolExecutor(1, thread_name_prefix="shaping")
+    try:
+        yield executor
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)

@@ -1,0 +1,192 @@
+"""The last step of a stream in the gateway: shaped as the settings say, its messages go to their publisher."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from typing import Final, Self
+
+from bus import Payload, Pieces, Publisher
+from gateway.to_bus.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
+from gateway.to_bus.shaping.encoder_pool import Job, Shaped, Workshop
+from gateway.to_bus.shaping.paced_queue import PacedQueue
+from gateway.to_bus.shaping.scaling import scale_info
+from gateway.to_bus.shaping.uplink import Moment
+from gateway.to_bus.shaping.uplink_pacer import Pacer
+from schemas import codec
+from schemas.camera_info import CameraInfo
+from schemas.compression import RAW
+from schemas.header import Header
+from schemas.image import ImageFrame
+from schemas.keys import SensorKey, Stream
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
+
+
+@dataclass(frozen=True, slots=True)
+class OutletCounts:
+    """Drops by reason, payload bytes sent, and how the last frame was compressed: empty for what is no frame."""
+
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    bytes: int = 0
+    compression: str = ""
+
+    def __add__(self, other: Self) -> "OutletCounts":
+        """Return what became of the messages of both."""
+        return OutletCounts(
+            Counter(self.dropped) + Counter(other.dropped),
+            self.bytes + other.bytes,
+            other.compression or self.compression,
+        )
+
+
+log = logging.getLogger(__name__)
+
+LARGEST: Final = max(codec.MAX_BYTES.values())
+"""What any receiver reads at most, in bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is to be done to a stream.
+
+    all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget. moment_of:
+        what a frame with such a header shares with those of other streams, or None.
+    """
+
+    factor: int = 1
+    method: Method = NONE
+    all_here: Callable[[], bool] = lambda: True
+    droppable: bool = False
+    moment_of: Callable[[Header], Moment | None] = lambda _: None
+
+    def method_now(self) -> Method:
+        """Return how the next frame is compressed."""
+        if self.method.format != AUTO:
+            return self.method
+        return NONE if self.all_here() else LOSSY
+
+
+class Outlet:
+    """Takes a stream's messages. Raw frames go straight on, and so does everything that is no frame."""
+
+    def __init__(
+        self,
+        key: SensorKey,
+        publisher: Publisher,
+        plan: Plan,
+        workshop: Workshop | None = None,
+        pacer: Pacer | None = None,
+    ) -> None:
+        self._key = key
+        self._publisher = publisher
+        self._plan = plan
+        self._workshop = workshop
+        self._pacer = pacer
+        self._queue = None if pacer is None else PacedQueue(pacer, self._send)
+        self._dropped: Counter[str] = Counter()
+        self._bytes = 0
+        self._compression = ""
+
+    @property
+    def counts(self) -> OutletCounts:
+        """What became of the messages so far."""
+        return OutletCounts(+self._dropped, self._bytes, self._compression)
+
+    def put(self, message: codec.Message, *, may_be_last: bool = False) -> None:
+        """Send a message, now or when it is shaped and the uplink's budget allows it.
+
+        may_be_last: it is left out for none but a newer one, not for other streams' later instants.
+        """
+        if isinstance(message, Frame):
+            self._put_frame(message, may_be_last=may_be_last)
+            return
+        if isinstance(message, CameraInfo) and self._plan.factor > 1:
+            message = scale_info(message, self._plan.factor, depth=self._key.stream == Stream.DEPTH_INFO)
+        self._pass_on_in_order(codec.encode(message))
+
+    def _put_frame(self, frame: Frame, *, may_be_last: bool) -> None:
+        factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
+        method = self._plan.method_now()
+        moment = None if self._pacer is None or may_be_last else self._plan.moment_of(frame.header)
+        as_it_is = method.format == RAW and factor == 1
+        if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
+            self._compression = frame.format
+            self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)
+            return
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, Job(frame, factor, method, moment))
+
+    def shaped(self, made: Shaped) -> None:
+        """See `Customer`."""
+        self._compression = str(made.method)
+        self._pass_on(made.payload, made.moment)
+
+    def spoilt(self, error: Exception) -> None:
+        """See `Customer`."""
+        self._dropped[UNSHAPED] += 1
+        log.warning("%s: frame left out: %s", self._key, error)
+
+    def _pass_on_in_order(self, payload: Payload) -> None:
+        """Send what is no frame: as far as the budget may hold it up at all, it waits behind what came before."""
+        if not self._fits(payload):
+            return
+        if self._pacer is None or self._queue is None:
+            self._send(payload)
+        elif self._plan.all_here():
+            self._queue.flush()
+            self._send(payload)
+        elif not self._plan.droppable:
+            self._pacer.charge(len(payload))
+            self._send(payload)
+        else:
+            self._dropped[OVER_BUDGET] += self._queue.put(payload)
+
+    def _pass_on(self, payload: Payload, moment: Moment | None = None) -> None:
+        if not self._fits(payload):
+            return
+        if self._pacer is None:
+            self._send(payload)
+        elif self._plan.all_here():
+            self._dropped[OVER_BUDGET] += self._pacer.discard(self)
+            self._send(payload)
+        else:
+            self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send, moment=moment, lose=self._lose)
+
+    def _fits(self, payload: Payload) -> bool:
+        """Return whether receivers read a payload of such a size; count it otherwise."""
+        if len(payload) <= LARGEST:
+            return True
+        self._dropped[TOO_LARGE] += 1
+        log.warning(
+            "%s: message of %d bytes left out: at most %d are carried; --scale makes images smaller",
+            self._key,
+            len(payload),
+            LARGEST,
+        )
+        return False
+
+    def _lose(self) -> None:
+        self._dropped[OVER_BUDGET] += 1
+
+    def _send(self, payload: Payload) -> None:
+        self._bytes += len(payload)
+        self._publisher.put(payload)
+
+    def close(self) -> None:
+        """Send nothing more, and count what was not sent yet."""
+        if self._workshop is not None:
+            self._dropped[ENDED] += self._workshop.leave(self)
+        if self._pacer is not None:
+            self._dropped[ENDED] += self._pacer.discard(self)
+        if self._queue is not None:
+            self._dropped[ENDED] += self._queue.close()
+
+
+OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]
+"""Opens the way of a stream's messages to one of its publishers."""
+
+
+@contextmanager
+def unshaped(key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
+    """Send a stream's messages as they are."""
+    yield Outlet(key, publisher, Plan())

@@ -1,0 +1,58 @@
+"""Messages of one stream that wait in order for the uplink's budget."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from bus import SMALL_BYTES, SMALL_WAITING, Payload
+from gateway.to_bus.shaping.uplink_pacer import Pacer
+
+WAITING_BYTES: Final = 128 << 10
+"""What the small messages that wait have together at most: on a link of 1 Mbit/s they are then a second old."""
+
+
+class PacedQueue:
+    """The newest messages wait: SMALL_WAITING of them, of WAITING_BYTES; a larger one than SMALL_BYTES replaces all."""
+
+    def __init__(self, pacer: Pacer, send: Callable[[Payload], None]) -> None:
+        self._pacer = pacer
+        self._send = send
+        self._waiting: deque[Payload] = deque()
+
+    def put(self, payload: Payload) -> int:
+        """Send a message as soon as the budget allows; return how many older ones are lost by that."""
+        lost = 0
+        while self._waiting and not self._has_room(len(payload)):
+            self._waiting.popleft()
+            lost += 1
+        self._waiting.append(payload)
+        if lost or len(self._waiting) == 1:
+            self._offer_first()
+        return lost
+
+    def flush(self) -> None:
+        """Send at once what waits: nobody is reached by way of the link."""
+        self._pacer.discard(self)
+        while self._waiting:
+            self._send(self._waiting.popleft())
+
+    def close(self) -> int:
+        """Send nothing more; return how many messages waited."""
+        self._pacer.discard(self)
+        left = len(self._waiting)
+        self._waiting.clear()
+        return left
+
+    def _has_room(self, size: int) -> bool:
+        small = [len(each) for each in self._waiting if len(each) <= SMALL_BYTES]
+        return size <= SMALL_BYTES and len(self._waiting) < SMALL_WAITING and sum(small) + size <= WAITING_BYTES
+
+    def _offer_first(self) -> None:
+        """Let the oldest wait in the pacer, alone or in the place of one that was lost."""
+        self._pacer.offer(self, self._waiting[0], self._send_first)
+
+    def _send_first(self, payload: Payload) -> None:
+        self._waiting.popleft()
+        self._send(payload)
+        if self._waiting:
+            self._offer_first()

@@ -1,0 +1,109 @@
+"""All shaping of one gateway process."""
+
+import asyncio
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+
+from bus import Bus, Publisher
+from gateway.to_bus.shaping.compression import NONE
+from gateway.to_bus.shaping.consumers import Consumers
+from gateway.to_bus.shaping.encoder_pool import Workshop
+from gateway.to_bus.shaping.frame_rates import Instants, Thinning
+from gateway.to_bus.shaping.outlet import Outlet, Plan
+from gateway.to_bus.shaping.settings import FRAMES, ShapingSettings
+from gateway.to_bus.shaping.uplink import Moment
+from gateway.to_bus.shaping.uplink_pacer import Pacer
+from gateway.to_bus.translators import kind_of
+from schemas.header import Header
+from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
+
+_SCALED_LIKE = {Stream.INFO: Stream.COLOR, Stream.DEPTH_INFO: Stream.DEPTH}
+
+
+@dataclass(slots=True)
+class _Shared:
+    """What a camera's streams share: the instants that their rates pick from, and those that the uplink sends together.
+
+    outlets: how many are open.
+    """
+
+    picked: Instants = field(default_factory=Instants)
+    paced: Instants = field(default_factory=Instants)
+    outlets: int = 0
+
+
+class Shaping:
+    """What the streams of one gateway share: each camera's instants, the workshop, the uplink, and who listens.
+
+    A camera's instants are there while one of its outlets is open: names of cameras come and go with a robot's nodes.
+    """
+
+    def __init__(self, settings: ShapingSettings, consumers: Consumers) -> None:
+        self._settings = settings
+        self._consumers = consumers
+        self._shared: defaultdict[CameraKey | RobotStreamKey, _Shared] = defaultdict(_Shared)
+        self._workshop = Workshop()
+        self._pacer = None if settings.uplink_mbit is None else Pacer(settings.uplink_mbit)
+
+    def thinning(self, key: SensorKey) -> Thinning | None:
+        """Return what leaves out a stream's frames beyond its rate; None where nothing ever may be."""
+        if not kind_of(key).is_droppable:
+            return None
+        sharing = _sharing(key)
+        return Thinning(lambda: self._shared[sharing].picked, key.stream, self._settings.max_hz_of(key.name))
+
+    def useful(self, key: SensorKey) -> Callable[[int], bool]:
+        """Return what tells whether a stream's frame that is here at a time, in ns since the epoch, can be used."""
+        if not isinstance(key, StreamKey):
+            return lambda _: True
+        return lambda now_ns: self._consumers.passes(key, now_ns)
+
+    @contextmanager
+    def outlet(self, key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
+        """Open the way of a stream's messages to its publisher."""
+        outlet = Outlet(key, publisher, self._plan(key), self._workshop, self._pacer)
+        shared = self._shared[_sharing(key)]
+        shared.outlets += 1
+        try:
+            yield outlet
+        finally:
+            outlet.close()
+            shared.outlets -= 1
+            if not shared.outlets:
+                self._forget(_sharing(key))
+
+    def _forget(self, sharing: CameraKey | RobotStreamKey) -> None:
+        shared = self._shared.pop(sharing)
+        if self._pacer is not None:
+            self._pacer.forget_moments(shared.paced)
+
+    def _plan(self, key: SensorKey) -> Plan:
+        if not isinstance(key, StreamKey):
+            return Plan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
+        scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
+        return Plan(
+            factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),
+            method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
+            all_here=partial(self._consumers.all_here, key),
+            droppable=kind_of(key).is_droppable,
+            moment_of=self._moment_of(key),
+        )
+
+    def _moment_of(self, key: StreamKey) -> Callable[[Header], Moment | None]:
+        return lambda header: self._shared[key.camera].paced.moment(key.stream, header.stamp_ns, header.received_ns)
+
+    async def run(self, bus: Bus) -> None:
+        """Do what outlets leave to be done, for ever."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._consumers.follow(bus))
+            group.create_task(self._workshop.run())
+            if self._pacer is not None:
+                group.create_task(self._pacer.run())
+
+
+def _sharing(key: SensorKey) -> CameraKey | RobotStreamKey:
+    """Return whose instants a stream's are: its camera's, or its own."""
+    return key.camera if isinstance(key, StreamKey) else key

@@ -1,0 +1,6 @@
+"""ROS 1 messages to the fleet's own: what may come on a stream, and one translator per message type."""
+
+from gateway.to_bus.translators.kinds import kind_of
+from gateway.to_bus.translators.stream_kind import Incomplete, Merging, NotOrganised, Repaired, StreamKind, Translate
+
+__all__ = ["Incomplete", "Merging", "NotOrganised", "Repaired", "StreamKind", "Translate", "kind_of"]

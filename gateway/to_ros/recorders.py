@@ -1,0 +1,35 @@
+"""Says which ROS nodes subscribe to everything, as `rosbag record -a` does: for them every result is wanted."""
+
+import logging
+from collections.abc import Callable
+from contextlib import aclosing
+
+from gateway.ros1.node import Node
+from gateway.to_ros.outputs import cure, recorders, results_of
+
+log = logging.getLogger(__name__)
+
+
+async def warn_of_recorders(node: Node, passive: Callable[[str], bool]) -> None:
+    """Log once of each node that subscribes to all results, for ever; passive: tells whether it makes none wanted."""
+    said: set[str] = set()
+    async with aclosing(node.looks()) as looks:
+        async for look in looks:
+            topics = results_of(node.name, look.state.publishers)
+            found = recorders(topics, look.state.subscribers)
+            for recorder in found:
+                if recorder not in said:
+                    _say(recorder, len(topics), passive=passive(recorder))
+            said = set(found)
+
+
+def _say(recorder: str, count: int, *, passive: bool) -> None:
+    if passive:
+        log.info("%s subscribes to all %d results; it is passive, so it makes none of them wanted", recorder, count)
+        return
+    log.warning(
+        "%s subscribes to all %d results, as `rosbag record -a` does, so workers make all of them of every camera; %s",
+        recorder,
+        count,
+        cure(recorder),
+    )

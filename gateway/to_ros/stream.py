@@ -1,0 +1,223 @@
+"""One Zenoh key on its way to ROS: checks, and the account of every message."""
+
+import logging
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from typing import Final, Generic, Protocol, TypeVar
+
+from bus import LATEST, QUEUE
+from bus.api import Latest, Queue
+from schemas import codec
+from schemas.errors import SchemaError
+from schemas.header import MAX_LABEL, Header, is_newer
+from schemas.keys import CameraKey, RobotStreamKey, StreamKey, owner_of
+from schemas.status import ReturnStatus
+
+MAX_REMEMBERED: Final = 1_024
+
+
+class Framed(Protocol):
+    """A result of one frame."""
+
+    @property
+    def header(self) -> Header:
+        """Which frame that is."""
+
+
+class Addressed(Protocol):
+    """A message to one robot."""
+
+    @property
+    def robot(self) -> str:
+        """Which robot that is."""
+
+
+R_contra = TypeVar("R_contra", contravariant=True)
+A_contra = TypeVar("A_contra", bound=Addressed, contravariant=True)
+
+
+class Novelty(Protocol[R_contra]):
+    """What a stream has returned so far."""
+
+    def is_new(self, result: R_contra) -> bool:
+        """Whether a result is one that was not returned yet.
+
+        Raises:
+            SchemaError: it speaks of another robot or camera than its key.
+        """
+
+    def remember(self, result: R_contra) -> None:
+        """Take note that a result was returned."""
+
+
+class NewerFrames:
+    """Frames only go forward, within each life of the gateway that sent them."""
+
+    def __init__(self, camera: CameraKey) -> None:
+        self._camera = camera
+        self._last: Header | None = None
+
+    def is_new(self, result: Framed) -> bool:
+        """Whether it is of a newer frame, or of another gateway process."""
+        codec.check_identity(result.header, self._camera)
+        return is_newer(result.header, self._last)
+
+    def remember(self, result: Framed) -> None:
+        """Take note of its frame."""
+        self._last = result.header
+
+
+class UnseenMessages(Generic[A_contra]):
+    """Each message once, whoever sends it again; the last 1,024 are remembered.
+
+    identify: what makes two messages the same.
+    """
+
+    def __init__(self, key: RobotStreamKey, identify: Callable[[A_contra], Hashable]) -> None:
+        self._key = key
+        self._identify = identify
+        self._seen: OrderedDict[Hashable, None] = OrderedDict()
+
+    def is_new(self, result: A_contra) -> bool:
+        """Whether no such message is remembered."""
+        codec.check_robot(result.robot, self._key)
+        return self._identify(result) not in self._seen
+
+    def remember(self, result: A_contra) -> None:
+        """Take note of a message, and forget the oldest one when there are too many."""
+        self._seen[self._identify(result)] = None
+        if len(self._seen) > MAX_REMEMBERED:
+            self._seen.popitem(last=False)
+
+
+R = TypeVar("R", bound=codec.Message)
+
+
+def anywhere(_: codec.Message) -> str:
+    """Send every result of a stream the same way."""
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Translator(Generic[R]):
+    """Makes messages of one ROS type from one stream of results.
+
+    translate: given a result and its number (from 1, as rospy counts what it publishes), returns the serialised ROS
+        message. Raises SchemaError or MessageError for a result that cannot become one.
+    heavy: takes more than a millisecond or two, so it is done in a thread.
+    route: names which of the stream's topics a result is for.
+    waiting: how many results wait for the gateway, and messages for each ROS subscriber; of more, the newest.
+    latched: the last one is for latecomers too, on ROS and from Zenoh. Only for messages that say of when they are.
+    unasked: taken from Zenoh though no ROS subscriber is there.
+    """
+
+    schema: type[R]
+    ros_type: str
+    translate: Callable[[R, int], bytes]
+    heavy: bool = False
+    route: Callable[[R], str] = anywhere
+    waiting: int = 1
+    latched: bool = False
+    unasked: bool = False
+
+    @property
+    def keep(self) -> Latest | Queue:
+        """What waits for the gateway."""
+        return LATEST if self.waiting == 1 else QUEUE(self.waiting)
+
+
+log = logging.getLogger(__name__)
+
+MALFORMED: Final = "malformed"
+DOUBLED: Final = "returned already, or of an older frame"
+REFUSED: Final = "not allowed by the gateway's settings"
+UNHEARD: Final = "nobody on ROS subscribed to its topic"
+REPLACED: Final = "replaced by a newer one before the gateway took it"
+SLOW: Final = "replaced by a newer one before a slow ROS subscriber took it"
+
+
+class StreamReturn(Generic[R]):
+    """Decides about a stream's results. For each one received: `returned`, `leave_out` or `unheard`, before the next.
+
+    topics: by route (see Translator) where results go on ROS; those of another route are refused.
+    """
+
+    def __init__(
+        self, key: StreamKey | RobotStreamKey, translator: Translator[R], novelty: Novelty[R], topics: Mapping[str, str]
+    ) -> None:
+        self.key = key
+        self.translator = translator
+        self.topics = topics
+        self._novelty = novelty
+        self._received = 0
+        self._published = 0
+        self._dropped: Counter[str] = Counter()
+
+    def receive(self, payload: bytes, encoding: str, replaced: int) -> R | None:
+        """Return a result that is to be returned, or None when it is malformed, doubled or refused, which is counted.
+
+        replaced: how many results newer ones replaced since the last one taken.
+        """
+        self._received += 1 + replaced
+        self._dropped[REPLACED] += replaced
+        try:
+            result = codec.decode(self.translator.schema, payload, encoding)
+            new = self._novelty.is_new(result)
+        except SchemaError as error:
+            self.leave_out(error)
+            return None
+        if not new:
+            self._dropped[DOUBLED] += 1
+        elif (route := self.translator.route(result)) not in self.topics:
+            self._dropped[REFUSED] += 1
+            log.warning(
+                "%s: %r refused: the gateway's settings do not allow it; --actions NAME=TOPIC would", self.key, route
+            )
+        else:
+            return result
+        return None
+
+    def topic_of(self, result: R) -> str:
+        """Return where a result goes."""
+        return self.topics[self.translator.route(result)]
+
+    @property
+    def next_number(self) -> int:
+        """The number of the message that is returned next."""
+        return self._published + 1
+
+    def returned(self, result: R) -> None:
+        """Take note that a result was returned."""
+        self._novelty.remember(result)
+        self._published += 1
+
+    def leave_out(self, error: Exception) -> None:
+        """Take note that a result cannot be returned."""
+        self._dropped[MALFORMED] += 1
+        log.warning("%s: result left out: %s", self.key, error)
+
+    def unheard(self, result: R) -> None:
+        """Take note that nobody was there to take a result."""
+        self._dropped[UNHEARD] += 1
+        log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
+
+    def retire(self, *, slow: int) -> None:
+        """Remember what has been counted (see `status`) by publications that end: the stream counts on."""
+        self._dropped[SLOW] += slow
+
+    def status(self, *, wanted: bool, subscribers: int, slow: int) -> ReturnStatus:
+        """Account for every message.
+
+        slow: how many were replaced while they waited for a ROS subscriber; what was told to `retire` is added.
+        """
+        return ReturnStatus(
+            camera=owner_of(self.key)[1],
+            stream=self.key.stream,
+            topic=", ".join(self.topics.values())[:MAX_LABEL],
+            wanted=wanted,
+            subscribers=subscribers,
+            received=self._received,
+            published=self._published,
+            dropped=dict(self._dropped + Counter({SLOW: slow})),
+        )

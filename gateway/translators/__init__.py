@@ -1,6 +1,0 @@
-"""ROS 1 messages to the fleet's own: what may come on a stream, and one translator per message type."""
-
-from gateway.translators.kinds import kind_of
-from gateway.translators.stream_kind import Incomplete, Merging, NotOrganised, Repaired, StreamKind, Translate
-
-__all__ = ["Incomplete", "Merging", "NotOrganised", "Repaired", "StreamKind", "Translate", "kind_of"]

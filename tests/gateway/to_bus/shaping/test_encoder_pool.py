@@ -1,0 +1,103 @@
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import numpy as np
+
+from gateway.to_bus.shaping.compression import LOSSY, NONE
+from gateway.to_bus.shaping.encoder_pool import Job, Shaped, Workshop
+from schemas import codec
+from schemas.image import ImageFrame
+from tests.gateway.ros1.waiting import until
+from tests.gateway.to_bus.shaping.frames import cloud, frame, picture
+from tests.schemas.pictures import compressed, file_of
+
+
+class Recorder:
+    """A customer that keeps what it gets."""
+
+    def __init__(self) -> None:
+        self.made: list[Shaped] = []
+        self.errors: list[str] = []
+
+    def shaped(self, made: Shaped) -> None:
+        self.made.append(made)
+
+    def spoilt(self, error: Exception) -> None:
+        self.errors.append(str(error))
+
+
+def job(value: int = 0) -> Job:
+    return Job(frame("rgb8", np.full((4, 6, 3), value, np.uint8)), 1, NONE)
+
+
+def value_of(made: Shaped) -> int:
+    return codec.decode(ImageFrame, made.payload, codec.encoding(ImageFrame)).data[0]
+
+
+@asynccontextmanager
+async def working() -> AsyncIterator[Workshop]:
+    workshop = Workshop()
+    running = asyncio.create_task(workshop.run())
+    yield workshop
+    running.cancel()
+    await asyncio.wait([running])
+
+
+def test_a_job_scales_and_compresses() -> None:
+    made = Job(frame("rgb8", picture()), 2, LOSSY).do()
+    arrived = codec.decode(ImageFrame, made.payload, codec.encoding(ImageFrame))
+    assert (arrived.height, arrived.width, arrived.format, str(made.method)) == (24, 32, "jpeg", "jpeg:80")
+    assert str(Job(cloud(), 2, LOSSY).do().method) == "zstd:1"
+
+
+async def test_frames_come_back_in_order() -> None:
+    customer = Recorder()
+    async with working() as workshop:
+        for value in range(5):
+            assert workshop.bring(customer, job(value)) == 0
+            await until(lambda value=value: len(customer.made) == value + 1, "it is shaped")  # type: ignore[misc]
+            assert not workshop.is_busy_for(customer)
+    assert [value_of(made) for made in customer.made] == [0, 1, 2, 3, 4]
+
+
+async def test_of_each_customer_the_newest_waits_and_all_are_served_in_turn() -> None:
+    one, other = Recorder(), Recorder()
+    workshop = Workshop()
+    assert [workshop.bring(one, job(value)) for value in range(3)] == [0, 1, 1]
+    assert workshop.bring(other, job(9)) == 0
+    assert workshop.is_busy_for(one)
+    running = asyncio.create_task(workshop.run())
+    await until(lambda: one.made and other.made, "both are served")
+    running.cancel()
+    await asyncio.wait([running])
+    assert [value_of(made) for made in (*one.made, *other.made)] == [2, 9]
+
+
+async def test_a_frame_that_cannot_be_shaped_spoils_itself_only() -> None:
+    customer = Recorder()
+    file = compressed(file_of(picture(4, 6), ".png"), "rgb8", 18)
+    async with working() as workshop:
+        workshop.bring(customer, Job(file, 2, LOSSY))
+        await until(lambda: customer.errors, "it is spoilt")
+        workshop.bring(customer, job(7))
+        await until(lambda: customer.made, "the next one is shaped")
+    (error,) = customer.errors
+    assert error.startswith("a png that arrived as one cannot be scaled")
+
+
+async def test_who_left_is_told_nothing() -> None:
+    gone, other = Recorder(), Recorder()
+    async with working() as workshop:
+        for served in (False, True):
+            workshop.bring(gone, Job(frame("rgb8", picture(1000, 1000)), 1, LOSSY))
+            if served:
+                await asyncio.sleep(0)
+                await asyncio.sleep(0)
+            workshop.bring(gone, job())
+            assert workshop.leave(gone) == 1 + served
+            assert not workshop.is_busy_for(gone)
+        workshop.bring(other, job())
+        await until(lambda: other.made, "the other one is served")
+    assert not gone.made
+    assert not gone.errors

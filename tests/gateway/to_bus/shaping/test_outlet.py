@@ -1,0 +1,267 @@
+"""A stream's last step, with a publisher on the fake bus."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+
+import msgspec
+import pytest
+
+from bus import SMALL_BYTES, SMALL_WAITING
+from bus.fake import FakeNetwork
+from gateway.to_bus.shaping import outlet as outlet_module
+from schemas import codec
+from schemas.camera_info import CameraInfo
+from schemas.image import ImageFrame
+from schemas.keys import sensor_key
+from schemas.points import PointCloud
+from schemas.raw import RawMessage
+from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
+from schemas.transforms import Transforms
+from services.toolbox.logs import RateLimit, RateLimitFilter
+from tests.contract.waiting import receive
+from tests.gateway.ros1.waiting import until
+from tests.gateway.to_bus.shaping.frames import cloud, frame, picture
+from tests.gateway.to_bus.shaping.rig import Rig, numbered
+from tests.gateway.to_bus.shaping.test_scaling import info
+from tests.schemas.frames import header
+from tests.schemas.pictures import compressed, file_of
+
+COLOR, DEPTH, INFO, POINTS, BATTERY, TF = (
+    sensor_key("r1", name) for name in ("front/color", "front/depth", "front/info", "front/points", "ros/battery", "tf")
+)
+
+
+@pytest.fixture
+async def rig() -> AsyncIterator[Rig]:
+    async with AsyncExitStack() as stack:
+        yield Rig(FakeNetwork(), stack)
+
+
+async def test_without_shaping_everything_goes_as_it_is(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR)
+    outlet.put(numbered(0))
+    assert await receive(arrived, ImageFrame) == numbered(0)
+    assert (outlet.counts.bytes, outlet.counts.compression) == (len(codec.encode(numbered(0))), "raw")
+
+
+async def test_auto_is_raw_at_once_while_all_are_here_and_compressed_for_anybody_else(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping())
+    rig.listens(COLOR, "here")
+    outlet.put(numbered(0))
+    assert outlet.counts.bytes  # sent already: it waits for no thread
+    assert (await receive(arrived, ImageFrame)).format == "raw"
+    rig.listens(COLOR, "there")
+    outlet.put(numbered(1))
+    assert (await receive(arrived, ImageFrame)).format == "jpeg"
+    assert outlet.counts.compression == "jpeg:80"
+    rig.listens(COLOR, "here", alive=False)
+    rig.listens(COLOR, "there", alive=False)
+    outlet.put(numbered(2))
+    assert (await receive(arrived, ImageFrame)).format == "jpeg"
+
+
+async def test_a_raw_frame_does_not_overtake_one_that_is_being_compressed(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping())
+    outlet.put(numbered(0, size=500))
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    rig.listens(COLOR, "here")
+    outlet.put(numbered(1))
+    assert [(await receive(arrived, ImageFrame)).header.seq for _ in range(2)] == [0, 1]
+
+
+async def test_newest_wins_while_the_workshop_is_busy(rig: Rig) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping(compression="png"))
+    for seq in range(4):
+        outlet.put(numbered(seq))
+    assert (await receive(arrived, ImageFrame)).header.seq == 3
+    assert outlet.counts.dropped == {REPLACED_BEFORE_SHAPING: 3}
+
+
+async def test_depth_and_points_are_compressed_without_loss(rig: Rig) -> None:
+    shaping = await rig.shaping()
+    depth, depth_arrived = await rig.outlet(DEPTH, shaping)
+    points, points_arrived = await rig.outlet(POINTS, shaping)
+    depth.put(msgspec.structs.replace(frame("32FC1", picture()[..., 0].astype("f4"))))
+    points.put(cloud())
+    assert (await receive(depth_arrived, ImageFrame)).format == "zstd"
+    assert (await receive(points_arrived, PointCloud)).format == "zstd"
+
+
+async def test_a_frame_that_cannot_be_scaled_is_counted_and_said_once_in_a_while(
+    rig: Rig, caplog: pytest.LogCaptureFixture
+) -> None:
+    outlet, arrived = await rig.outlet(COLOR, await rig.shaping(scale="1/2"))
+    with caplog.filtering(RateLimitFilter(RateLimit())):
+        outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+        await until(lambda: UNSHAPED in outlet.counts.dropped, "it is counted")
+        outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+        await until(lambda: outlet.counts.dropped == {UNSHAPED: 2}, "it is counted again")
+    (line,) = [record.getMessage() for record in caplog.records if record.name == outlet_module.__name__]
+    assert line.startswith("fleet/r1/front/color: frame left out: a png that arrived as one cannot be scaled")
+    outlet.put(numbered(1))
+    assert (await receive(arrived, ImageFrame)).header.seq == 1
+
+
+def raw_message(size: int) -> RawMessage:
+    return RawMessage(
+        header=header(camera=""), type="a/B", md5="", definition="", latched=False, data=memoryview(bytes(size))
+    )
+
+
+async def test_frames_wait_for_the_uplink_and_the_newest_wins_but_calibrations_go_at_once(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")  # 10,000 bytes a second, 1,000 of them ahead
+    color, frames = await rig.outlet(COLOR, shaping)
+    battery, batteries = await rig.outlet(BATTERY, shaping)
+    calibration, infos = await rig.outlet(INFO, shaping)
+    color.put(numbered(0, size=20))
+    for seq in (1, 2, 3):
+        color.put(numbered(seq))
+    battery.put(raw_message(50))
+    calibration.put(info())
+    assert calibration.counts.bytes
+    assert await receive(infos, CameraInfo) == info()
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 3]
+    assert (await receive(batteries, RawMessage)).data.nbytes == 50
+    assert color.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_small_messages_wait_for_the_uplink_in_order_and_a_large_one_for_none(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08)  # 10,000 bytes a second, 1,000 of them ahead
+    battery, arrived = await rig.outlet(BATTERY, shaping)
+    sizes = range(400, 410)
+    for size in sizes:
+        battery.put(raw_message(size))
+    assert 0 < battery.counts.bytes < 2_000
+    assert [(await receive(arrived, RawMessage)).data.nbytes for _ in sizes] == list(sizes)
+    assert battery.counts.dropped == {}
+    for size in range(400, 400 + SMALL_WAITING + 10):
+        battery.put(raw_message(size))
+    assert battery.counts.dropped[OVER_BUDGET] in range(1, 11)
+    waited = SMALL_WAITING + battery.counts.dropped[OVER_BUDGET]
+    battery.put(raw_message(SMALL_BYTES + 1))
+    assert battery.counts.dropped == {OVER_BUDGET: waited}
+
+
+async def test_small_messages_that_wait_have_so_many_bytes_together(rig: Rig) -> None:
+    battery, _ = await rig.outlet(BATTERY, await rig.shaping(uplink_mbit=0.01))
+    for _ in range(5):
+        battery.put(raw_message(30_000))
+    assert battery.counts.dropped == {}
+    battery.put(raw_message(SMALL_BYTES - 1_000))
+    assert battery.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_small_messages_that_wait_go_at_once_when_all_who_listen_are_here(rig: Rig) -> None:
+    battery, arrived = await rig.outlet(BATTERY, await rig.shaping(uplink_mbit=0.01))
+    for size in range(400, 410):
+        battery.put(raw_message(size))
+    rig.listens(BATTERY, "here")
+    battery.put(raw_message(410))
+    assert [(await receive(arrived, RawMessage)).data.nbytes for _ in range(11)] == list(range(400, 411))
+
+
+@pytest.mark.parametrize("uplink_mbit", [None, 8])
+async def test_what_is_larger_than_receivers_read_is_left_out_and_counted(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, uplink_mbit: float | None
+) -> None:
+    monkeypatch.setattr(outlet_module, "LARGEST", 2_000)
+    shaping = await rig.shaping(compression="raw", uplink_mbit=uplink_mbit)
+    for key, large, small in (
+        (COLOR, numbered(0, size=30), numbered(1, size=10)),
+        (BATTERY, raw_message(2_000), raw_message(1_000)),
+    ):
+        outlet, arrived = await rig.outlet(key, shaping)
+        outlet.put(large)
+        outlet.put(small)
+        assert await receive(arrived, type(small)) == small
+        assert outlet.counts.dropped == {TOO_LARGE: 1}
+
+
+async def test_on_a_thin_uplink_a_cameras_streams_send_the_same_instants(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
+    color, frames = await rig.outlet(COLOR, shaping)
+    depth, depths = await rig.outlet(DEPTH, shaping)
+    for seq in range(4):
+        for outlet in (color, depth) if seq % 2 else (depth, color):
+            outlet.put(stamped(seq))
+    color.put(stamped(4))
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(3)] == [0, 3, 4]
+    depth.put(stamped(4))
+    assert [(await receive(depths, ImageFrame)).header.seq for _ in range(3)] == [0, 3, 4]
+    assert color.counts.dropped == depth.counts.dropped == {OVER_BUDGET: 2}
+
+
+async def test_on_a_thin_uplink_depth_of_the_few_frames_that_a_worker_can_use_goes_with_them(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
+    color, frames = await rig.outlet(COLOR, shaping)
+    depth, depths = await rig.outlet(DEPTH, shaping)
+    for seq in range(0, 40, 2):
+        if seq % 20 == 10:
+            color.put(stamped(seq))
+        depth.put(stamped(seq))
+    assert [(await receive(frames, ImageFrame)).header.seq] == [30]
+    assert 30 in [(await receive(depths, ImageFrame)).header.seq for _ in range(3)]
+    assert color.counts.dropped == {OVER_BUDGET: 1}
+
+
+async def test_on_a_thin_uplink_what_may_be_a_publishers_last_is_not_left_out_for_later_instants(rig: Rig) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
+    color, frames = await rig.outlet(COLOR, shaping)
+    latched, depths = await rig.outlet(DEPTH, shaping)
+    color.put(numbered(0, size=20))
+    latched.put(stamped(1), may_be_last=True)
+    for seq in (2, 3, 4):
+        color.put(stamped(seq))
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 4]
+    assert latched.counts.dropped == {}
+    assert (await receive(depths, ImageFrame)).header.seq == 1
+
+
+def stamped(seq: int) -> ImageFrame:
+    """Return a frame of the seq-th instant, a fifth of what may be ahead of the link of a test."""
+    frame = numbered(0, size=8)
+    return msgspec.structs.replace(
+        frame, header=msgspec.structs.replace(frame.header, seq=seq, stamp_ns=(seq + 1) * 100_000_000)
+    )
+
+
+async def test_what_stays_on_this_machine_needs_no_uplink(rig: Rig) -> None:
+    color, frames = await rig.outlet(COLOR, await rig.shaping(uplink_mbit=0.08, compression="raw"))
+    for seq in range(3):
+        color.put(numbered(seq, size=30))
+    rig.listens(COLOR, "here")
+    color.put(numbered(3, size=30))
+    assert [(await receive(frames, ImageFrame)).header.seq for _ in range(2)] == [0, 3]
+    assert color.counts.dropped == {OVER_BUDGET: 2}
+
+
+@pytest.mark.parametrize(("clock", "sent"), [("here", [0]), ("there", [])])
+async def test_transforms_take_of_the_uplink_what_leaves_this_machine_and_go_at_once(
+    rig: Rig, clock: str, sent: list[int]
+) -> None:
+    shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")  # 10,000 bytes a second, 1,000 of them ahead
+    moving, arrived = await rig.outlet(TF, shaping)
+    color, frames = await rig.outlet(COLOR, shaping)
+    rig.listens(TF, clock)
+    rig.listens(COLOR, "there")
+    for _ in range(100):
+        moving.put(Transforms(header=header(camera=""), transforms=[]))
+    assert moving.counts.bytes > 10_000
+    color.put(numbered(0))
+    await until(lambda: arrived.counts.received == 100, "no transforms are left out")
+    assert frames.counts.received == len(sent)
+    assert color.counts.bytes == sum(len(codec.encode(numbered(seq))) for seq in sent)
+
+
+async def test_an_outlet_that_is_closed_sends_nothing_more(rig: Rig) -> None:
+    for settings in ({"uplink_mbit": 0.08, "compression": "raw"}, {"compression": "png"}):
+        outlet, _ = await rig.outlet(COLOR, await rig.shaping(**settings))
+        for seq in range(3):
+            outlet.put(numbered(seq, size=30))
+        sent = outlet.counts.bytes
+        outlet.close()
+        await asyncio.sleep(0.3)
+        assert outlet.counts.bytes == sent
+        assert outlet.counts.dropped[ENDED] == 1
