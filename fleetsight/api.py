@@ -16,8 +16,8 @@ from fleetsight.errors import (
 )
 from fleetsight.fleet import Fleet
 from fleetsight.own_model import Find
+from fleetsight.own_results import Results
 from fleetsight.presence import Change, Roster, WorkerName
-from fleetsight.results import Results
 from fleetsight.streams import Stream, StreamCounts
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.detections import Box, ClassCount, ClassList, Detection, Detections, Mask

@@ -10,8 +10,8 @@ from bus import Bus, BusError, BusSettings, open_bus
 from bus.session.links import why_unreached
 from fleetsight.errors import CertificateError, ConnectError, FleetsightError, SettingsError
 from fleetsight.fleet import Fleet
-from fleetsight.iterations import Iterations
 from fleetsight.settings import settings_of
+from fleetsight.streams import Iterations
 
 LOOK_S: Final = 0.02
 """How often it is looked whether there is a link."""

@@ -11,8 +11,8 @@ from fleetsight.asking import ask_detectors, ask_inventory
 from fleetsight.errors import NoMonitorError, NoWorkerError, SettingsError, translated
 from fleetsight.listening import Listening
 from fleetsight.own_model import Find, OwnModel
+from fleetsight.own_results import Results, publishing
 from fleetsight.patterns import one_camera
-from fleetsight.results import Results, publishing
 from schemas import keys
 from schemas.detections import Detections
 from schemas.errors import SchemaError

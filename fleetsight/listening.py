@@ -4,10 +4,9 @@ from typing import Final, TypeVar
 
 from bus import LATEST, QUEUE, Bus, Latest, Queue
 from fleetsight.images import images_of
-from fleetsight.iterations import Iterations
 from fleetsight.patterns import chunk, one_camera
 from fleetsight.presence import Roster, WorkerName
-from fleetsight.streams import Stream
+from fleetsight.streams import Iterations, Stream
 from schemas import codec, keys, worker_keys
 from schemas.alerts import Alert
 from schemas.detections import ClassList, Detections

@@ -16,7 +16,7 @@ from bus.sharing import Sharing, SharingSettings
 from bus.sharing.rate_request import Asked
 from bus.sharing.sharing import say_unwanted
 from bus.sharing.tally import Tallies, Tally
-from fleetsight.results import Results, publishing
+from fleetsight.own_results import Results, publishing
 from schemas import codec, worker_keys
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError

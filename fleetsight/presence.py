@@ -8,7 +8,7 @@ from typing import Final, Generic, TypeVar
 
 from bus import BusClosedError, Presence, Watch
 from fleetsight.errors import ClosedError
-from fleetsight.iterations import Iterations
+from fleetsight.streams import Iterations
 from schemas.errors import SchemaError
 
 SETTLE_S: Final = 0.5

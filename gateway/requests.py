@@ -25,7 +25,7 @@ from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.clock import ClockReading
 from schemas.errors import SchemaError
-from schemas.service import MAX_ANSWER_TEXT, ServiceRequest, ServiceResponse
+from schemas.ros import MAX_ANSWER_TEXT, ServiceRequest, ServiceResponse
 
 
 def clock_handler(robot: str, boot_id: str, ros_ns: Callable[[], int | None]) -> Handler:

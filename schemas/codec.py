@@ -19,8 +19,7 @@ from schemas.image import ImageFrame
 from schemas.inventory import InventoryAnswer, InventoryRequest
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
-from schemas.raw import RawMessage, Text
-from schemas.service import ServiceRequest, ServiceResponse
+from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.transforms import Transforms
 from schemas.tuning import Tuning

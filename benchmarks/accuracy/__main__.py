@@ -49,11 +49,11 @@ from benchmarks.progress import note, note_step
 from services.detector.model import ModelError
 from services.detector.runtime.choosing import Runtime
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
-from services.simulator.training.errors import TrainingError
-from services.simulator.training.evaluation.held_out import scored
-from services.simulator.training.evaluation.predictor import LOWEST_CONFIDENCE
-from services.simulator.training.evaluation.scenes import generator_digest, held_out_seeds, held_out_views
 from services.toolbox.train.inference import open_follower, open_weights
+from services.training.evaluation.predictor import LOWEST_CONFIDENCE
+from services.training.evaluation.scenes import generator_digest, held_out_seeds, held_out_views
+from services.training.files import TrainingError
+from services.training.run import scored
 
 REPORT_EVERY: Final = 20
 SEED: Final = 1

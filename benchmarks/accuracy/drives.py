@@ -9,18 +9,17 @@ from typing import Final
 import msgspec
 
 from schemas.detections import Mask
-from services.simulator import film, shutter
-from services.simulator.film import Film, Part
+from services.simulator import film
+from services.simulator.film import Film, Part, Store
 from services.simulator.fleet import equipment
 from services.simulator.settings import SimulatorSettings
-from services.simulator.store import Store
-from services.simulator.training.dataset import holdout_seed
-from services.simulator.training.evaluation.keeping import kept
-from services.simulator.training.evaluation.precision import MIN_AREA
-from services.simulator.training.evaluation.scenes import Picture, generator_digest, png_of
-from services.simulator.training.evaluation.truths import MIN_VISIBILITY, mask_of
-from services.simulator.training.progress import Progress
 from services.simulator.world import Drive, SeenObject, generate, render, truth_of
+from services.training.dataset import holdout_seed
+from services.training.evaluation.precision import MIN_AREA
+from services.training.evaluation.scenes import Picture, generator_digest, png_of
+from services.training.evaluation.truths import MIN_VISIBILITY, mask_of
+from services.training.files import kept
+from services.training.parallel import Progress
 
 FIRST: Final = 200_000
 """The number, among a run's held-out scenes, of the first that is driven through here alone."""
@@ -65,7 +64,7 @@ def held_out_drives(
     folder: Path, seeds: Sequence[int], frames: int, workers: int, report: Progress
 ) -> Iterator[HeldOutDrive]:
     """Yield the first `frames` of the drive through each scene, rendered once; see `kept`."""
-    sources = (Path(str(path)).read_bytes() for path in (__file__, film.__file__, shutter.__file__))
+    sources = (Path(str(path)).read_bytes() for path in (__file__, film.__file__, film.__file__))
     decisive = f"{generator_digest()} {SENSORS}".encode() + b"".join(sources)
     digest = hashlib.sha256(decisive).hexdigest()
     draw = partial(drawn, count=frames)

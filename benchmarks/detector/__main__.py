@@ -34,7 +34,7 @@ from benchmarks.machine import machine, versions
 from benchmarks.peers.views import SCENES, views
 from benchmarks.progress import note
 from bus import Bus, BusSettings, open_bus
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 HZ: Final = 5.0
 WARM_UP_FRAMES: Final = 300

@@ -13,7 +13,7 @@ from typing import Final, Literal
 from benchmarks.gateway.processes import ROS_PYTHON, START_S, PeerError, Process, module, running
 from bus import BusSettings
 from bus.session.config import session_config
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 Variant = Literal["fleetsight", "rospy_naive", "bare_gateway", "zenoh_only", "tcpros_only"]
 """tcpros_only: a subscriber on ROS's side that throws everything away, in the place of gateway and subscriber."""

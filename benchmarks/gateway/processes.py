@@ -18,7 +18,7 @@ from typing import IO, Any, Final
 import psutil
 import zenoh
 
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 ROS_PYTHON: Final = "/usr/bin/python3"
 ROSMASTER: Final = "/usr/bin/rosmaster"

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from benchmarks.guide.outputs import stamped
 from benchmarks.guide.topics import COLOR, DEPTH, POINTS
 from gateway.ros1 import image, point_cloud
-from services.simulator.film import Equipment, Film
+from services.simulator.film import Equipment, Film, Store
 from services.simulator.robot import Robot
-from services.simulator.store import Store
 from services.simulator.topics import CAMERA_INFO, TF_TOPICS, Content, Topic
 from services.simulator.world import Camera
 

@@ -15,8 +15,7 @@ from benchmarks.guide.scene import Scene
 from benchmarks.guide.sets import Arrival
 from benchmarks.guide.topics import CLASSES, DISTANCE, OBJECTS_SHOWN, SEGMENTATION
 from services.detector.settings import SHIPPED_MODEL
-from services.toolbox.demo.children import Child, ChildFailedError, child
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import Child, ChildFailedError, child, free_ports
 
 NODES: Final = {"images": SEGMENTATION, "classes": CLASSES, "distance": DISTANCE, "cloud": OBJECTS_SHOWN}
 """The guide's nodes, and the last topic that each of them publishes for an image."""

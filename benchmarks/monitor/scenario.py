@@ -24,7 +24,7 @@ from schemas.detections import ClassCount, ClassList
 from schemas.header import Header
 from schemas.inventory import InventoryAnswer, InventoryRequest
 from schemas.keys import CameraKey, Stream
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 PUBLISHERS: Final = 4
 """Processes that the robots are shared by."""

@@ -13,8 +13,8 @@ from bus import BusSettings, clocks, open_bus
 from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
 from services.detector.model import Found, Outcome, Request
-from services.detector.role import DETECTOR
-from services.detector.worker import Worker
+from services.detector.process import Worker
+from services.detector.worker_role import DETECTOR
 from services.toolbox.process import run
 
 

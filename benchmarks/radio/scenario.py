@@ -15,8 +15,7 @@ from benchmarks.radio.relay import Relay
 from benchmarks.scaling.observer import Observer, observing
 from benchmarks.scaling.results import Log
 from bus.settings import port_of
-from services.toolbox.demo.children import child
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import child, free_ports
 
 ROBOT: Final = "r1"
 HZ: Final = 5.0

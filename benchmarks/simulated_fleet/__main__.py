@@ -20,8 +20,7 @@ from benchmarks.targets import at_least, at_most
 from gateway.ros1.image import TYPE_NAME
 from gateway.ros1.node import Node
 from gateway.ros1.tcpros.subscriber import Message
-from services.toolbox.demo.children import child
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import child, free_ports
 
 TOPICS: Final = ("/camera/color/image_raw", "/camera/aligned_depth_to_color/image_raw")
 STREAMS: Final = "color,depth"

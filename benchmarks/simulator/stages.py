@@ -7,7 +7,7 @@ from typing import Final, TypeVar
 import cv2
 import numpy as np
 
-from services.simulator.shutter import EXPOSURE_S, smeared
+from services.simulator.film import EXPOSURE_S, smeared
 from services.simulator.world import (
     Camera,
     DepthSensor,

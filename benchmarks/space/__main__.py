@@ -55,8 +55,8 @@ from benchmarks.space.speed import measure as measure_speed
 from benchmarks.space.views import seeds, view_of
 from services.detector.model import ModelError
 from services.detector.settings import SHIPPED_MODEL
-from services.simulator.training.evaluation.predictor import CONFIDENCE
 from services.toolbox.train.inference import open_weights
+from services.training.evaluation.predictor import CONFIDENCE
 
 DRIVES_FIRST: Final = 220_000
 """The number, among a run's held-out scenes, of the first that is driven through."""

@@ -14,8 +14,8 @@ from benchmarks.space.paths import DistancePath
 from benchmarks.space.views import is_asked_for, view_from
 from schemas.distances import ObjectDistance
 from services.simulator.placement import BASE, COLOR_OPTICAL, MAP, ODOM, Placement, odometry_error, of_pose, rig
-from services.simulator.training.evaluation.predictor import Predictor
 from services.simulator.world import Camera, Drive, Pose, Scene, generate
+from services.training.evaluation.predictor import Predictor
 
 FRAMES: Final = 10
 APART_M: Final = 0.25

@@ -16,7 +16,7 @@ from schemas.distances import ObjectDistance
 from schemas.objects import ObjectCloud, ObjectClouds
 from services.geometry.boxes import axes_of
 from services.geometry.masks import decode
-from services.simulator.clouds import metres
+from services.simulator.messages import metres
 from services.simulator.world import DepthSensor, SeenObject
 
 Samples = defaultdict[str, list[float]]

@@ -15,8 +15,8 @@ from schemas.transforms import Transform, Transforms
 from services.geometry.rotation import quaternion_of
 from services.simulator.messages import DATATYPES
 from services.simulator.placement import Placement
-from services.simulator.training.evaluation.truths import mask_of
 from services.simulator.world import CLASSES, Camera, SeenObject
+from services.training.evaluation.truths import mask_of
 
 STAMP_NS: Final = 1_700_000_000_000_000_000
 

@@ -17,9 +17,9 @@ from schemas.transforms import Transforms
 from services.cloud.cutting import Job, cut
 from services.cloud.measuring import Limits
 from services.cloud.waiting import Waiting
+from services.distance.depth_readings import Criteria
 from services.distance.measuring import View, measure, unknown
-from services.distance.picking import Criteria
-from services.distance.sensed import DEPTH_IMAGE, Sensed
+from services.distance.sensor_history import DEPTH_IMAGE, Sensed
 from services.distance.views import Limits as Readings
 from services.distance.views import Views
 from services.geometry.errors import GeometryError

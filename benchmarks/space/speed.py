@@ -16,9 +16,9 @@ from benchmarks.space.views import SpaceView, seeds, view_from
 from schemas import codec
 from schemas.detections import Detections
 from services.simulator.placement import COLOR_OPTICAL, LIDAR
-from services.simulator.training.viewpoints import draw_pose
 from services.simulator.world import SeenObject, generate
 from services.simulator.world.clearance import Clearance
+from services.training.viewpoints import draw_pose
 
 OBJECTS: Final = 20
 WARM_UP: Final = 3

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.clouds import colored_points, metres, packed, ringed_points
+from services.simulator.messages import colored_points, metres, packed, ringed_points
 from services.simulator.placement import (
     BASE,
     COLOR_OPTICAL,
@@ -20,8 +20,6 @@ from services.simulator.placement import (
     rig,
     to_pose,
 )
-from services.simulator.training.dataset import holdout_seed
-from services.simulator.training.framing import draw_view
 from services.simulator.world import (
     Camera,
     DepthSensor,
@@ -41,6 +39,8 @@ from services.simulator.world import (
     turn,
 )
 from services.simulator.world.clearance import Clearance
+from services.training.dataset import holdout_seed
+from services.training.viewpoints import draw_view
 
 RUN: Final = 1
 FIRST: Final = 200_000

@@ -7,8 +7,7 @@ from gateway.discovery import published_topics
 from gateway.doctor import advice
 from gateway.doctor.evidence import Evidence
 from gateway.doctor.finding import Finding, Stage, note, problem
-from schemas.camera_info import CameraInfo, is_calibrated
-from schemas.distortion import PLUMB_BOB, RATIONAL, coefficients_of
+from schemas.camera_info import PLUMB_BOB, RATIONAL, CameraInfo, coefficients_of, is_calibrated
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 

@@ -29,7 +29,7 @@ from schemas.header import Header, gap
 from schemas.image import ImageFrame
 from schemas.keys import SensorKey, owner_of
 from schemas.points import PointCloud
-from schemas.raw import RawMessage
+from schemas.ros import RawMessage
 from schemas.status import BEYOND_USE, REPLACED_BEFORE_LINK, THINNED, UNWANTED, StreamStatus
 
 NUMBERED: Final = frozenset(

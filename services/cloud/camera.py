@@ -26,7 +26,7 @@ from schemas.status import UNWANTED
 from schemas.transforms import Transforms
 from services.cloud.cutting import Job, cut, nothing
 from services.cloud.measuring import Limits
-from services.cloud.reasons import (
+from services.cloud.waiting import (
     FAILED,
     MALFORMED,
     MALFORMED_INFO,
@@ -37,8 +37,9 @@ from services.cloud.reasons import (
     TOO_MANY_TRANSFORMS,
     UNJOINED,
     UNPLACED,
+    Matched,
+    Waiting,
 )
-from services.cloud.waiting import Matched, Waiting
 from services.geometry.memory_budget import MemoryBudget
 
 log = logging.getLogger(__name__)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.cloud.outlines import Masked
-from services.cloud.points import Floats, Indices
-from services.cloud.sampling import some
+from services.cloud.points import Floats, Indices, some
 from services.geometry.masks import Window
 
 Numbers = NDArray[Any]

@@ -12,12 +12,10 @@ from schemas.detections import Detections
 from schemas.header import Header
 from schemas.objects import MAX_OBJECT_POINTS, ObjectClouds
 from services.cloud.cells import Seen
-from services.cloud.errors import CloudError
 from services.cloud.objects import Target, objects_of
 from services.cloud.outliers import crowded, own
 from services.cloud.outlines import AT_ONCE, Candidates, Cutout, Masked, RegisteredView, View
-from services.cloud.points import Floats, Indices
-from services.cloud.sampling import some
+from services.cloud.points import CloudError, Floats, Indices, some
 from services.cloud.shape import Boxes, Level, fit
 from services.cloud.visible import shapes
 from services.geometry.errors import MaskError

@@ -6,8 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.points import Floats, Indices
-from services.cloud.sampling import spread
+from services.cloud.points import Floats, Indices, spread
 
 Selection = NDArray[np.bool_]
 

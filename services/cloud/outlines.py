@@ -8,8 +8,7 @@ from typing import Final, Protocol, Self
 import cv2
 import numpy as np
 
-from services.cloud.points import Bytes, Floats, Indices, Points, usable
-from services.cloud.sampling import some
+from services.cloud.points import Bytes, Floats, Indices, Points, some, usable
 from services.geometry.foreground import WELL_READ, has_own_depth
 from services.geometry.masks import Window, eroded, surroundings
 

@@ -1,13 +1,152 @@
 """The cloud process: join the bus, work."""
 
+import asyncio
 import logging
+import time
+from collections import defaultdict
+from collections.abc import Callable, Coroutine, Mapping
+from concurrent.futures import Executor
+from contextlib import suppress
+from typing import Final
 
-from bus import open_bus
+from bus import Bus, QoS, open_bus
+from bus.demand import SharedDemand, while_wanted
+from bus.reporting import VERSION, report
+from bus.sharing import Sharing
+from bus.sharing.sharing import JOIN_S, say_unwanted
+from bus.sharing.tally import Tallies, Tally
+from schemas import codec, keys
+from schemas.errors import SchemaError
+from schemas.keys import CameraKey, Stream, StreamKey
+from schemas.objects import ObjectClouds
+from schemas.status import WorkerStatus
+from schemas.worker_keys import worker_status
+from services.cloud.camera import Camera
 from services.cloud.settings import CloudSettings
-from services.cloud.worker import Worker
+from services.geometry.memory_budget import MIB, MemoryBudget
 from services.worker.thread import worker_thread
 
+
+class Sensors:
+    """The cameras that are there. chosen: where a camera's points are from, by their names, where the settings say."""
+
+    def __init__(self, chosen: Mapping[str, str]) -> None:
+        self._chosen = chosen
+        self._there: defaultdict[tuple[str, Stream], set[CameraKey]] = defaultdict(set)
+
+    def note(self, key: StreamKey, *, alive: bool) -> None:
+        """Note that a stream of points or colour came or went."""
+        of = (key.camera.robot, key.stream)
+        (self._there[of].add if alive else self._there[of].discard)(key.camera)
+        if not self._there[of]:
+            del self._there[of]
+
+    def points_of(self, camera: CameraKey) -> CameraKey | None:
+        """Return whose points are those of a camera, if they are there.
+
+        Its own; else those of the first, by name, of the robot's sensors that see no colour: a lidar.
+        """
+        there, colors = (self._there.get((camera.robot, stream), set()) for stream in (Stream.POINTS, Stream.COLOR))
+        if camera.camera in self._chosen:
+            chosen = CameraKey(camera.robot, self._chosen[camera.camera])
+            return chosen if chosen in there else None
+        if camera in there:
+            return camera
+        return min(there - colors, default=None)
+
+
 log = logging.getLogger(__name__)
+
+SERVICE: Final = "cloud"
+METHOD: Final = "geometry"
+"""What status messages say instead of a model's name."""
+
+
+class Worker:
+    """Serves the cameras that fall to it. executor: cuts clouds, off the event loop."""
+
+    def __init__(self, bus: Bus, settings: CloudSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
+        self._bus = bus
+        self._settings = settings
+        self._executor = executor
+        self._sensors = Sensors(settings.points)
+        self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
+        self._budget = MemoryBudget(settings.memory_mib * MIB)
+        self._accounts = Tallies(Tally)
+        tokens = settings.tokens(SERVICE)
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
+
+    async def run(self) -> None:
+        """Work until cancelled; then hand over and end."""
+        async with asyncio.TaskGroup() as group:
+            key = worker_status(SERVICE, self._settings.worker)
+            group.create_task(report(self._bus, key, WorkerStatus, self._status))
+            for stream in (Stream.COLOR, Stream.POINTS):
+                group.create_task(self._watch(stream))
+            await self._sharing.run()
+
+    async def _watch(self, stream: Stream) -> None:
+        async with self._bus.watch(keys.every_stream_alive(stream)) as watch:
+            async for presence in watch:
+                with suppress(SchemaError):  # the sharing of the work says what is no camera
+                    sensor = keys.parse_stream(presence.key)
+                    self._sensors.note(sensor, alive=presence.alive)
+                    self._changed.pop(sensor.camera.robot, asyncio.Event()).set()
+
+    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
+        demand = SharedDemand()
+        with self._accounts.serving(key) as account:
+            async with (
+                self._bus.publisher(
+                    key.stream(Stream.OBJECTS),
+                    QoS.IMAGE,
+                    encoding=codec.encoding(ObjectClouds),
+                    on_demand=demand.of(Stream.OBJECTS),
+                ) as publisher,
+                asyncio.TaskGroup() as group,
+            ):
+
+                def publish(clouds: ObjectClouds) -> None:
+                    publisher.put(codec.encode(clouds))
+                    took_over()
+
+                group.create_task(say_unwanted(demand, took_over))
+                camera = self._camera(key, account)
+                await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
+
+    def _camera(self, key: CameraKey, account: Tally) -> Camera:
+        return Camera(
+            self._bus,
+            key,
+            account,
+            worker=self._settings.worker,
+            executor=self._executor,
+            limits=self._settings.limits,
+            target_frame=self._settings.target_frame,
+            tolerance_ns=self._settings.tolerance_ns,
+            budget=self._budget,
+        )
+
+    async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Coroutine[None, None, None]]) -> None:
+        """Work with the camera's points, whosever they are now, for ever."""
+        while True:
+            points = self._sensors.points_of(key)
+            async with asyncio.TaskGroup() as group:
+                working = None if points is None else group.create_task(work(points))
+                while self._sensors.points_of(key) == points:
+                    await self._changed[key.robot].wait()
+                if working is not None:
+                    working.cancel()
+
+    def _status(self) -> WorkerStatus:
+        return WorkerStatus(
+            service=SERVICE,
+            worker=self._settings.worker,
+            model=METHOD,
+            sent_ns=time.time_ns(),
+            cameras=self._accounts.loads(),
+            version=VERSION,
+        )
 
 
 async def run(settings: CloudSettings) -> None:

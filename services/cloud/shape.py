@@ -7,8 +7,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.points import Floats
-from services.cloud.sampling import some
+from services.cloud.points import Floats, some
 from services.geometry.boxes import level_of
 
 Reals = NDArray[np.float64]

@@ -1,6 +1,8 @@
 """How a cloud lies to the pictures that detections are of. Pure."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -10,16 +12,161 @@ from schemas.camera_info import CameraInfo, is_calibrated
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.space import MAX_COORDINATE_M
-from services.cloud.errors import CloudError
 from services.cloud.objects import Target
-from services.cloud.outlines import RegisteredView, View, factor_of
-from services.cloud.points import Points, usable
-from services.cloud.projection import ProjectedView
-from services.cloud.sampling import some
+from services.cloud.outlines import NEAR_M, RING, Candidates, Cutout, Masked, RegisteredView, View, factor_of, widths_of
+from services.cloud.points import FAR_M, CloudError, Floats, Indices, Points, some, usable
 from services.geometry.camera import CameraModel
+from services.geometry.distortion import Straight
 from services.geometry.errors import GeometryError, TransformError
-from services.geometry.motion import between
-from services.geometry.transforms import TransformTree
+from services.geometry.foreground import has_own_depth
+from services.geometry.masks import Window, surroundings
+from services.geometry.transforms import TransformTree, between
+
+FloatArray = NDArray[np.float64]
+Selection = NDArray[np.bool_]
+
+POINTS_A_CELL: Final = 4
+SMALLEST_CELL: Final = 2
+LARGEST_CELL: Final = 32
+"""Sides, in pixels, of the cells of the picture in which what is in front hides what is behind."""
+
+BEHIND: Final = 0.05
+BEHIND_M: Final = 0.25
+"""How much farther than the nearest of its cell, relatively and in metres, a point is that is hidden by it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """Points in the picture: their numbers in the cloud, where before the camera (3, n), and on which pixel."""
+
+    at: Indices
+    xyz: Floats
+    columns: NDArray[np.int32]
+    rows: NDArray[np.int32]
+
+    def only(self, kept: Indices) -> "_Seen":
+        """Return some of them."""
+        return _Seen(self.at[kept], self.xyz.take(kept, axis=1), self.columns[kept], self.rows[kept])
+
+    def depths(self, window: Window) -> Floats:
+        """Return how far before the camera what is on each pixel of a window is; NaN where there is nothing."""
+        rows, columns = self.rows - window.top, self.columns - window.left
+        height, width = window.pixels.shape
+        inside = np.flatnonzero((rows >= 0) & (rows < height) & (columns >= 0) & (columns < width))
+        depths = np.full((height, width), np.nan, np.float32)
+        depths[rows[inside], columns[inside]] = self.xyz[2].take(inside)
+        return depths
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProjectedView:
+    """A cloud before a camera. camera_from_points: 4 x 4, moves the points into the camera's optical frame."""
+
+    points: Points
+    camera: CameraModel
+    camera_from_points: FloatArray
+
+    def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
+        """See `View.within`. Where masks overlap the first one has the points."""
+        if not masks:
+            return
+        camera, xyz = self.camera, self.points.xyz()
+        seen = _in_picture(camera, _moved(self.camera_from_points.astype(np.float32), xyz))
+        side = _cell_side(camera, len(seen.at))
+        owners = _owners([each.inner for each in masks], camera)
+        seen = seen.only(np.flatnonzero(_near(masks, camera, side)[seen.rows // side, seen.columns // side]))
+        seen = seen.only(np.flatnonzero(usable(xyz.take(seen.at, axis=1))))
+        seen = seen.only(_in_front(seen, side, camera))
+        owner = owners[seen.rows, seen.columns]
+        order = np.argsort(owner, kind="stable")
+        bounds = np.searchsorted(owner[order], np.arange(1, len(masks) + 2))
+        owned = seen.only(order)
+        xyz, rgb, widths = xyz.take(owned.at, axis=1), self.points.take(owned.at).rgb(), widths_of(owned.xyz, bounds)
+        for each, (start, end), width in zip(masks, pairwise(bounds.tolist()), widths.tolist(), strict=True):
+            points = Cutout(owned.at[start:end], xyz[:, start:end], None if rgb is None else rgb[start:end])
+            mask = each.widened(camera.height, camera.width)
+            depths = seen.depths(mask)
+            around = depths[surroundings(mask, RING)]
+            yield Candidates(points, owned.xyz[2, start:end], width, around[around > 0], has_own_depth(mask, depths))
+
+
+def _moved(transform: Floats, xyz: Floats) -> Floats:
+    """Return (3, n) points as a 4 x 4 transform moves them; a matrix product of so few rows is slower."""
+    x, y, z = xyz
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in transform[:3]])
+
+
+def _in_picture(camera: CameraModel, xyz: Floats) -> _Seen:
+    columns, rows = (_straight if isinstance(camera.lens, Straight) else _bent)(camera, xyz)
+    with np.errstate(invalid="ignore"):
+        inside = (xyz[2] > NEAR_M) & (xyz[2] < FAR_M)
+        for places, size in ((columns, camera.width), (rows, camera.height)):
+            inside &= (places > -0.5) & (places < size - 0.5)
+    at = np.flatnonzero(inside)
+    return _Seen(at, xyz.take(at, axis=1), np.rint(columns[at]).astype(np.int32), np.rint(rows[at]).astype(np.int32))
+
+
+def _straight(camera: CameraModel, xyz: Floats) -> tuple[Floats, Floats]:
+    x, y, z = xyz
+    with np.errstate(all="ignore"):
+        x, y = x / z, y / z
+        rows = y * np.float32(camera.fy) + np.float32(camera.cy)
+        columns = x * np.float32(camera.fx) + np.float32(camera.cx)
+        if camera.skew:
+            columns += y * np.float32(camera.skew)
+    return columns, rows
+
+
+def _bent(camera: CameraModel, xyz: Floats) -> tuple[Floats, Floats]:
+    """Project what may be in the picture: what is within the directions that its border looks in."""
+    across, down = np.arange(0, camera.width + 15, 16) - 0.5, np.arange(0, camera.height + 15, 16) - 0.5
+    border = [(x, y) for x in across for y in (-0.5, camera.height - 0.5)]
+    border += [(x, y) for y in down for x in (-0.5, camera.width - 0.5)]
+    directions = camera.undistort(border).astype(np.float32)
+    found = xyz[2] > NEAR_M
+    for value, directed in zip(xyz[:2], directions.T, strict=True):
+        if np.isfinite(directed).all():  # a fisheye's border may look where nothing is projected
+            found &= (value >= directed.min() * xyz[2]) & (value <= directed.max() * xyz[2])
+    pixels = np.full((2, len(found)), np.nan, np.float32)
+    pixels[:, found] = camera.project(xyz[:, found].T).T
+    return pixels[0], pixels[1]
+
+
+def _owners(windows: Sequence[Window], camera: CameraModel) -> NDArray[np.int16]:
+    """Return whose each pixel of the picture is, counted from 1, and 0 for nobody's."""
+    owners = np.zeros((camera.height, camera.width), np.int16)
+    for number in range(len(windows), 0, -1):
+        window = windows[number - 1]
+        owners[window.place][window.pixels] = number
+    return owners
+
+
+def _near(masks: Sequence[Masked], camera: CameraModel, side: int) -> Selection:
+    """Return which cells of the picture are in or around the windows of masks."""
+    near = np.zeros((-(-camera.height // side), -(-camera.width // side)), np.bool_)
+    for rows, columns in (each.mask.place for each in masks):
+        near[
+            max(0, rows.start - RING) // side : -(-(rows.stop + RING) // side),
+            max(0, columns.start - RING) // side : -(-(columns.stop + RING) // side),
+        ] = True
+    return near
+
+
+def _cell_side(camera: CameraModel, count: int) -> int:
+    """Return the side of cells that have POINTS_A_CELL on average, when so many points are in the picture."""
+    apart = np.sqrt(POINTS_A_CELL * camera.width * camera.height / max(1, count))
+    return int(np.clip(np.ceil(apart), SMALLEST_CELL, LARGEST_CELL))
+
+
+def _in_front(seen: _Seen, side: int, camera: CameraModel) -> Indices:
+    """Return which points nothing in the same cell of the picture hides."""
+    depth, across = seen.xyz[2], -(-camera.width // side)
+    cells = seen.rows // side * across + seen.columns // side
+    nearest = np.full(across * -(-camera.height // side), np.inf, np.float32)
+    np.minimum.at(nearest, cells, depth)
+    return np.flatnonzero(depth <= nearest[cells] * np.float32(1 + BEHIND) + np.float32(BEHIND_M))
+
 
 Numbers = NDArray[Any]
 

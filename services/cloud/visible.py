@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.cloud.cells import Cells, Seen, cells_of
-from services.cloud.points import Indices
-from services.cloud.sampling import spread
+from services.cloud.points import Indices, spread
 from services.cloud.shape import Boxes, Level, fit
 from services.cloud.surfaces import Faces, fit_faces
 

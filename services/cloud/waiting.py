@@ -10,12 +10,24 @@ from schemas.detections import Detections
 from schemas.header import Header, is_newer
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
-from services.cloud.reasons import DOUBLE, REPLACED, UNSTAMPED
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.memory_budget import MemoryBudget
-from services.geometry.motion import FIXED_FRAMES
-from services.geometry.transforms import TransformTree
+from services.geometry.transforms import FIXED_FRAMES, TransformTree
 from services.worker.stamp_joiner import Joiner, NoPartner, Partner
+
+REPLACED: Final = "replaced by newer detections"
+DOUBLE: Final = "the same detections again, or older ones"
+MALFORMED: Final = "malformed detections"
+MALFORMED_POINTS: Final = "malformed points"
+MALFORMED_INFO: Final = "malformed camera info"
+MALFORMED_TRANSFORMS: Final = "malformed transforms"
+TOO_MANY_POINTS: Final = "points: too many at once"
+TOO_MANY_TRANSFORMS: Final = "transforms: too many at once"
+UNSTAMPED: Final = "points without a stamp"
+UNJOINED: Final = "no points of the same instant"
+UNPLACED: Final = "points that cannot be brought to the picture"
+FAILED: Final = "failed"
+
 
 PATIENCE_S: Final = 0.3
 """How long detections wait for what belongs to them: longer than a lidar takes to turn, shorter than news is old."""

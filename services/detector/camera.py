@@ -1,19 +1,29 @@
 """One camera at a worker: its publishers, and its frames on their way to the model while somebody wants results."""
 
-from collections.abc import AsyncIterator
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Executor
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
+from typing import Final
 
-from bus import Bus, Publisher, QoS
-from bus.demand import SharedDemand
+from bus import LATEST, Bus, Publisher, QoS, Sample
+from bus.clocks import clock_id
+from bus.demand import SharedDemand, while_wanted
+from bus.sharing.rate_request import Asked
 from schemas import codec
 from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list
+from schemas.errors import SchemaError
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream
-from services.detector.account import Account
-from services.detector.drawing import MASKS, Overlays, drawing
-from services.detector.role import DETECTOR, Role
+from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.status import UNWANTED
+from services.detector.frame_counts import DEPTH, REPLACED, SPARED, Account
+from services.detector.frame_queue import Board, Waiting
+from services.detector.overlay_publisher import MASKS, Overlays, drawing
+from services.detector.pixels import shows_colours
+from services.detector.worker_role import DETECTOR, Role
+from services.worker.rate_limiter import Thinning
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +99,84 @@ async def serving(
         }
         overlays = await stack.enter_async_context(drawing(publishers, painters))
         yield Camera(key, account, demand, detections, classes, overlays)
+
+
+BUCKET_NS: Final = 2_000_000_000
+"""After twice as long a clock that was set is believed."""
+
+
+class Lateness:
+    """Follows one sender: a frame is as late as it took longer, by the two clocks, than the quickest one lately."""
+
+    def __init__(self) -> None:
+        self._since_ns = 0
+        self._quickest_ns: int | None = None
+        self._before_ns: int | None = None
+
+    def late_ns(self, sent_ns: int, received_ns: int) -> int:
+        """Return by how much a frame is late that was sent at a time of their clock and received at one of ours."""
+        took_ns = received_ns - sent_ns
+        if self._quickest_ns is None:
+            self._since_ns, self._quickest_ns = received_ns, took_ns
+        elif not 0 <= received_ns - self._since_ns < BUCKET_NS:
+            self._since_ns, self._before_ns, self._quickest_ns = received_ns, self._quickest_ns, took_ns
+        self._quickest_ns = min(self._quickest_ns, took_ns)
+        return took_ns - min(self._quickest_ns, self._quickest_ns if self._before_ns is None else self._before_ns)
+
+
+log = logging.getLogger(__name__)
+
+
+async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: str, role: Role) -> None:
+    """Put the camera's newest frame on the board whenever its results are wanted, for ever.
+
+    asked: how many frames its gateway is asked for; who gives a second opinion spares the others, which come if others
+    ask for them. worker, role: under whose name the gateway is told where they go.
+    """
+    color, consumer = StreamKey(camera.key, Stream.COLOR), role.consumer(worker)
+
+    async def receive() -> None:
+        camera.account.begin()
+        lateness, thinning = Lateness(), Thinning()
+
+        def passes(arrived_ns: int) -> bool:
+            return role.most_hz is None or asked.hz is None or thinning.passes(arrived_ns, asked.hz, asked.from_ns)
+
+        try:
+            async with (
+                bus.announce(str(Wanted(color, clock_id(), consumer))),
+                asyncio.TaskGroup() as group,
+                bus.subscribe(str(color), LATEST, history=False) as frames,
+            ):
+                telling = group.create_task(asked.tell(bus, color, consumer))
+                try:
+                    async for sample in frames:
+                        accept(camera, board, sample, lateness, passes)
+                    telling.cancel()
+                finally:
+                    camera.account.dropped[UNWANTED] += frames.counts.unread
+        finally:
+            camera.account.dropped[UNWANTED] += board.discard(camera.key)
+
+    await while_wanted(camera.demand, receive)
+
+
+def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness, passes: Callable[[int], bool]) -> None:
+    """Put a frame on the board, or count why not. passes: says of one that arrived then whether it is looked at."""
+    try:
+        frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
+        codec.check_identity(frame.header, camera.key)
+    except SchemaError as error:
+        camera.account.malformed(sample.replaced)
+        log.warning("%s: frame left out: %s", camera.key, error)
+        return
+    if not camera.account.arrived(frame.header, sample.replaced):
+        return
+    if not shows_colours(frame):
+        camera.account.dropped[DEPTH] += 1
+        return
+    if not passes(sample.received_ns):
+        camera.account.dropped[SPARED] += 1
+        return
+    late_ns = lateness.late_ns(frame.header.received_ns, sample.received_ns)
+    camera.account.dropped[REPLACED] += board.post(camera.key, Waiting(frame, sample.received_ns, late_ns))

@@ -15,12 +15,12 @@ from bus.sharing.pace import Totals
 from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.status import UNWANTED
-from services.detector.account import LATE, STALE, Account
-from services.detector.board import Board, Waiting
 from services.detector.camera import Camera
-from services.detector.hanging import watch
+from services.detector.frame_counts import LATE, STALE, Account
+from services.detector.frame_queue import Board, Waiting
 from services.detector.model import Found, Model, Outcome, Request
-from services.detector.tracking import Tracking
+from services.detector.tracking.tracks import Tracking
+from services.detector.watchdog import watch
 
 PATIENCE_S: Final = 0.005
 """How long a batch waits for more cameras' frames."""

@@ -60,7 +60,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """An image that nothing can be said about. reason: one of `services.detector.account`."""
+    """An image that nothing can be said about. reason: one of `services.detector.frame_counts`."""
 
     reason: str
     error: Exception

@@ -3,18 +3,169 @@
 import asyncio
 import logging
 import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from bus import open_bus
-from services.detector.leaving import Leaving
+from bus import Bus, open_bus
+from bus.reporting import VERSION, report
+from bus.sharing import Pace, Sharing
+from bus.sharing.rate_request import Asked
+from bus.sharing.sharing import JOIN_S, say_unwanted
+from bus.sharing.tally import Tallies
+from schemas.header import MAX_LABEL
+from schemas.keys import CameraKey, Stream
+from schemas.status import MAX_CLASSES, WorkerStatus
+from schemas.worker_keys import WorkerAlive, worker_status
+from services.detector.camera import Camera, feed, serving
+from services.detector.frame_counts import REPLACED, SPARED, Account
+from services.detector.frame_queue import Board
+from services.detector.inference import Inference
 from services.detector.model import Model, ModelError
-from services.detector.requests import answering
-from services.detector.role import DETECTOR, OPINION
+from services.detector.requests import FINISH_S, Leaving, answering
 from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
-from services.detector.worker import Worker
+from services.detector.tracking.tracks import Tracking
+from services.detector.worker_role import DETECTOR, OPINION, Role
 from services.worker.thread import worker_thread
+
+PACE_PERIOD_S: Final = 0.25
+
+PAINTERS: Final = 2
+"""Threads that draw overlays, of however many cameras: each draws its newest frame when its turn comes."""
+
+
+class Worker:
+    """Serves the cameras that fall to it.
+
+    tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Inference`. leaving: hears
+    when it leaves.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        model: Model,
+        tokens: Sequence[WorkerAlive],
+        *,
+        role: Role = DETECTOR,
+        tracking: Tracking | None = None,
+        max_age_s: float | None = None,
+        join_s: float = JOIN_S,
+        leaving: Leaving | None = None,
+    ) -> None:
+        self._bus = bus
+        self._model = model
+        self._role = role
+        self._name = tokens[0].worker
+        self._board = Board()
+        self._cameras: dict[CameraKey, Camera] = {}
+        unread = REPLACED if role.most_hz is None else SPARED  # a newer one is as good for an opinion
+        self._accounts = Tallies(partial(Account, unread=unread))
+        self._asked: dict[CameraKey, Asked] = {}
+        self._took_over: dict[CameraKey, Callable[[], None]] = {}
+        self._leaving = leaving or Leaving()
+        self._painters = ThreadPoolExecutor(PAINTERS, thread_name_prefix="overlays")
+        self._pace = Pace()
+        self._inference = Inference(
+            model,
+            self._name,
+            self._board,
+            tracking=tracking,
+            cameras=self._cameras,
+            accounts=self._accounts.kept,
+            max_age_s=max_age_s,
+            keeps_up=lambda: self._pace.limit_hz is None,
+            on_result=self._has_result,
+        )
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s, leaves=self._leaving.begin)
+
+    async def run(self) -> None:
+        """Work until cancelled; then hand over, publish what has begun, and end.
+
+        Raises:
+            ModelError: the model is of no more use.
+        """
+        try:
+            async with asyncio.TaskGroup() as group:
+                key = worker_status(self._role.service, self._name)
+                group.create_task(report(self._bus, key, WorkerStatus, self._status))
+                group.create_task(self._keep_pace())
+                group.create_task(self._inference.run())
+                await self._sharing.run()
+        finally:
+            self._painters.shutdown(wait=False, cancel_futures=True)
+
+    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
+        asked = self._asked[key] = Asked()
+        asked.ask(self._role.most_hz)
+        self._took_over[key] = took_over
+        segments, painters = self._model.segments, self._painters
+        try:
+            with self._accounts.serving(key) as account:
+                async with (
+                    serving(self._bus, key, account, role=self._role, segments=segments, painters=painters) as camera,
+                    asyncio.TaskGroup() as group,
+                ):
+                    self._cameras[key] = camera
+                    group.create_task(say_unwanted(camera.demand, took_over))
+                    try:
+                        await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
+                    finally:
+                        await self._finish(camera)
+        finally:
+            del self._asked[key], self._took_over[key]
+            self._cameras.pop(key, None)
+
+    async def _finish(self, camera: Camera) -> None:
+        """Wait until what has begun of a camera is published and drawn, or its time is over."""
+        until_s = self._leaving.until_s or asyncio.get_running_loop().time() + FINISH_S
+        with suppress(TimeoutError):
+            async with asyncio.timeout_at(until_s):
+                await self._inference.settled(camera.key)
+                await camera.overlays.drawn()
+
+    def _has_result(self, key: CameraKey) -> None:
+        if key in self._took_over:
+            self._took_over[key]()
+
+    async def _keep_pace(self) -> None:
+        """Ask gateways for no more frames than can be used, for ever."""
+        shared_by: set[CameraKey] = set()
+        while True:
+            await asyncio.sleep(PACE_PERIOD_S)
+            wanted = {key for key, camera in self._cameras.items() if camera.demand.wanted}
+            changed = self._pace.look(self._inference.totals(), len(wanted), time.monotonic())
+            if changed or wanted != shared_by:
+                self._share_pace(self._board.by_turn(wanted))
+            shared_by = wanted
+
+    def _share_pace(self, cameras: Sequence[CameraKey]) -> None:
+        """Ask for the same rate of each camera, one after the other."""
+        limit, most = self._pace.limit_hz, self._role.most_hz
+        for turn, key in enumerate(cameras):
+            if limit is not None:
+                each = limit / len(cameras)
+                self._asked[key].ask(each if most is None else min(each, most), turn / limit)
+            elif self._asked[key].hz != most:
+                self._asked[key].ask(most)
+
+    def _status(self) -> WorkerStatus:
+        return WorkerStatus(
+            service=self._role.service,
+            worker=self._name,
+            model=self._model.name,
+            sent_ns=time.time_ns(),
+            remarks=[remark[:MAX_LABEL] for remark in self._model.remarks],
+            classes=list(self._model.classes[:MAX_CLASSES]),
+            cameras=self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
+            version=VERSION,
+        )
+
 
 log = logging.getLogger(__name__)
 

@@ -15,12 +15,27 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
-from services.detector.hanging import watch
-from services.detector.leaving import Leaving
 from services.detector.model import Failed, Model, ModelError, Outcome, Request, TuningError
-from services.detector.role import DETECTOR, Role
 from services.detector.stills import ROBOT, StillError, frame_of
+from services.detector.watchdog import watch
+from services.detector.worker_role import DETECTOR, Role
 from services.worker.thread import worker_thread
+
+FINISH_S: Final = 1.2
+"""How long what has begun may take to end once it is let go: less than whoever told the process to end may wait."""
+
+
+class Leaving:
+    """Whether a worker leaves. until_s: when it has to be done, by the loop's clock; None while it stays."""
+
+    def __init__(self) -> None:
+        self.until_s: float | None = None
+
+    def begin(self) -> None:
+        """Leave: begin nothing more."""
+        if self.until_s is None:
+            self.until_s = asyncio.get_running_loop().time() + FINISH_S
+
 
 log = logging.getLogger(__name__)
 

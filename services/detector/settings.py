@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, model_validator
 from bus.settings import BusSettings
 from bus.sharing.settings import SharingSettings
 from schemas.printing import printable
-from services.detector.role import OPINION
+from services.detector.worker_role import OPINION
 
 LEAST_SIDE: Final = 32
 MOST_SIDE: Final = 4096

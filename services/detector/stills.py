@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
+from schemas.compression import JPEG_START, scanned_pixels
 from schemas.header import Header
 from schemas.image import MAX_SIDE, ImageFrame
-from schemas.jpeg_scans import JPEG_START, scanned_pixels
 
 ROBOT: Final = "still"
 FORMATS: Final = ("JPEG", "PNG", "WEBP", "BMP", "GIF", "TIFF", "PPM")

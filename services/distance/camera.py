@@ -17,11 +17,10 @@ from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
 from schemas.keys import TF, RobotStreamKey, Stream, StreamKey, Wanted
 from schemas.status import UNWANTED
-from services.distance.account import FAILED, REPLACED, UNJOINED, Account
+from services.distance.depth_readings import Criteria
 from services.distance.measuring import View, measure_apart, unknown
-from services.distance.picking import Criteria
-from services.distance.sensed import Moment, Sensed
-from services.distance.taking import Taking
+from services.distance.sensor_history import Moment, Sensed
+from services.distance.sensor_input import FAILED, REPLACED, UNJOINED, Account, Taking
 from services.distance.views import Views
 from services.geometry.errors import GeometryError
 

@@ -12,7 +12,7 @@ from schemas.detections import Detection
 from schemas.distances import Measured, ObjectDistance, Place
 from schemas.header import MAX_LABEL
 from schemas.space import MAX_COORDINATE_M, MAX_DISTANCE_M
-from services.distance.picking import RING, Criteria, Picked, pick
+from services.distance.depth_readings import RING, Criteria, Picked, pick
 from services.geometry.camera import CameraModel
 from services.geometry.depth import Depth
 from services.geometry.errors import GeometryError, MaskError

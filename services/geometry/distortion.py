@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.distortion import EQUIDISTANT, coefficients_of
+from schemas.camera_info import EQUIDISTANT, coefficients_of
 from services.geometry.errors import CalibrationError
 
 Plane = NDArray[Any]

@@ -13,13 +13,11 @@ from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.clocks import Clocks
-from services.monitor.inventory.debouncing import NS
+from services.monitor.fleet_problems import NAMESAKES, THIN_LINK, Namesakes, problems_of
+from services.monitor.formats import cameras_in_order, natural_camera
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits, make_room
-from services.monitor.inventory.sighting import Change
-from services.monitor.mapping.places import Places
-from services.monitor.namesakes import Namesakes
-from services.monitor.natural_order import cameras_in_order, natural_camera
-from services.monitor.troubles import NAMESAKES, THIN_LINK, problems_of
+from services.monitor.inventory.sighting import NS, Change
+from services.monitor.map.sighting_places import Places
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0

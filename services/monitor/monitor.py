@@ -12,21 +12,19 @@ from schemas.alerts import Alert, AlertState
 from schemas.worker_keys import DETECTOR, OPINION
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.doubt import known_until_ns
+from services.monitor.event_loop import in_turns
 from services.monitor.fleet import Fleet
-from services.monitor.glance import Glance, SnapshotMaker, Workers
 from services.monitor.health import Health
-from services.monitor.history.acts import Act
 from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.history.operator_actions import Act
 from services.monitor.inventory.inventory import Entry
-from services.monitor.mapping.floor_plan import FloorPlan
+from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.recent import Recent
 from services.monitor.rules.model import RuleBook
-from services.monitor.rules.remarks import remarks
+from services.monitor.rules.unknown_names import remarks
 from services.monitor.settings import MonitorSettings
-from services.monitor.snapshot import Snapshot
-from services.monitor.turns import in_turns
+from services.monitor.snapshot import Glance, Snapshot, SnapshotMaker, Workers, known_until_ns
 
 log = logging.getLogger(__name__)
 

@@ -18,25 +18,22 @@ from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.answering import answer_inventory
-from services.monitor.collecting import keep_collections_short
+from services.monitor.clock_holdback import Arrival, Undated
 from services.monitor.display import Problems, show
+from services.monitor.event_loop import AT_ONCE, arrivals_in_turns, in_turns, keep_collections_short
 from services.monitor.fleet import Fleet
-from services.monitor.health import Health
-from services.monitor.hearing import Hearing
+from services.monitor.health import Health, Hearing
 from services.monitor.history.archive import Archive
 from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
-from services.monitor.joining import how_to_join
-from services.monitor.mapping.floor_plan_file import load_floor_plan
-from services.monitor.measuring import measure_clocks
+from services.monitor.join_address import how_to_join
+from services.monitor.map.floor_plan_file import load_floor_plan
 from services.monitor.monitor import Monitor
+from services.monitor.requests import answer_inventory, measure_clocks
 from services.monitor.settings import MonitorSettings
-from services.monitor.turns import AT_ONCE, arrivals_in_turns, in_turns
-from services.monitor.undated import Arrival, Undated
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.process import Web
 

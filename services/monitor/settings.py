@@ -1,16 +1,100 @@
-"""Settings of the fleet monitor."""
+"""Settings of the monitor: its page and API, the inventory, the alerts, and the files that they name."""
 
+import os
 from ipaddress import ip_address
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Field, HttpUrl, field_validator, model_validator
 
 from bus.session.links import host_of, is_name
 from bus.settings import BusSettings, Endpoint, port_of
-from services.monitor.alerting.settings import AlertingSettings
 from services.monitor.history.settings import HistorySettings
-from services.monitor.inventory.settings import InventorySettings
-from services.monitor.web.settings import WebSettings
+from services.monitor.inventory.inventory import Limits
+from services.monitor.inventory.sighting import NS, Debounce
+
+Lists = Annotated[int, Field(ge=1, le=100)]
+Seconds = Annotated[float, Field(ge=0, le=3600)]
+
+
+class InventorySettings(BaseModel):
+    """When what cameras see is believed."""
+
+    heading: ClassVar = "what counts as seen"
+
+    appear_lists: Annotated[Lists, Field(description="class lists in a row before a class, or more of it, counts")] = 2
+    appear_s: Annotated[Seconds, Field(description="and for how many seconds")] = 0.0
+    vanish_lists: Annotated[Lists, Field(description="class lists in a row without a class before it is gone")] = 2
+    vanish_s: Annotated[Seconds, Field(description="and for how many seconds")] = 1.0
+    stale_s: Annotated[float, Field(gt=0, le=3600, description="seconds without a list before a camera is stale")] = 3.0
+    lost_s: Annotated[
+        float, Field(gt=0, le=86400, description="seconds without a list before what was in view is not known any more")
+    ] = 60.0
+
+    @model_validator(mode="after")
+    def _stale_before_lost(self) -> Self:
+        if self.stale_s > self.lost_s:
+            raise ValueError(f"stale_s {self.stale_s:g} is more than lost_s {self.lost_s:g}: a camera is stale first")
+        return self
+
+    def limits(self) -> Limits:
+        """Return them as the inventory takes them."""
+        debounce = Debounce(self.appear_lists, _ns(self.appear_s), self.vanish_lists, _ns(self.vanish_s))
+        return Limits(debounce, stale_ns=_ns(self.stale_s), lost_ns=_ns(self.lost_s))
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * NS)
+
+
+def _regular(path: Path) -> Path:
+    """Refuse what is there and is no regular file; whoever reads it says that it is not there."""
+    if os.path.exists(path) and not os.path.isfile(path):  # noqa: PTH110, PTH113 - these raise nothing
+        raise ValueError("no regular file")
+    return path
+
+
+RegularFile = Annotated[Path, AfterValidator(_regular)]
+
+
+class AlertingSettings(BaseModel):
+    """Which rules make alerts."""
+
+    heading: ClassVar = "alerts"
+
+    rules: RegularFile | None = Field(default=None, description="YAML file of rules; read again whenever it changes")
+
+
+class WebSettings(BaseModel):
+    """Where the page is, and for how long somebody is logged in."""
+
+    heading: ClassVar = "page and HTTP API"
+
+    web: bool = Field(default=True, description="serve the page and the HTTP API")
+    web_host: str = Field(
+        default="127.0.0.1", min_length=1, description="address to serve them at; 0.0.0.0 is all of this machine's"
+    )
+    web_port: int = Field(default=8080, ge=0, le=65535, description="port to serve them at; 0 takes a free one")
+    web_url: HttpUrl | None = Field(
+        default=None, description="address that people use if a proxy is before it, like https://fleet.example"
+    )
+    floor_plan: RegularFile | None = Field(
+        default=None, description="floor plan to draw the map on: the YAML file of a map as ROS's map_server has it"
+    )
+    web_session_hours: float = Field(
+        default=168, gt=0, le=8_760, description="hours after which somebody who did nothing is logged out"
+    )
+    web_connections: int = Field(default=1_000, ge=10, le=100_000, description="connections at the same time, at most")
+    web_open_metrics: bool = Field(default=False, description="let anybody read /metrics, without a token")
+
+    @field_validator("web_url")
+    @classmethod
+    def _is_a_whole_host(cls, url: HttpUrl | None) -> HttpUrl | None:
+        if url is not None and (url.path not in (None, "/") or url.query is not None or url.fragment is not None):
+            raise ValueError(
+                "the page is at the root of its host: nothing may follow that, as in https://fleet.example"
+            )
+        return url
 
 
 class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistorySettings, BusSettings):

@@ -1,13 +1,18 @@
-"""The fleet at one moment, as people and programs are shown it. Pure."""
+"""The fleet at one moment, as the page and the API show it, and whether what an alert says is known then. Pure."""
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import msgspec
 
+from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
-from services.monitor.fleet import Row
+from services.monitor.fleet import Fleet, Row
+from services.monitor.inventory.inventory import Inventory, of_robot
+from services.monitor.inventory.sighting import NS
 
 
 class CameraLine(msgspec.Struct, frozen=True, gc=False):
@@ -74,3 +79,169 @@ class Snapshot:
     robots: tuple[RobotLine, ...]
     cameras: tuple[CameraLine, ...]
     workers: tuple[WorkerLine, ...]
+
+
+SILENT_NS: Final = 3 * NS
+"""After how long without a word a worker counts as gone: it has one every second."""
+
+
+class Workers:
+    """Every worker as it said last how it is, by name, and what became of each camera's frames there."""
+
+    def __init__(self, fleet: Fleet, now_ns: int) -> None:
+        self.lines = tuple(
+            WorkerLine(status, now_ns - last_ns <= SILENT_NS, last_ns)
+            for name, status in sorted(fleet.workers.items())
+            for last_ns in [fleet.worker_heard_ns.get(name, 0)]
+        )
+        self._loads = defaultdict[tuple[str, str], list[tuple[WorkerLine, CameraLoad]]](list)
+        for line in self.lines:
+            for load in line.status.cameras:
+                self._loads[load.robot, load.camera].append((line, load))
+
+    def loads(self, key: CameraKey) -> Sequence[tuple[WorkerLine, CameraLoad]]:
+        """Return what became of a camera's frames at each worker that had any."""
+        return self._loads.get((key.robot, key.camera), ())
+
+    def of(self, service: str) -> list[WorkerStatus]:
+        """Return what the workers of a service say that are there now."""
+        return [line.status for line in self.lines if line.online and line.status.service == service]
+
+    def serving(self, key: CameraKey) -> tuple[str, ...]:
+        """Return the workers that look after a camera now, as service/worker."""
+        return tuple(line.name for line, load in self.loads(key) if load.serving and line.online)
+
+
+class Glance:
+    """The fleet at `now_ns` (epoch), which is `now_s` on a steady clock. What is made later shows what came later.
+
+    robots: all that were ever heard of and not forgotten, by name. cameras: theirs, by robot and name.
+    """
+
+    def __init__(self, fleet: Fleet, workers: Workers, now_ns: int, now_s: float) -> None:
+        self.fleet, self.workers, self.now_ns = fleet, workers, now_ns
+        self._now_s = now_s
+        self.cameras = fleet.inventory.in_order()
+        self.robots = _robots(fleet, self.cameras)
+
+    def cameras_of(self, robot: str) -> Sequence[CameraKey]:
+        """Return a robot's cameras, by name."""
+        return of_robot(self.cameras, robot)
+
+    def row(self, key: CameraKey) -> Row:
+        """Return a camera as an operator reads it."""
+        return self.fleet.row(key, self._now_s)
+
+    def last_ns(self, robot: str, cameras: Iterable[CameraKey]) -> int:
+        """Return when anything came from a robot last; 0 if nothing ever did. cameras: all that it has."""
+        newest = self.fleet.heard_ns.get(robot) or self.fleet.inventory.recalled().get(robot, 0)
+        for key in cameras:
+            view = self.fleet.inventory.camera(key)
+            if view is not None and view.last_ns > newest:
+                newest = view.last_ns
+        return newest
+
+    def drops(self, robot: str, cameras: Iterable[CameraKey]) -> int:
+        """Return how many of a robot's frames were dropped anywhere. cameras: all that it has."""
+        count = sum(sum(load.dropped.values()) for key in cameras for _, load in self.workers.loads(key))
+        gateway = self.fleet.gateways.get(robot)
+        if gateway is not None:
+            count += sum(sum(stream.dropped.values()) for stream in gateway.streams) + sum(gateway.withdrawn.values())
+        return count
+
+    def camera(self, key: CameraKey) -> CameraLine:
+        """Return all that is shown of a camera."""
+        return self.camera_of(self.row(key))
+
+    def camera_of(self, row: Row) -> CameraLine:
+        """Return all that is shown of a camera whose row is made already."""
+        key = row.key
+        dropped = _drops_of(self.fleet.gateways.get(key.robot), key.camera)
+        for worker, load in self.workers.loads(key):
+            _add(dropped, worker.name, load.dropped)
+        view = self.fleet.inventory.camera(key)
+        return CameraLine(row, 0 if view is None else view.last_ns, dropped, self.workers.serving(key))
+
+    def robot(self, name: str) -> RobotLine:
+        """Return all that is shown of a robot."""
+        return self.robot_of(name, [self.camera(key) for key in self.cameras_of(name)])
+
+    def robot_of(self, name: str, cameras: Sequence[CameraLine]) -> RobotLine:
+        """Return all that is shown of a robot, whose cameras are made already."""
+        gateway = self.fleet.gateways.get(name)
+        dropped = _drops_of(gateway, "")
+        if gateway is not None:
+            _add(dropped, "gateway", gateway.withdrawn)
+        for camera in cameras:
+            for reason, count in camera.dropped.items():
+                dropped[reason] = dropped.get(reason, 0) + count
+        ages = [camera.row.age.seconds for camera in cameras if camera.row.age is not None]
+        return RobotLine(
+            name=name,
+            online=self.fleet.inventory.is_alive(name),
+            last_ns=self.last_ns(name, [camera.key for camera in cameras]),
+            gateway=gateway,
+            problems=tuple(self.fleet.problems_of(name)),
+            cameras=tuple(camera.key.camera for camera in cameras),
+            age_s=min(ages, default=None),
+            rate_hz=sum(camera.row.rate_hz for camera in cameras),
+            dropped=dropped,
+        )
+
+
+class SnapshotMaker:
+    """Makes a snapshot of everything step by step, so that others get their turn in between."""
+
+    def __init__(self, glance: Glance) -> None:
+        self._glance = glance
+        self._cameras: list[CameraLine] = []
+        self._robots: list[RobotLine] = []
+
+    def steps(self) -> Iterator[None]:
+        """Yield after each step."""
+        for name in self._glance.robots:
+            cameras = [self._glance.camera(key) for key in self._glance.cameras_of(name)]
+            self._cameras += cameras
+            self._robots.append(self._glance.robot_of(name, cameras))
+            yield
+
+    def snapshot(self) -> Snapshot:
+        """Return it, once all steps are done."""
+        return Snapshot(self._glance.now_ns, tuple(self._robots), tuple(self._cameras), self._glance.workers.lines)
+
+
+def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:
+    names = dict.fromkeys([key.robot for key in cameras])
+    inventory = fleet.inventory
+    bare = (inventory.robots() | inventory.recalled().keys() | fleet.gateways.keys()) - names.keys()
+    bare = {name for name in bare if not inventory.is_forgotten(name)}
+    return tuple(sorted([*names, *bare])) if bare else tuple(names)
+
+
+def _drops_of(gateway: GatewayStatus | None, camera: str) -> dict[str, int]:
+    """Return what a gateway dropped of a camera's streams; of those that belong to the whole robot if it is empty."""
+    dropped: dict[str, int] = {}
+    for stream in () if gateway is None else gateway.streams:
+        if stream.camera == camera:
+            _add(dropped, "gateway", stream.dropped)
+    return dropped
+
+
+def _add(dropped: dict[str, int], where: str, more: Mapping[str, int]) -> None:
+    for reason, count in more.items():
+        if count:
+            named = f"{where}: {reason}"
+            dropped[named] = dropped.get(named, 0) + count
+
+
+def known_until_ns(alert: Alert, inventory: Inventory, now_ns: int) -> int | None:
+    """Return until when it was known what an alert says; None while it is, of silence itself, and of what is over.
+
+    That is when its camera was heard last, or when it was raised where nobody remembers that.
+    """
+    if alert.state is AlertState.RESOLVED or not alert.name:  # only silence is of no class
+        return None
+    view = inventory.camera(CameraKey(alert.robot, alert.camera))
+    if view is None:
+        return alert.raised_ns
+    return None if inventory.speaks(view, now_ns) else view.last_ns or alert.raised_ns

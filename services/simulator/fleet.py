@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 from typing import Final
 
-from services.simulator.film import Equipment, Film
+from services.simulator.film import Equipment, Film, Store
 from services.simulator.robot import Robot
 from services.simulator.settings import SimulatorSettings
-from services.simulator.store import Store
 from services.simulator.topics import topics
 from services.simulator.world import Camera
 

@@ -5,25 +5,41 @@ import json
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AsyncExitStack
 from pathlib import Path
 
 from gateway.ros1.node import Node
 from gateway.ros1.tasks import TaskScope
-from services.simulator.bagging import write_bags
+from services.simulator.bags import one_each, write_bags
 from services.simulator.errors import MasterError
 from services.simulator.fleet import robots, warehouse_seed
 from services.simulator.floor_plan import write_floor_plan
 from services.simulator.live import LiveRobot
-from services.simulator.prerendering import prerender
-from services.simulator.recording import one_each
+from services.simulator.progress_bars import bar
 from services.simulator.robot import Robot
 from services.simulator.ros_master.master import RosMaster
 from services.simulator.settings import SimulatorSettings
 
 log = logging.getLogger(__name__)
+
+
+async def prerender(fleet: Iterable[Robot], executor: Executor) -> list[Robot]:
+    """Make the robots and measure all that their topics need; `executor` does it, while progress is shown."""
+    loop = asyncio.get_running_loop()
+    robots = await loop.run_in_executor(executor, list, fleet)
+    films = {robot.film: robot.parts for robot in robots}
+    with bar("rendering", sum(film.frames for film in films)) as done:
+        for film, parts in films.items():
+            for number in range(film.frames):
+                await loop.run_in_executor(executor, film.measure, number, parts)
+                done()
+    stores = {film.store for film in films}
+    log.info("keeps %.0f MiB", sum(store.size for store in stores) / 2**20)
+    if any(store.refused for store in stores):
+        log.warning("not everything fits in --memory-mib: what does not is rendered again each time")
+    return robots
 
 
 async def run(settings: SimulatorSettings) -> None:

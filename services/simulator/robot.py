@@ -5,9 +5,18 @@ from typing import Final, assert_never
 
 import numpy as np
 
-from services.simulator.clouds import colored_points, metres, packed, projected
 from services.simulator.film import Array, Film, Part
-from services.simulator.messages import Head, cloud_message, image_message, info_message, transforms_message
+from services.simulator.messages import (
+    Head,
+    cloud_message,
+    colored_points,
+    image_message,
+    info_message,
+    metres,
+    packed,
+    projected,
+    transforms_message,
+)
 from services.simulator.placement import BASE, COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, MAP, ODOM, Placement, odometry_error
 from services.simulator.topics import Content, Topic
 

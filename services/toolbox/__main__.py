@@ -5,7 +5,7 @@ import signal
 import sys
 from typing import Final, NoReturn
 
-from services.toolbox import streams
+from services.toolbox import stdio
 
 LASTING: Final = frozenset({"gateway", "detector", "distance", "cloud", "monitor", "simulate", "demo"})
 """Commands that run until they are told to stop. The others are not done when they are; see `process.run`."""
@@ -15,7 +15,7 @@ def console() -> NoReturn:
     """Run the command line of this process and leave it. Told to stop before there is anything to end, it is left."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave_at_once)
-    streams.prepare()
+    stdio.prepare()
     # What the command line needs takes a while to import.
     from services.toolbox import command_line, process  # noqa: PLC0415
 

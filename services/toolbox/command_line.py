@@ -13,12 +13,11 @@ from fleetsight.own_packages import ALL
 from schemas.printing import printable
 from services.toolbox import logs, process
 from services.toolbox.commands import COMMANDS, Command
-from services.toolbox.errors import UsageError
-from services.toolbox.given import ENV_PREFIX
+from services.toolbox.errors import UsageError, meant
 from services.toolbox.help import EXIT_CODES
-from services.toolbox.misspelt import meant
+from services.toolbox.setting_sources import ENV_PREFIX
 from services.toolbox.settings import load, names_of, variables
-from services.toolbox.streams import PrintError
+from services.toolbox.stdio import PrintError
 
 OURS = ("fleetsight", *ALL)
 HELP_OPTIONS = ("-h", "--help", "help")

@@ -162,7 +162,7 @@ COMMANDS: Final = (
         refusals=(
             "bus:BusError",
             "services.monitor.history.errors:OtherVersionError",
-            "services.monitor.mapping.floor_plan_file:FloorPlanError",
+            "services.monitor.map.floor_plan_file:FloorPlanError",
             "services.monitor.rules.loading:RuleFileError",
             "services.monitor.web.errors:WebError",
         ),
@@ -248,9 +248,9 @@ COMMANDS: Final = (
     Command(
         "train",
         "make the shipped model from nothing: render, train, validate, write weights and card",
-        "services.simulator.training.settings:TrainingSettings",
+        "services.training.settings:TrainingSettings",
         "services.toolbox.train.process:run",
-        refusals=("services.simulator.training.errors:TrainingError",),
+        refusals=("services.training.files:TrainingError",),
         extra="train",
         finite=True,
         examples=(

@@ -1,5 +1,22 @@
 """What is wrong with how a command was called."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Final
+
 
 class UsageError(Exception):
     """A setting that is wrong; the message names it and fits on one line."""
+
+
+LIKENESS: Final = 0.8
+"""Of two names, as difflib has it: a letter more, less or other in five to ten."""
+
+
+def meant(name: str, known: Iterable[str], prefix: str = "") -> str:
+    """Return the end of a sentence that names the nearest known name; nothing where none is near.
+
+    prefix: what `name` begins with and the known ones are written with.
+    """
+    near = get_close_matches(name.removeprefix(prefix), list(known), n=1, cutoff=LIKENESS)
+    return f"; did you mean {prefix}{near[0]}?" if near else ""

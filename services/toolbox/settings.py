@@ -22,11 +22,9 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from services.toolbox.errors import UsageError
-from services.toolbox.given import ENV_PREFIX, Given, option_of
+from services.toolbox.errors import UsageError, meant
 from services.toolbox.help import Usage, help_text, usage_line
-from services.toolbox.misspelt import meant
-from services.toolbox.settings_file import SettingsFile
+from services.toolbox.setting_sources import ENV_PREFIX, Given, SettingsFile, option_of
 
 MAX_HELP_WIDTH = 100
 MAX_VALUE = 80

@@ -9,7 +9,7 @@ ROOMS = ("fleetsight", "schemas", "bus", "gateway", "services")
 READERS = ("settings.py", "__main__.py")
 MAY_ALSO = {
     "services/detector/runtime/offline.py": "tells Ultralytics, through its environment, to stay off the network",
-    "services/simulator/training/engine.py": "tells Ultralytics, through its environment, to stay off the network",
+    "services/training/trainer.py": "tells Ultralytics, through its environment, to stay off the network",
     "services/toolbox/demo/children.py": "gives its processes an environment of their own",
 }
 

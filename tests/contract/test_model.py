@@ -11,7 +11,7 @@ from pycocotools import mask as coco
 
 from schemas.detections import Detection
 from schemas.tuning import Tuning
-from services.detector.account import MALFORMED
+from services.detector.frame_counts import MALFORMED
 from services.detector.model import Failed, Found, Model, Outcome, Request, TuningError
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings

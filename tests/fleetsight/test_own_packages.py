@@ -123,8 +123,8 @@ import os, sys
 from pathlib import Path
 
 if __name__ == "__main__":  # where the command is a module, the processes it begins do not import that one either
-    import fleetsight.spawned
-    from services.simulator.training import pool
+    import fleetsight.spawned_process
+    from services.training import pool
 
     pool.run(os.mkdir, [Path(sys.argv[1], str(number)) for number in range(4)], 2, lambda done: None)
 """

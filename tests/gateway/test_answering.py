@@ -16,7 +16,7 @@ from gateway.ros1.wire.tcpros import TopicType
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.clock import ClockReading
-from schemas.service import ServiceRequest, ServiceResponse
+from schemas.ros import ServiceRequest, ServiceResponse
 from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.services import answer, fake_service, service_header
 from tests.gateway.ros1.waiting import until

@@ -17,7 +17,7 @@ from gateway.ros1.node import Node
 from gateway.settings import GatewaySettings
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.simulator.ros_master.master import RosMaster
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.gateway.offering import new_offers
 from tests.gateway.ros1.waiting import until
 from tests.gateway.to_bus.translators.test_cloud_image import EMPTY, UNORDERED, colored

@@ -10,7 +10,7 @@ from gateway.ros1.node import Node
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.ros1.xmlrpc.server import XmlRpcServer
 from services.simulator.ros_master.master import RosMaster
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.gateway.ros1.fakes import FakeSlave
 from tests.gateway.ros1.nodes import node
 

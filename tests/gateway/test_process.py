@@ -13,7 +13,7 @@ from gateway.settings import GatewaySettings
 from schemas import codec, keys
 from schemas.status import GatewayStatus
 from services.simulator.ros_master.master import RosMaster
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.gateway.ros1.waiting import until
 
 

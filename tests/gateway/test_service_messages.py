@@ -4,7 +4,7 @@ from gateway.requests import request_for, response_of
 from gateway.ros1.errors import MessageError
 from gateway.ros1.tcpros.service_client import EMPTY, SET_BOOL, TRIGGER, ServiceAnswer
 from gateway.ros1.wire.tcpros import TopicType
-from schemas.service import MAX_ANSWER_TEXT, ServiceRequest, ServiceResponse
+from schemas.ros import MAX_ANSWER_TEXT, ServiceRequest, ServiceResponse
 
 OTHER = TopicType("nav_msgs/GetMap", "6cdd0a18e0aff5b0a3ca2326a89b54ff")
 

@@ -10,8 +10,7 @@ from bus import QUEUE, Bus, BusSettings, Subscription, open_bus
 from schemas import codec, keys
 from schemas.codec import M
 from schemas.status import GatewayStatus, ReturnStatus, StreamStatus
-from services.toolbox.demo.children import Child, child
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import Child, child, free_ports
 
 PATIENCE_S: Final = 60
 

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.ros1.messages import deserialise
 from schemas.keys import sensor_key
-from schemas.raw import RawMessage, Text
+from schemas.ros import RawMessage, Text
 from schemas.status import StreamStatus
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment

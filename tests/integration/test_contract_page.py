@@ -13,10 +13,10 @@ from bus import Bus, BusSettings, QoS, open_bus
 from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
-from services.monitor.answering import answer_inventory
 from services.monitor.fleet import Fleet
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Limits
+from services.monitor.inventory.sighting import Debounce
+from services.monitor.requests import answer_inventory
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import PATIENCE_S, until
 from tests.schemas.frames import header

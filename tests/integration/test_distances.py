@@ -14,7 +14,7 @@ from schemas.detections import Box, Detection, Detections
 from schemas.distances import Distances
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment
 from tests.schemas.masks import coco_mask

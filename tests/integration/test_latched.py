@@ -12,7 +12,7 @@ from gateway.ros1.messages import deserialise, message_type
 from gateway.to_bus.forward import LINGER_S
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
-from schemas.raw import RawMessage
+from schemas.ros import RawMessage
 from schemas.transforms import Transforms
 from tests.gateway.sensing import tf, transform
 from tests.integration.fleet import FleetRig, fleet_rig, receive

@@ -10,8 +10,8 @@ from nicegui import Client
 from playwright.async_api import Browser, expect
 
 from services.monitor.web.auth import middleware
-from services.monitor.web.auth.visitor import Role
-from services.toolbox.demo.ports import free_ports
+from services.monitor.web.auth.users import Role
+from services.toolbox.demo.children import free_ports
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.tls_proxy import tls_proxy
 from tests.integration.warehouse import Robot, warehouse

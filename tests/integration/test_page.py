@@ -11,7 +11,7 @@ import pytest_asyncio
 from playwright.async_api import Browser, expect
 
 from bus.fake import FakeNetwork
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Role
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.warehouse import Robot, Warehouse, warehouse
 from tests.services.monitor.web.serving import Served, monitor_on, served

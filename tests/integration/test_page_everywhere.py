@@ -9,8 +9,8 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, expect
 
-from services.monitor.joining import endpoint_to_join
-from services.monitor.live_views import reasons
+from services.monitor.join_address import endpoint_to_join
+from services.monitor.live_views import why_no_picture
 from tests.integration.browser import PATIENCE_MS, SIZES, Size, looking, open_browser
 from tests.integration.in_sight import out_of_sight
 from tests.integration.touching import too_small_to_touch
@@ -125,7 +125,7 @@ async def test_the_fleet_says_how_often_how_old_and_how_much_was_dropped(site: S
 async def test_a_picture_that_does_not_come_for_long_is_a_case_for_health(
     site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reasons, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(why_no_picture, "PATIENCE_S", 1.0)
     async with looking(site.browser, site.at, tmp_path, size="phone") as looker:
         page = await looker.go("/cameras/r1/front")
         said = "Look at Health: is there a detector that serves r1/front and does not drop its images?"

@@ -14,7 +14,7 @@ from schemas.alerts import Alert
 from schemas.detections import Box, ClassList, Detection
 from schemas.keys import CameraKey, Stream
 from schemas.status import BEYOND_USE, CameraLoad, WorkerStatus
-from services.detector.account import SPARED
+from services.detector.frame_counts import SPARED
 from services.detector.model import Found, Outcome, Request
 from services.detector.process import work
 from services.detector.settings import DetectorSettings

@@ -17,7 +17,7 @@ from schemas.codec import M
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.points import PointCloud, PointField
-from schemas.raw import RawMessage, Text
+from schemas.ros import RawMessage, Text
 from schemas.transforms import Transforms
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment, require_ros

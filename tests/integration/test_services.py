@@ -14,7 +14,7 @@ from bus import Bus, NotServedError, RefusedError
 from gateway.ros1.tcpros.service_client import ALL
 from schemas import codec, keys
 from schemas.clock import ClockReading
-from schemas.service import ServiceRequest, ServiceResponse
+from schemas.ros import ServiceRequest, ServiceResponse
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
 from tests.integration.ros import real_master, require_ros
 

@@ -12,7 +12,7 @@ from bus import QUEUE, BusSettings, Subscription, open_bus
 from schemas import keys
 from schemas.detections import ClassList
 from schemas.keys import Stream
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.integration.fleet import PATIENCE_S
 from tests.integration.serving import served
 

@@ -6,7 +6,7 @@ import statistics
 
 from bus import QUEUE, BusSettings, QoS, open_bus
 from bus.session.tcp_options import UNSENT_BYTES
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.gateway.ros1.waiting import until
 from tests.integration.thin_link import thin_link
 

@@ -20,7 +20,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.serving import Result, served
 from tests.integration.thin_link import ThinLink, thin_link

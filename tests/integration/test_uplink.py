@@ -11,10 +11,10 @@ from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_bus.shaping.shaping import Shaping
 from gateway.to_bus.translators import kind_of
 from schemas.keys import SensorKey, sensor_key
-from schemas.raw import RawMessage
+from schemas.ros import RawMessage
 from schemas.status import OVER_BUDGET
 from schemas.transforms import Transforms
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.gateway.ros1.waiting import until
 from tests.integration.thin_link import ThinLink, thin_link
 from tests.schemas.frames import header

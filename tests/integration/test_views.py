@@ -21,11 +21,11 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
-from services.monitor.mapping.drawing import Bounds, svg_of
-from services.monitor.mapping.floor_plan import MOST_CELLS, FloorPlan, MapDescription
-from services.monitor.mapping.floor_plan_file import load_floor_plan
+from services.monitor.map.drawing import Bounds, svg_of
+from services.monitor.map.floor_plan import MOST_CELLS, FloorPlan, MapDescription
+from services.monitor.map.floor_plan_file import load_floor_plan
 from services.monitor.monitor import Monitor
-from services.monitor.page.stage import VIEW_STYLE
+from services.monitor.page.picture_frame import VIEW_STYLE
 from services.monitor.process import watch_fleet
 from services.simulator.floor_plan import write_floor_plan
 from tests.integration.browser import PATIENCE_MS, looking, open_browser

@@ -16,7 +16,7 @@ from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
 from services.monitor.inventory.sighting import Change
 from services.monitor.monitor import Monitor
 from services.monitor.process import watch_fleet
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.schemas.results import known
 from tests.services.monitor.web.serving import monitor_on
 

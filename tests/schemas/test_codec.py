@@ -14,8 +14,7 @@ from schemas.image import ImageFrame
 from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.points import PointCloud, PointField
-from schemas.raw import RawMessage, Text
-from schemas.service import ServiceRequest, ServiceResponse
+from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
 from schemas.status import CameraLoad, GatewayStatus, ReturnStatus, StreamStatus, WorkerStatus
 from schemas.transforms import Transform, Transforms
 from schemas.tuning import Tuning

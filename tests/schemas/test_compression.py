@@ -7,9 +7,8 @@ from backports import zstd
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.compression import MAX_DECODED_BYTES, MAX_SCANS, MAX_SEGMENTS, Picture, check_zstd, picture_of
+from schemas.compression import MAX_DECODED_BYTES, MAX_MARKERS, MAX_SCANS, MAX_SEGMENTS, Picture, check_zstd, picture_of
 from schemas.errors import SchemaError
-from schemas.jpeg_scans import MAX_MARKERS
 from tests.schemas.pictures import SCAN, file_of, resized
 
 GREY = np.zeros((4, 6), np.uint8)

@@ -3,7 +3,7 @@ import io
 import pytest
 from PIL import Image
 
-from schemas.jpeg_scans import MAX_MARKERS, scanned_pixels
+from schemas.compression import MAX_MARKERS, scanned_pixels
 from tests.schemas.pictures import SCAN, resized
 
 BLOCK = 8 * 8

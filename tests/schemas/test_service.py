@@ -1,7 +1,7 @@
 import pytest
 
 from schemas.errors import SchemaError
-from schemas.service import ServiceRequest
+from schemas.ros import ServiceRequest
 
 
 def test_a_service_is_given_one_thing() -> None:

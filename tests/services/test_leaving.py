@@ -14,7 +14,7 @@ from services.cloud import process as cloud
 from services.cloud.settings import CloudSettings
 from services.distance import process as distance
 from services.distance.settings import DistanceSettings
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 LONG_S = 8.0
 

@@ -16,7 +16,7 @@ from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import ROS, TEXT, TF, TF_STATIC, SensorKey, Stream, StreamKey
 from schemas.points import PointCloud
-from schemas.raw import RawMessage, Text
+from schemas.ros import RawMessage, Text
 from schemas.transforms import Transforms
 
 _INFO: Final = StreamKind(CameraInfo, QoS.RESULT, {camera_info.TYPE_NAME: each(info)}, max_bytes=MIB // 16)

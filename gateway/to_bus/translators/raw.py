@@ -9,7 +9,7 @@ from gateway.ros1.tcpros.subscriber import Message
 from gateway.to_bus.translators.stream_kind import label
 from schemas.errors import SchemaError
 from schemas.header import Header
-from schemas.raw import MAX_DEFINITION, MAX_MD5, MAX_TEXT, RawMessage, Text
+from schemas.ros import MAX_DEFINITION, MAX_MD5, MAX_TEXT, RawMessage, Text
 
 STRING: Final = "std_msgs/String"
 _LENGTH: Final = struct.Struct("<I")

@@ -134,8 +134,8 @@ def _made(copy: Path, weights: "Weights", kind: str, device: str, longest: int) 
     import torch  # noqa: PLC0415 - it is heavy, and is here by now
     from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
 
-    from services.detector.runtime.branches import keep_branch  # noqa: PLC0415 - it is heavy too
     from services.detector.runtime.checkpoint import exact_names  # noqa: PLC0415 - as above
+    from services.detector.runtime.nms_branches import keep_branch  # noqa: PLC0415 - it is heavy too
 
     threads = torch.get_num_threads()
     try:

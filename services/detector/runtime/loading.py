@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from schemas.printing import printable
 from schemas.tuning import Tuning
-from services.detector.evidence import NEUTRAL, neutral_score
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
@@ -24,13 +23,12 @@ from services.detector.runtime.engine import BATCH_ON_GPU, Engine
 from services.detector.runtime.exporting import discard, exported
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.offline import keep_offline
-from services.detector.runtime.pipeline import Facts, Pipeline
+from services.detector.runtime.pipeline import Facts, Pipeline, prove
 from services.detector.runtime.postprocess import OutputError
-from services.detector.runtime.proof import prove
-from services.detector.runtime.refinement.closeups import blank_close_ups
-from services.detector.runtime.refinement.refiner import Refiner
+from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
 from services.detector.settings import LEAST_SIDE, MOST_SIDE, DetectorSettings
-from services.detector.tracking import Tracking
+from services.detector.tracking.confirmed_tracks import NEUTRAL, neutral_score
+from services.detector.tracking.tracks import Tracking
 
 if TYPE_CHECKING:
     import torch
@@ -129,7 +127,7 @@ def tracking(settings: DetectorSettings, model: Model) -> Tracking | None:
     """Return what follows the objects of a model from frame to frame; the model must have been loaded here."""
     if settings.tracker == "off":
         return None
-    from services.detector.runtime.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
+    from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
 
     known = settings.track_score or (NEUTRAL if settings.is_shipped else None)
 
@@ -155,7 +153,7 @@ def _engines(
     """Return the runtime, the model under it, and the model under torch."""
     import torch  # noqa: PLC0415
 
-    from services.detector.runtime.branches import keep_branch  # noqa: PLC0415 - it is heavy
+    from services.detector.runtime.nms_branches import keep_branch  # noqa: PLC0415 - it is heavy
     from services.detector.runtime.torch_engine import TorchEngine  # noqa: PLC0415
 
     threads = _threads(settings)

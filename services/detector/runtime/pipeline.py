@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +16,32 @@ from numpy.typing import NDArray
 from schemas.header import MAX_LABEL
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
-from services.detector.account import FAILED, MALFORMED
+from services.detector.frame_counts import FAILED, MALFORMED
 from services.detector.model import SILENT, Failed, Found, ModelError, Outcome, Request, first_line
 from services.detector.pixels import PictureError, to_bgr
-from services.detector.runtime.agreement import difference
 from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine, OutOfMemoryError
 from services.detector.runtime.letterbox import Letterbox
+from services.detector.runtime.overlap import difference
 from services.detector.runtime.postprocess import Head, Output, OutputError, objects
-from services.detector.runtime.proof import prove
-from services.detector.runtime.refinement.closeups import CloseUps, close_ups
-from services.detector.runtime.refinement.refiner import Refined, Refiner
+from services.detector.runtime.refinement.refiner import CloseUps, Refined, Refiner, close_ups
+
+ANYTHING: Final = Criteria(confidence=0, max_detections=1)
+"""However unsure: every number of the output is looked at."""
+
+
+def prove(engine: Engine, blank: NDArray[np.uint8], names: Mapping[int, str], stride: int, head: Head = "nms") -> None:
+    """Compute an empty image, 1 x height x width x RGB, and read it as any other; names, stride, head are the model's.
+
+    Raises:
+        OutputError: nothing can be read off the output. What the engine raises beside it says that it does not work.
+    """
+    (output,) = engine.run(blank)
+    height, width = blank.shape[1:3]
+    as_it_is = Letterbox.fit(height, width, max(height, width), stride)
+    objects(output, as_it_is, ANYTHING, names, masks=True, head=head)
+
 
 log = logging.getLogger(__name__)
 

@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection, Mask
 from schemas.header import MAX_LABEL
-from services.detector.masks import encode_all
-from services.detector.runtime.candidates import Candidates
+from services.detector.runtime.candidates import Candidates, suppressed
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.refinement.closeups import BOX, CloseUps, own_parts
-from services.detector.runtime.refinement.refiner import Refined
-from services.detector.runtime.suppression import suppressed
-from services.detector.runtime.taps import Taps
+from services.detector.runtime.masks import Taps, encode_all
+from services.detector.runtime.refinement.refiner import BOX, CloseUps, Refined, own_parts
 from services.geometry.masks import Window
 
 Floats = NDArray[np.float32]

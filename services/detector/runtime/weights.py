@@ -12,8 +12,8 @@ from ultralytics.nn import tasks
 from ultralytics.utils.torch_utils import select_device
 
 from services.detector.model import ModelError, first_line
-from services.detector.runtime.branches import HeadError, head_of
 from services.detector.runtime.checkpoint import CheckpointError, read_checkpoint
+from services.detector.runtime.nms_branches import HeadError, head_of
 from services.detector.runtime.postprocess import Head
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.torch_refiner import network_in

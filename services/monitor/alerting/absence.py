@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from schemas.keys import CameraKey
-from services.monitor.hearing import GAP_S, Hearing
+from services.monitor.health import GAP_S, Hearing
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.debouncing import NS
 from services.monitor.inventory.inventory import Inventory
+from services.monitor.inventory.sighting import NS
 
 K = TypeVar("K")
 

@@ -15,17 +15,16 @@ from services.monitor.alerting.absence import Absentees
 from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome, Webhooks
-from services.monitor.hearing import Hearing
-from services.monitor.history.acts import Act
+from services.monitor.event_loop import in_turns
+from services.monitor.health import Hearing
+from services.monitor.history.operator_actions import Act
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.debouncing import NS
+from services.monitor.inventory.camera_liveness import Speaking
 from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
-from services.monitor.inventory.sighting import Change
-from services.monitor.inventory.speaking import Speaking
-from services.monitor.rules.conditions import Look
+from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules.engine import MAX_SUBJECTS, Effect, RuleEngine, UnknownAlertError
+from services.monitor.rules.findings import Look
 from services.monitor.rules.model import PLACEHOLDERS, RobotAction
-from services.monitor.turns import in_turns
 
 TICK_S: Final = 0.1
 SWEEP_S: Final = 0.2

@@ -10,7 +10,7 @@ from bus import Bus, BusError, Publisher, QoS
 from schemas import codec
 from schemas.alerts import Action, Alert
 from schemas.keys import ACTIONS, ALERTS, RobotStreamKey
-from services.monitor.alerting.lanes import Lanes
+from services.monitor.alerting.ordered_delivery import Lanes
 
 log = logging.getLogger(__name__)
 

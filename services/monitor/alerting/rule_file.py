@@ -5,9 +5,8 @@ import logging
 from pathlib import Path
 from typing import Final
 
-from services.monitor.rules.loading import RuleFileError, load_rules
+from services.monitor.rules.loading import RuleFileError, load_rules, reading, text_of
 from services.monitor.rules.model import RuleBook
-from services.monitor.rules.reading import reading, text_of
 
 log = logging.getLogger(__name__)
 

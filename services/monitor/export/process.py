@@ -12,10 +12,10 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from services.monitor.export.settings import ExportSettings, epoch_ns
 from services.monitor.export.writing import write_csv, write_parquet
-from services.monitor.history.compacting import compact
 from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
+from services.monitor.history.pruning import compact
 from services.monitor.history.store import Store
 from services.monitor.history.tables import alerts, heartbeat, intervals
 

@@ -8,7 +8,7 @@ from typing import Any, Final, TextIO
 from sqlalchemy import Table
 
 from services.monitor.export.settings import moment
-from services.monitor.figures import rounded
+from services.monitor.formats import rounded
 
 TIME: Final = "_ns"
 """How the names of columns end that are times in nanoseconds; exported ones are without, in UTC to the microsecond."""

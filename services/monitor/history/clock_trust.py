@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from services.monitor.inventory.debouncing import NS
+from services.monitor.inventory.sighting import NS
 
 DAY_NS: Final = 86_400 * NS
 

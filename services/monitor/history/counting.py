@@ -26,8 +26,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from services.monitor.history.newest import places_of
-from services.monitor.history.tables import intervals, lasted, presence
+from services.monitor.history.tables import intervals, lasted, places_of, presence
 
 SLOTS: Final = 360
 FEWEST_SLOTS: Final = 12

@@ -2,12 +2,13 @@
 
 import asyncio
 import os
+import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
-from sqlalchemy import event
+from sqlalchemy import event, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
@@ -102,3 +103,88 @@ def _set_pragmas(connection: Any, _: object) -> None:
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()
     connection.create_function(CASEFOLD, 1, str.casefold, deterministic=True)
+
+
+MAX_NAME: Final = 63
+"""Letters of an application's name in PostgreSQL."""
+
+TELL_NAME: Final = text("SELECT set_config('application_name', :name, false)")
+
+LEADER: Final = text(
+    "SELECT application_name FROM pg_locks JOIN pg_stat_activity USING (pid) WHERE locktype = 'advisory' AND granted"
+    " AND objsubid = 1 AND classid::bigint << 32 | objid::bigint = :lock AND pg_locks.database ="
+    " (SELECT oid FROM pg_database WHERE datname = current_database())"
+)
+
+
+def own_name() -> str:
+    """Return what others call this process."""
+    return f"{socket.gethostname()[: MAX_NAME - 20]}, process {os.getpid()}"
+
+
+def lock_of(file: Path) -> Path:
+    """Return the file beside an SQLite database that whoever leads has locked, and wrote its name into."""
+    return Path(f"{file}-lock")
+
+
+def read_name(lock: Path) -> str:
+    """Return the name in such a file; empty where there is none."""
+    with suppress(OSError):
+        return lock.read_bytes()[:MAX_NAME].decode(errors="replace")
+    return ""
+
+
+BESIDE: Final = ("-wal", "-shm")
+"""As bad where they alone are deleted: whoever opens the database next has others, and they write past each other."""
+
+Identity = tuple[int, int]
+
+
+class OpenFiles:
+    """Which files a database has: made before it is opened, told when it is.
+
+    file: a link counts as the file that it leads to.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self._known: dict[Path, Identity] = {}
+        self._note(file)
+
+    def opened(self) -> None:
+        """Take what is there for what was opened; raises HistoryError if it was moved meanwhile."""
+        real = os.path.realpath(self.file)  # SQLite has them there
+        for path in (self.file, *(Path(real + suffix) for suffix in BESIDE)):
+            if path not in self._known:
+                self._note(path)
+        if self.file not in self._known:
+            raise HistoryError(f"{self.file}: it does not exist")
+        self.check()
+
+    def locked(self, lock: Path, descriptor: int) -> None:
+        """Count a file that has our lock among them."""
+        self._known[lock] = _identity(os.fstat(descriptor))
+
+    def check(self) -> None:
+        """Raise HistoryError if one of them was moved, deleted or replaced."""
+        for path, known in list(self._known.items()):
+            found = _found(path)
+            if found is None:
+                raise HistoryError(f"{path}: it does not exist")
+            if found != known:
+                raise HistoryError(f"{path}: another file is there than was opened")
+
+    def _note(self, path: Path) -> None:
+        if (found := _found(path)) is not None:
+            self._known[path] = found
+
+
+def _found(path: Path) -> Identity | None:
+    try:
+        return _identity(path.stat())
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def _identity(of: os.stat_result) -> Identity:
+    return of.st_dev, of.st_ino

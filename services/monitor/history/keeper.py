@@ -10,27 +10,24 @@ from itertools import chain
 from typing import Final
 
 from schemas.alerts import Alert
-from services.monitor.history.acts import Act, Acts, at_other_times, resolved
+from services.monitor.event_loop import in_turns, uninterrupted
 from services.monitor.history.clock_trust import Correction
 from services.monitor.history.disagreements import Disagreements
 from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.intervals import Sightings
 from services.monitor.history.ledger import Lasting, Ledger
-from services.monitor.history.owed import Nothing, Owed, Owing
-from services.monitor.history.poses import WRITE_S, KnownPoses
-from services.monitor.history.presence import RESTORED_NS, Attendance, Presence
+from services.monitor.history.operator_actions import Act, Acts, at_other_times, resolved
+from services.monitor.history.pausing import Silence
+from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
 from services.monitor.history.settings import NONE, HistorySettings
-from services.monitor.history.silence import Silence
 from services.monitor.history.status import HistoryStatus
 from services.monitor.history.store import UNHEARD_S, Kept, Store
-from services.monitor.history.uninterrupted import uninterrupted
 from services.monitor.history.upkeep import Upkeep
-from services.monitor.inventory.debouncing import NS
+from services.monitor.history.webhook_backlog import Nothing, Owed, Owing
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.inventory.sighting import Change
-from services.monitor.mapping.places import FORGET_NS, Places
-from services.monitor.turns import in_turns
+from services.monitor.inventory.sighting import NS, Change
+from services.monitor.map.sighting_places import FORGET_NS, Places
 
 log = logging.getLogger(__name__)
 

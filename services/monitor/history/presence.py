@@ -1,12 +1,15 @@
 """Who was there: robots' gateways, cameras that were spoken for, and monitors themselves. Pure."""
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, Self
 
 from services.monitor.history.ledger import Lasting, Ledger
-from services.monitor.inventory.debouncing import NS
+from services.monitor.inventory.camera_liveness import Speaking
 from services.monitor.inventory.inventory import SETTLE_NS, Inventory
-from services.monitor.inventory.speaking import Speaking
+from services.monitor.inventory.sighting import NS
+from services.monitor.map.pose import Pose
+from services.monitor.map.sighting_places import Places
 
 Place = tuple[str, str]
 """A robot and its camera; the latter is empty for the robot itself."""
@@ -93,3 +96,30 @@ class Attendance:
             self._ledger.begin(presence_of(place, self._before.get(place, now_ns)))
         elif was_there and not there:
             self._ledger.end(Presence, place, now_ns, heard_ns=heard_ns)
+
+
+WRITE_S: Final = 30.0
+"""How often poses are written: robots move all the time."""
+
+
+class KnownPoses:
+    """The poses of a map, and those of them that are not written yet."""
+
+    def __init__(self, places: Places) -> None:
+        self._places = places
+        self._written: dict[str, Pose] = {}
+
+    def restore(self, poses: Mapping[str, Pose]) -> None:
+        """Take those that a store kept."""
+        self._written.update(poses)
+        self._places.stand(poses)
+
+    def pending(self) -> Iterator[tuple[str, Pose]]:
+        """Yield the robots with poses that are to be written; such as no database takes are none."""
+        for name, pose in list(self._places.poses.items()):
+            if self._written.get(name) is not pose and all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
+                yield name, pose
+
+    def written(self, poses: Mapping[str, Pose]) -> None:
+        """Take note that these are written."""
+        self._written.update(poses)

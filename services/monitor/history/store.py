@@ -13,17 +13,24 @@ from sqlalchemy import ColumnElement, Row, Table, bindparam, func, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert
-from services.monitor.history.acts import Act
 from services.monitor.history.clock_trust import Correction, Doubt
 from services.monitor.history.correcting import corrections
-from services.monitor.history.engine import engine_of, file_of, translating
+from services.monitor.history.engine import (
+    LEADER,
+    TELL_NAME,
+    OpenFiles,
+    engine_of,
+    file_of,
+    lock_of,
+    own_name,
+    read_name,
+    translating,
+)
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
-from services.monitor.history.leader import LEADER, TELL_NAME, lock_of, own_name, read_name
 from services.monitor.history.ledger import Lasting
-from services.monitor.history.newest import newest_of_each
-from services.monitor.history.open_files import OpenFiles
 from services.monitor.history.opening import connect
+from services.monitor.history.operator_actions import Act
 from services.monitor.history.presence import Place, Presence
 from services.monitor.history.pruning import Pruning, shrink
 from services.monitor.history.rows import (
@@ -39,19 +46,21 @@ from services.monitor.history.rows import (
 )
 from services.monitor.history.tables import (
     UNRESOLVED,
+    Upsert,
     acts,
     alerts,
     clock_doubt,
     forgotten,
     heartbeat,
     intervals,
+    newest_of_each,
     poses,
     presence,
+    upsert_of,
     webhook_backlog,
 )
-from services.monitor.history.upsert import Upsert, upsert_of
 from services.monitor.inventory.inventory import MAX_MEMBERS
-from services.monitor.mapping.pose import Pose
+from services.monitor.map.pose import Pose
 
 LOCK: Final = 0x666C656574
 """The advisory lock's number: "fleet", for whoever looks at pg_locks."""

@@ -9,10 +9,8 @@ from schemas import worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
-from services.monitor.inventory.debouncing import NS, Debounce
-from services.monitor.inventory.order import FrameOrder
-from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
-from services.monitor.inventory.view import MAX_CLASSES, Tracked, View, Vocabularies
+from services.monitor.inventory.sighting import NS, Change, ChangeKind, Debounce, Sighting
+from services.monitor.inventory.view import MAX_CLASSES, FrameOrder, Tracked, View, Vocabularies
 
 MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""

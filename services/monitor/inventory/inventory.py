@@ -13,8 +13,7 @@ from schemas.detections import ClassList
 from schemas.distances import Distances
 from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.debouncing import NS, Debounce
-from services.monitor.inventory.sighting import Change, Sighting
+from services.monitor.inventory.sighting import NS, Change, Debounce, Sighting
 
 MAX_MEMBERS: Final = 20_000
 """How many robots, or cameras, are followed; whoever floods the bus with names fills no memory."""

@@ -16,7 +16,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from services.monitor.live_views.newest import OVERLAYS, Newest, Pictures
 from services.monitor.live_views.shared import CrowdedError
-from services.monitor.web.auth.visitor import Visitor, visitor_of
+from services.monitor.web.auth.users import Visitor, visitor_of
 
 PATH: Final = "/pictures/{robot}/{camera}/{stream:path}"
 BOUNDARY: Final = "frame"

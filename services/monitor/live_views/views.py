@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 from bus import Bus
 from services.monitor.live_views.newest import clouds, lists, pictures
-from services.monitor.mapping.following import robots
-from services.monitor.mapping.last_poses import LastPoses
+from services.monitor.map.following import robots
+from services.monitor.map.last_poses import LastPoses
 
 
 class Views:

@@ -1,16 +1,28 @@
 """Alerts: those that are open, what is done about them, and those that ended."""
 
 import time
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from nicegui import events, ui
 
-from schemas.alerts import Alert, Severity
+from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.operator_actions import Act
 from services.monitor.monitor import Monitor
-from services.monitor.page.alert_rows import (
+from services.monitor.page.choices import SEARCH, Choices
+from services.monitor.page.components import ALERTS, Confirmation, Tile
+from services.monitor.page.formatting import plural
+from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
+from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
+from services.monitor.page.rows.alerts import (
+    CARD,
+    ENDED_BODY,
+    OPEN_BODY,
     Deed,
     Panel,
     alert_row,
@@ -22,17 +34,45 @@ from services.monitor.page.alert_rows import (
     unattended_figure,
     wanted_alerts,
 )
-from services.monitor.page.alert_templates import CARD, ENDED_BODY, OPEN_BODY
-from services.monitor.page.choices import SEARCH, Choices
-from services.monitor.page.confirmation import Confirmation
-from services.monitor.page.formatting import plural
-from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
-from services.monitor.page.kept_alerts import MAX_KEPT, Found, KeptAlerts
-from services.monitor.page.links import ALERTS
-from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
-from services.monitor.page.tiles import Tile
+from services.monitor.recent import Recent
 from services.monitor.rules.engine import UnknownAlertError
-from services.monitor.web.auth.visitor import Visitor
+from services.monitor.web.auth.users import Visitor
+
+MAX_KEPT: Final = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Alerts with what people did with each; problem: why there are none, in words."""
+
+    alerts: Sequence[Alert] = ()
+    acts: Mapping[str, Sequence[Act]] = field(default_factory=dict)
+    problem: str = ""
+
+
+class KeptAlerts:
+    """The newest alerts that ended."""
+
+    MAX_AGE_S: ClassVar = 3.0
+
+    def __init__(self, archive: Archive) -> None:
+        self._archive = archive
+        self._ended = Recent(self._read, self.MAX_AGE_S)
+
+    async def ended(self) -> Found:
+        """Return the newest alerts that ended."""
+        return await self._ended.get()
+
+    async def _read(self) -> Found:
+        acts = defaultdict[str, list[Act]](list)
+        try:
+            alerts = await self._archive.alerts(Asked(), MAX_KEPT, states=[AlertState.RESOLVED])
+            for act in await self._archive.acts([alert.id for alert in alerts]) if alerts else ():
+                acts[act.alert_id].append(act)
+        except HistoryError as error:
+            return Found(problem=str(error))
+        return Found(alerts, acts)
+
 
 OPEN_COLUMNS: Final = (
     Column("severity", "Severity"),

@@ -10,14 +10,13 @@ from typing import Final
 from fastapi import Depends, Request
 from nicegui import ui
 
+from services.monitor.event_loop import pause
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
-from services.monitor.page.error_pages import TooManyPagesError
-from services.monitor.page.links import Links, Place, icon_of, still
-from services.monitor.page.visits import Visits
-from services.monitor.turns import pause
-from services.monitor.web.auth.visitor import Visitor, visitor_of
+from services.monitor.page.components import Links, Place, icon_of, still
+from services.monitor.page.open_pages import TooManyPagesError, Visits
+from services.monitor.web.auth.users import Visitor, visitor_of
 
 REFRESH_S: Final = 1.0
 PATIENCE_S: Final = 30.0

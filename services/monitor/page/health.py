@@ -1,7 +1,7 @@
 """Health: workers, gateways and the monitor itself; who serves which camera, and what is wrong."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -9,18 +9,69 @@ from typing import Final
 from nicegui import ui
 
 from schemas.keys import CameraKey
-from services.monitor.joining import endpoint_to_join
+from services.monitor.fleet_problems import shortened
+from services.monitor.formats import natural
+from services.monitor.history.settings import NONE
+from services.monitor.join_address import endpoint_to_join, endpoints_to_join
 from services.monitor.monitor import Monitor
-from services.monitor.natural_order import natural
 from services.monitor.page.choices import SEARCH, Choices
+from services.monitor.page.components import HEALTH
+from services.monitor.page.formatting import NS, lasting
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
-from services.monitor.page.health_rows import gateway_row, worker_row
-from services.monitor.page.health_templates import GATEWAY_BODY, GATEWAY_CARD, WORKER_BODY, WORKER_CARD
-from services.monitor.page.links import HEALTH
 from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
-from services.monitor.page.monitor_health import MonitorHealth
+from services.monitor.page.rows.health import (
+    GATEWAY_BODY,
+    GATEWAY_CARD,
+    WORKER_BODY,
+    WORKER_CARD,
+    gateway_row,
+    worker_row,
+)
+from services.monitor.page.rows.robots import Wanted
 from services.monitor.page.shared import Shared
-from services.monitor.page.survey import Wanted
+
+
+class MonitorHealth:
+    """A list of what a monitor says of itself."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+        with ui.element("div").classes("fs-facts"):
+            self._labels = []
+            for what, _ in facts(monitor, time.time_ns()):
+                ui.label(what)
+                self._labels.append(ui.label())
+
+    def refresh(self) -> None:
+        """Say it as it is now."""
+        for label, (_, fact) in zip(self._labels, facts(self._monitor, time.time_ns()), strict=True):
+            label.set_text(fact)
+
+
+def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
+    """Yield what a monitor says of itself: always the same things in the same order."""
+    history, settings = monitor.history.status, monitor.settings
+    yield "Running for", lasting((now_ns - monitor.started_ns) / NS)
+    yield "Robots join at", ", ".join(endpoints_to_join(settings)) or "what scouting finds"
+    if settings.history == NONE:
+        kept = "not kept: started with --history none"
+    else:
+        kept = f"not kept: {history.problem}" if history.problem else "kept"
+        kept += f", {history.pending:,} rows wait to be written" if history.pending else ""
+        kept += f", {history.lost:,} given up" if history.lost else ""
+    yield "History", kept
+    yield (
+        "Alerts",
+        "raised here"
+        if history.leads
+        else f"raised by another monitor{f' ({history.leader})' if history.leader else ''}",
+    )
+    rules = len(monitor.rules.book.rules)
+    in_force = "; ".join([f"{rules} in force", *shortened(monitor.rule_remarks())])
+    yield "Rules", monitor.rules.problem or (in_force if rules else "none: start with --rules rules.yaml")
+    left_out = ", ".join(f"{count:,} {what}" for what, count in sorted(monitor.fleet.left_out.items()) if count)
+    yield "Left out", left_out or "nothing"
+
 
 MAX_NAMED: Final = 6
 

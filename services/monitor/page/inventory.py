@@ -10,19 +10,16 @@ from typing import Final
 from nicegui import events, ui
 
 from services.monitor.inventory.inventory import Entry
-from services.monitor.joining import endpoint_to_join
+from services.monitor.join_address import endpoint_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
 from services.monitor.page.choices import SEARCH, Choices
+from services.monitor.page.components import INVENTORY, Tile
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
-from services.monitor.page.inventory_rows import as_csv, sighting_row
-from services.monitor.page.inventory_templates import SIGHTING_BODY, SIGHTING_CARD
-from services.monitor.page.links import INVENTORY
 from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
+from services.monitor.page.rows.inventory import SIGHTING_BODY, SIGHTING_CARD, Filters, Stock, as_csv, sighting_row
 from services.monitor.page.shared import Shared
-from services.monitor.page.sightings import Filters, Stock
-from services.monitor.page.tiles import Tile
 
 MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000

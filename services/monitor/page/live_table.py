@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from nicegui import events, ui
 
-from services.monitor.turns import pause
+from services.monitor.event_loop import pause
 
 ROWS: Final = 25
 CHOICES: Final = (10, 25, 50, 100)

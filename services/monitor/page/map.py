@@ -7,23 +7,41 @@ from html import escape
 from typing import Final
 
 from nicegui import ui
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
 
-from services.monitor.joining import endpoint_to_join
+from services.monitor.formats import natural
+from services.monitor.join_address import endpoint_to_join
 from services.monitor.live_views.views import Views
-from services.monitor.mapping.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
-from services.monitor.mapping.following import MOST_ROBOTS
-from services.monitor.mapping.held import HeldRobots
-from services.monitor.mapping.last_poses import LastPoses
-from services.monitor.mapping.places import Mark
-from services.monitor.mapping.pose import Pose, Whereabouts
+from services.monitor.map.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
+from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.following import MOST_ROBOTS, HeldRobots
+from services.monitor.map.last_poses import LastPoses
+from services.monitor.map.pose import Pose, Whereabouts
+from services.monitor.map.sighting_places import Mark
 from services.monitor.monitor import Monitor
-from services.monitor.natural_order import natural
-from services.monitor.page.floor_plan import url_of
+from services.monitor.page.components import MAP, still
 from services.monitor.page.formatting import ago, plural
 from services.monitor.page.frame import nothing_yet, page_at, page_frame
-from services.monitor.page.links import MAP, still
-from services.monitor.page.stage import VIEW_STYLE
-from services.monitor.page.visibility import PageVisibility
+from services.monitor.page.picture_frame import VIEW_STYLE, PageVisibility
+
+FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
+
+
+def url_of(plan: FloorPlan) -> str:
+    """Return where a browser finds its image."""
+    return f"/floor-plan/{plan.digest}.png"
+
+
+def floor_plan_route(plan: FloorPlan) -> Route:
+    """Return what answers there."""
+
+    async def image(_: Request) -> Response:
+        return Response(plan.png, media_type="image/png", headers=FOR_EVER)
+
+    return Route(url_of(plan), image)
+
 
 REFRESH_S: Final = 1.0
 

@@ -7,21 +7,18 @@ from typing import Final
 
 from nicegui import events, ui
 
-from services.monitor.joining import ALSO_ELSEWHERE, endpoint_to_join, is_here_alone
+from services.monitor.event_loop import pause
+from services.monitor.join_address import ALSO_ELSEWHERE, endpoint_to_join, is_here_alone
 from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
 from services.monitor.page.choices import SEARCH, Choices
-from services.monitor.page.confirmation import Confirmation
+from services.monitor.page.components import FLEET, WALL, Confirmation, Tile
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
-from services.monitor.page.links import FLEET, WALL
 from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
-from services.monitor.page.overview_rows import robot_row
-from services.monitor.page.robots import RobotState
+from services.monitor.page.rows.overview import robot_row
+from services.monitor.page.rows.robots import RobotState, Survey, Wanted
+from services.monitor.page.rows.templates import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.shared import Shared
-from services.monitor.page.survey import Survey, Wanted
-from services.monitor.page.templates import ROBOT_BODY, ROBOT_CARD
-from services.monitor.page.tiles import Tile
-from services.monitor.turns import pause
-from services.monitor.web.auth.visitor import Visitor
+from services.monitor.web.auth.users import Visitor
 
 COLUMNS: Final = (
     Column("state", "State"),

@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 from typing import Final
 
+from services.monitor.event_loop import in_turns
 from services.monitor.monitor import Monitor
-from services.monitor.page.health_rows import WorkerRates
-from services.monitor.page.robots import standings_of
-from services.monitor.page.sightings import Stock
-from services.monitor.page.survey import Survey
+from services.monitor.page.rows.health import WorkerRates
+from services.monitor.page.rows.inventory import Stock
+from services.monitor.page.rows.robots import Survey, standings_of
 from services.monitor.recent import Recent
-from services.monitor.turns import in_turns
 
 MAX_AGE_S: Final = 1.9
 """How old what is said of all robots, or of all that is in view, may be."""

@@ -12,16 +12,15 @@ from nicegui import events, ui
 from schemas.alerts import Alert, Severity
 from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
-from services.monitor.page.alert_rows import doubt_of, severity_figures
+from services.monitor.page.components import WALL, still
 from services.monitor.page.formatting import NOTHING
 from services.monitor.page.frame import REFRESH_S, page_at, page_frame
-from services.monitor.page.links import WALL, still
 from services.monitor.page.overview import nobody_yet
-from services.monitor.page.robots import RobotState
+from services.monitor.page.rows.alerts import doubt_of, severity_figures
+from services.monitor.page.rows.robots import RobotState, Survey, Wanted
+from services.monitor.page.rows.wall import alert_line, lost_line, pressing, robot_cell, turned
 from services.monitor.page.shared import Shared
-from services.monitor.page.survey import Survey, Wanted
-from services.monitor.page.wall_rows import alert_line, lost_line, pressing, robot_cell, turned
-from services.monitor.web.auth.visitor import Visitor
+from services.monitor.web.auth.users import Visitor
 
 TURN_S: Final = 10.0
 """How long one page of what does not fit at once is shown."""

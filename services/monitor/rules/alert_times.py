@@ -3,7 +3,7 @@
 from msgspec.structs import replace
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.inventory.debouncing import NS
+from services.monitor.inventory.sighting import NS
 from services.monitor.rules.model import AnyRule
 
 

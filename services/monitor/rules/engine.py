@@ -10,10 +10,9 @@ import msgspec
 
 from schemas.alerts import MAX_TEXT, Alert, AlertState
 from schemas.keys import CameraKey
-from services.monitor.inventory.debouncing import NS
-from services.monitor.inventory.sighting import Change
+from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules.alert_times import had_escalated, set_back
-from services.monitor.rules.conditions import Finding, Look, findings, found_in
+from services.monitor.rules.findings import Finding, Look, findings, found_in
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
 from services.monitor.rules.waiting import Place, Waiting
 

@@ -1,5 +1,7 @@
 """Rule files: YAML, validated, and what is wrong said with its line. Pure."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -87,3 +89,22 @@ def _name_of(place: list[Any]) -> str:
         case ["rules", int(number), *rest]:
             return ": ".join([f"rule {number + 1}", *([_name_of(rest)] if rest else [])])
     return ".".join(str(part) for part in place if not isinstance(part, int))
+
+
+@contextmanager
+def reading() -> Iterator[None]:
+    """Make a RuleFileError of whatever keeps a file from being read."""
+    try:
+        yield
+    except (OSError, UnicodeDecodeError) as error:
+        raise RuleFileError(None, getattr(error, "strerror", None) or str(error)) from error
+
+
+def text_of(path: Path) -> str:
+    """Return what is in a rule file; of one that is too long as much as `load_rules` needs to refuse it.
+
+    Raises:
+        RuleFileError: it cannot be read.
+    """
+    with reading(), path.open(encoding="utf-8") as file:
+        return file.read(MAX_CHARACTERS + 1)

@@ -13,13 +13,12 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
 from services.monitor.history.tables import presence
-from services.monitor.inventory.debouncing import NS
-from services.monitor.rules.loading import RuleFileError, load_rules
+from services.monitor.inventory.sighting import NS
+from services.monitor.rules.loading import RuleFileError, load_rules, text_of
 from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
-from services.monitor.rules.past import FOREVER_NS, Past
-from services.monitor.rules.reading import text_of
 from services.monitor.rules.replay import caveats, replay
 from services.monitor.rules.settings import RulesSettings
+from services.monitor.rules.timeline import FOREVER_NS, Past
 
 
 async def run(settings: RulesSettings) -> None:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 from services.monitor.export.settings import Moment
 from services.monitor.history.settings import HistoryUrl, default_url
-from services.monitor.regular_file import RegularFile
+from services.monitor.settings import RegularFile
 
 
 class RulesSettings(BaseModel):

@@ -10,13 +10,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Final
 
+from services.monitor.formats import natural
 from services.monitor.history.engine import engine_of, name_of
-from services.monitor.natural_order import natural
 from services.monitor.users.settings import UsersSettings
 from services.monitor.web.auth.passwords import MAX_LENGTH, Passwords, mistake_in
-from services.monitor.web.auth.people import MAX_USERS, Kind, Login, User, digest_of, mistake_in_name, new_secret
 from services.monitor.web.auth.store import UserStore, users_url
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import MAX_USERS, Kind, Login, Role, User, digest_of, mistake_in_name, new_secret
 
 DAY_NS: Final = 86_400 * 1_000_000_000
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, Field, model_validator
 
 from services.monitor.history.settings import HistoryUrl, default_url
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Role
 
 
 class UsersSettings(BaseModel):

@@ -1,12 +1,18 @@
 """The web application without its pages: log-in, API, health, metrics."""
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from fastapi import APIRouter, Depends, FastAPI, HTTPException, Security
+from fastapi.openapi.models import HTTPBearer
+from fastapi.security.base import SecurityBase
 from pydantic import HttpUrl
+from starlette.routing import BaseRoute, Match
+from starlette.types import Receive, Scope, Send
 
 from bus.reporting import VERSION
 from services.monitor.monitor import Monitor
+from services.monitor.settings import WebSettings
 from services.monitor.web.answers import answer_errors
 from services.monitor.web.api.about import about_routes
 from services.monitor.web.api.alerts import alert_routes
@@ -14,15 +20,59 @@ from services.monitor.web.api.fleet import fleet_routes
 from services.monitor.web.api.history import history_routes
 from services.monitor.web.api.live import live_routes
 from services.monitor.web.api.models import ErrorAnswer
-from services.monitor.web.api.parameters import refuse_unknown
-from services.monitor.web.auth.access import Access
+from services.monitor.web.api.paging import refuse_unknown
 from services.monitor.web.auth.gate import Place
+from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.routes import access_routes
-from services.monitor.web.auth.token import Token
-from services.monitor.web.methods import METHODS, OtherMethods
-from services.monitor.web.settings import WebSettings
-from services.monitor.web.watching import watching_routes
+from services.monitor.web.metrics import watching_routes
+
+METHODS: Final = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
+
+
+class OtherMethods(BaseRoute):
+    """Is to come after some routes, and before those that take every path."""
+
+    def __init__(self, routes: Sequence[BaseRoute]) -> None:
+        self._routes = tuple(routes)
+
+    def matches(self, scope: Scope) -> tuple[Match, Scope]:
+        """Match a path that one of the routes answers to some other method."""
+        is_there = any(route.matches(scope)[0] is Match.PARTIAL for route in self._routes)
+        return (Match.FULL if is_there else Match.NONE), {}
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer; the server leaves out the body of what answers HEAD, which it knows by a scope of its own.
+
+        Raises:
+            HTTPException: the method is none of those that there are.
+        """
+        allowed, method = self._allowed(scope), scope["method"]
+        if method in allowed:
+            await scope["router"]({**scope, "method": _as(method)}, receive, send)
+            return
+        reason = f"{scope['path'][:200]} takes {' or '.join(allowed)}, not {method[:20]}"
+        raise HTTPException(405, reason, {"Allow": ", ".join(allowed)})
+
+    def _allowed(self, scope: Scope) -> list[str]:
+        asked = ((method, {**scope, "method": _as(method)}) for method in METHODS)
+        return [method for method, each in asked if any(route.matches(each)[0] is Match.FULL for route in self._routes)]
+
+
+def _as(method: str) -> str:
+    return "GET" if method == "HEAD" else method
+
+
+class Token(SecurityBase):
+    """Is in the description of every call that depends on it."""
+
+    def __init__(self) -> None:
+        self.model = HTTPBearer(description="What `fleetsight users token NAME` prints.")
+        self.scheme_name = "token"
+
+    async def __call__(self) -> None:
+        """Look at nothing: `AccessMiddleware` has seen who asks."""
+
 
 ERRORS: Final[dict[int | str, dict[str, Any]]] = {"4XX": {"model": ErrorAnswer}, "5XX": {"model": ErrorAnswer}}
 

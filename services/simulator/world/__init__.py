@@ -1,17 +1,15 @@
 """A procedural warehouse and its pictures: pure, and the same for the same seed."""
 
-from services.simulator.world.boxes import Box
 from services.simulator.world.camera import Camera, Pose
-from services.simulator.world.cloud import organised_cloud
 from services.simulator.world.cuboids import BACKGROUND, CLASSES
-from services.simulator.world.depth_sensor import DepthSensor, as_16uc1, as_32fc1, sense
+from services.simulator.world.depth_sensor import DepthSensor, as_16uc1, as_32fc1, organised_cloud, sense
 from services.simulator.world.drive import Drive
 from services.simulator.world.layout import generate
 from services.simulator.world.lidar import Lidar, Turn, turn
 from services.simulator.world.render import Geometry, Rendering, render, render_geometry
 from services.simulator.world.scene import Scene
 from services.simulator.world.sensor import Sensor, expose
-from services.simulator.world.truth import SeenObject, truth, truth_of
+from services.simulator.world.truth import Box, SeenObject, truth, truth_of
 
 __all__ = [
     "BACKGROUND",

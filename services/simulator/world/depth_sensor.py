@@ -8,7 +8,7 @@ pixel. With 640x480 pixels that is 0.7 % of depth at 2 m, where the data sheet a
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final
 
 import cv2
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from services.simulator.world.camera import Camera
 from services.simulator.world.cuboids import Floats
-from services.simulator.world.noise import PLANE, window
+from services.simulator.world.sensor import PLANE, window
 from services.simulator.world.visibility import NEAR
 
 SPECKLE: Final = 1.0
@@ -137,3 +137,19 @@ def _chances() -> Floats:
     ranks = np.empty(rough.size, np.float32)
     ranks[np.argsort(rough, axis=None)] = np.arange(rough.size, dtype=np.float32)
     return np.asarray(ranks.reshape(rough.shape) / rough.size, np.float32)
+
+
+def organised_cloud(depth: Floats, camera: Camera) -> Floats:
+    """Points (height, width, 3) in metres of the optical frame, NaN where `depth` (0 or NaN) has none.
+
+    The colour of each point is that of its pixel in the colour image that the depth is registered to.
+    """
+    cloud = _rays(camera) * depth[..., None]
+    cloud[~(depth > 0)] = np.nan
+    return np.asarray(cloud, np.float32)
+
+
+@lru_cache(maxsize=8)
+def _rays(camera: Camera) -> Floats:
+    x, y = (np.arange(camera.width) - camera.cx) / camera.fx, (np.arange(camera.height) - camera.cy) / camera.fy
+    return np.stack([*np.meshgrid(x, y), np.ones((camera.height, camera.width))], axis=-1).astype(np.float32)

@@ -7,12 +7,11 @@ from typing import Final
 import numpy as np
 from numpy.random import Generator
 
-from services.simulator.world.clutter import clutter
 from services.simulator.world.cuboids import Builder, Frame, Material, Paint
 from services.simulator.world.floor import paint_floor
 from services.simulator.world.forklifts import forklift
 from services.simulator.world.lighting import Lighting
-from services.simulator.world.props import BAY, Colour, box_pile, loaded_pallet, pallet_stack, rack, shade_of
+from services.simulator.world.props import BAY, Colour, box_pile, clutter, loaded_pallet, pallet_stack, rack, shade_of
 from services.simulator.world.scene import Scene
 from services.simulator.world.surfaces import surfaces_of
 from services.simulator.world.textures import atlas

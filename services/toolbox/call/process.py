@@ -7,7 +7,7 @@ from bus import Bus, RefusedError, RequestError, open_bus
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.printing import printable
-from schemas.service import ServiceRequest, ServiceResponse
+from schemas.ros import ServiceRequest, ServiceResponse
 from services.toolbox.call.settings import CallSettings
 
 FAILED: Final = 1

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from bus.settings import BusSettings
 from schemas import keys
 from schemas.errors import SchemaError
-from schemas.service import MAX_CALL_S
+from schemas.ros import MAX_CALL_S
 
 
 class CallSettings(BusSettings):

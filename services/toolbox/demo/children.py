@@ -4,10 +4,11 @@ import asyncio
 import os
 import shutil
 import signal
+import socket
 import sys
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager, suppress
+from contextlib import ExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -109,3 +110,20 @@ async def _lines(stream: asyncio.StreamReader) -> AsyncIterator[str]:
         if not line:
             return
         yield line.decode("utf-8", "replace").rstrip()
+
+
+def free_ports(count: int) -> int:
+    """Return the first of `count` successive TCP ports of the loopback interface that nobody listens on."""
+    while True:
+        with ExitStack() as stack, suppress(OSError, OverflowError):
+            first = _bound(stack, 0)
+            for port in range(first + 1, first + count):
+                _bound(stack, port)
+            return first
+
+
+def _bound(stack: ExitStack, port: int) -> int:
+    listening = stack.enter_context(socket.socket())
+    listening.bind(("127.0.0.1", port))
+    bound: int = listening.getsockname()[1]
+    return bound

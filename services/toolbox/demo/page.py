@@ -9,9 +9,8 @@ from typing import Final, Self
 
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.passwords import Passwords
-from services.monitor.web.auth.people import User
 from services.monitor.web.auth.store import UserStore
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Role, User
 from services.monitor.web.errors import WebError
 from services.monitor.web.process import Web
 from services.simulator.fleet import warehouse_seed

@@ -14,14 +14,12 @@ from rich.console import Console
 from bus import open_bus
 from bus.clocks import clock_id
 from schemas.printing import printable
-from services.monitor.display import show
+from services.monitor.display import notes_of, show
 from services.monitor.fleet import Fleet
 from services.monitor.monitor import Monitor
 from services.monitor.process import running
-from services.monitor.table import notes_of
-from services.toolbox.demo.children import Child, ChildFailedError, child
+from services.toolbox.demo.children import Child, ChildFailedError, child, free_ports
 from services.toolbox.demo.page import Page
-from services.toolbox.demo.ports import free_ports
 from services.toolbox.demo.processors import ProcessorClock, ProcessorUse
 from services.toolbox.demo.settings import SEED, DemoSettings
 from services.toolbox.demo.summary import Summary, drops

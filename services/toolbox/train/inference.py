@@ -14,15 +14,15 @@ from schemas.detections import Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from services.detector.evidence import NEUTRAL
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
 from services.detector.runtime.loading import load, tracking
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.refinement.refiner import Refiner
 from services.detector.settings import DetectorSettings
-from services.simulator.training.evaluation.precision import MAX_DETECTIONS
-from services.simulator.training.evaluation.predictor import Predictor
+from services.detector.tracking.confirmed_tracks import NEUTRAL
 from services.simulator.world import CLASSES
+from services.training.evaluation.precision import MAX_DETECTIONS
+from services.training.evaluation.predictor import Predictor
 
 NAMED: Final = 5
 CAMERA: Final = CameraKey("r1", "camera")

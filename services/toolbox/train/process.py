@@ -1,9 +1,9 @@
 """The training run as a command."""
 
-from services.simulator.training import process
-from services.simulator.training.settings import TrainingSettings
 from services.toolbox.train.inference import open_weights
 from services.toolbox.train.refinement import REFINEMENT
+from services.training import process
+from services.training.settings import TrainingSettings
 
 
 async def run(settings: TrainingSettings) -> None:

@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 
 from services.detector.model import Request
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.refinement.closeups import BOX, COARSE, SIDE, CloseUps, blank_close_ups, stretched
 from services.detector.runtime.refinement.network import RefinerNetwork
-from services.detector.runtime.refinement.refiner import Refined
+from services.detector.runtime.refinement.refiner import (
+    BOX,
+    COARSE,
+    SIDE,
+    CloseUps,
+    Refined,
+    blank_close_ups,
+    stretched,
+)
 from services.detector.runtime.refinement.torch_refiner import kept
-from services.simulator.training.refining.refinement import Look, Looks, Refinement
 from services.toolbox.train.inference import CAMERA, framed, objects_of, open_model
+from services.training.refining.refinement import Look, Looks, Refinement
 
 CONFIDENCE: Final = 0.03
 """Score from which on objects are looked at: a refiner should know what is unsure, and most of that is nothing."""

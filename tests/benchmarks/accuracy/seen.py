@@ -1,7 +1,7 @@
 """Made up objects of a drive, in pictures of 200 x 100 pixels."""
 
 from benchmarks.accuracy.drives import Seen
-from tests.services.simulator.training.evaluation.pictures import mask
+from tests.services.training.evaluation.pictures import mask
 
 Place = tuple[int, int, int, int]
 

@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.accuracy.drives import drawn, drive_seeds, held_out_drives
-from services.simulator.training.dataset import training_seed
-from services.simulator.training.evaluation.scenes import held_out_seeds
+from services.training.dataset import training_seed
+from services.training.evaluation.scenes import held_out_seeds
 
 SEEDS = drive_seeds(1, 1)
 

@@ -11,7 +11,7 @@ from benchmarks.accuracy.following import Overlap, Tally, box_overlap, followed,
 from benchmarks.accuracy.identities import Identities
 from schemas.detections import Box, Detection
 from tests.benchmarks.accuracy.seen import Place, seen
-from tests.services.simulator.training.evaluation.pictures import found
+from tests.services.training.evaluation.pictures import found
 
 HERE: Place = (10, 10, 50, 50)
 THERE: Place = (100, 10, 140, 50)

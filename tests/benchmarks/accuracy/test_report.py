@@ -3,9 +3,9 @@ import json
 from benchmarks.accuracy.following import Followed, Tally
 from benchmarks.accuracy.identities import Identities
 from benchmarks.accuracy.report import CONFIDENCES, report
-from services.simulator.training.evaluation.held_out import HeldOutScore
 from services.simulator.world import CLASSES
-from tests.services.simulator.training.evaluation.pictures import SIZE, found, truth
+from services.training.run import HeldOutScore
+from tests.services.training.evaluation.pictures import SIZE, found, truth
 
 FOLLOWED = Followed(
     boxes=Tally(Identities(true=10, tracked=9, matched=8, rightly=6, switches=2), detected=9),

@@ -1,6 +1,6 @@
 from benchmarks.guide.limits import link_ms, memcpy_ms, tcp_ms
 from bus import BusSettings, open_bus
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 
 def test_bytes_take_time() -> None:

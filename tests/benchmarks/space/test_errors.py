@@ -8,8 +8,8 @@ from benchmarks.space.matching import matched
 from benchmarks.space.messages import true_detections
 from benchmarks.space.views import SpaceView, is_asked_for, seeds, view_of
 from schemas.distances import ObjectDistance
-from services.simulator.training.dataset import HOLDOUT_OFFSET, SEEDS_PER_RUN
-from services.simulator.training.evaluation.scenes import held_out_seeds
+from services.training.dataset import HOLDOUT_OFFSET, SEEDS_PER_RUN
+from services.training.evaluation.scenes import held_out_seeds
 
 
 @cache

@@ -8,7 +8,7 @@ from gateway.to_bus.translators import kind_of
 from schemas.camera_info import CameraInfo
 from schemas.keys import sensor_key
 from schemas.points import PointCloud
-from schemas.raw import RawMessage
+from schemas.ros import RawMessage
 from tests.gateway.sensing import STAMP_NS, camera_info, point_cloud, received, text, tf
 
 INFO = sensor_key("r1", "front/info")

@@ -21,7 +21,7 @@ from gateway.settings import GatewaySettings
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
-from schemas.raw import RawMessage, Text
+from schemas.ros import RawMessage, Text
 from services.simulator.ros_master.master import RosMaster
 from tests.gateway.doctor.seeing import evidence
 from tests.gateway.ros1.fakes import FakeSlave, fake_publisher

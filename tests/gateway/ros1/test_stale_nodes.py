@@ -12,7 +12,7 @@ from gateway.ros1.errors import UnreachableError
 from gateway.ros1.master import MasterClient, SystemState
 from gateway.ros1.stale_nodes import unregister_dead
 from gateway.ros1.xmlrpc.client import XmlRpcClient
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.gateway.ros1.nodes import node
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from gateway.to_bus.subscriptions import MAX_BYTES, MAX_PUBLISHERS, Latched, lat
 from schemas import codec
 from schemas.header import Header
 from schemas.keys import RobotStreamKey
-from schemas.raw import Text
+from schemas.ros import Text
 from tests.gateway.ros1.waiting import until
 
 STREAM = RobotStreamKey("r1", "text/mode")

@@ -14,9 +14,9 @@ from schemas.detections import Detections
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
-from services.cloud.reasons import MALFORMED_POINTS
+from services.cloud.process import Worker
 from services.cloud.settings import CloudSettings
-from services.cloud.worker import Worker
+from services.cloud.waiting import MALFORMED_POINTS
 from services.geometry.memory_budget import CROWDED
 from services.worker.stamp_joiner import FLUSHED
 from tests.contract.waiting import receive, until

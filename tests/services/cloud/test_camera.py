@@ -16,7 +16,7 @@ from schemas.objects import ObjectClouds
 from schemas.status import UNWANTED
 from services.cloud.camera import POINTS_WAITING, Camera
 from services.cloud.measuring import Limits
-from services.cloud.reasons import FAILED, TOO_MANY_POINTS
+from services.cloud.waiting import FAILED, TOO_MANY_POINTS
 from services.geometry.memory_budget import MemoryBudget
 from tests.gateway.ros1.waiting import until
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered

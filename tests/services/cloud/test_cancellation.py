@@ -8,8 +8,8 @@ from bus import QUEUE
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import Stream
+from services.cloud.process import Worker
 from services.cloud.settings import CloudSettings
-from services.cloud.worker import Worker
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered

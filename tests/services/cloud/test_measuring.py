@@ -15,7 +15,7 @@ from services.cloud.measuring import NO_MASK, Limits, measure
 from services.cloud.objects import Target
 from services.cloud.outlines import RegisteredView
 from services.cloud.points import Points
-from services.cloud.projection import ProjectedView
+from services.cloud.views import ProjectedView
 from tests.schemas.frames import header
 from tests.services.cloud.clouds import xyz_cloud
 from tests.services.cloud.scenes import CAMERA, OPTICAL_IN_BASE, Cuboid, camera_view, detection, detections, lidar_view

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.cloud import points as module
-from services.cloud.errors import CloudError
-from services.cloud.points import Points, usable
+from services.cloud.points import CloudError, Points, usable
 from services.geometry.errors import PayloadError
 from tests.services.cloud.clouds import Layout, cloud_of, packed, xyz_cloud
 

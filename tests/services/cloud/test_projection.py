@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from services.cloud.outlines import RING, Candidates, Masked
 from services.cloud.points import Points
-from services.cloud.projection import ProjectedView
+from services.cloud.views import ProjectedView
 from services.geometry.camera import CameraModel
 from services.geometry.masks import Window
 from tests.services.cloud.clouds import xyz_cloud

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.cloud.sampling import some, spread
+from services.cloud.points import some, spread
 
 
 @pytest.mark.parametrize("count", [0, 1, 99, 100])

@@ -1,5 +1,5 @@
 from schemas.keys import CameraKey, Stream, StreamKey
-from services.cloud.sensors import Sensors
+from services.cloud.process import Sensors
 
 FRONT, REAR, LIDAR, OTHER = (CameraKey("r1", name) for name in ("front", "rear", "lidar", "zebra"))
 

@@ -6,14 +6,11 @@ from numpy.typing import NDArray
 from schemas.camera_info import CameraInfo
 from schemas.header import Header
 from schemas.transforms import Transform
-from services.cloud.errors import CloudError
 from services.cloud.outlines import RegisteredView, View
-from services.cloud.points import Points
-from services.cloud.projection import ProjectedView
-from services.cloud.views import NO_INFO, Instant, moves_of, target_of, view_of
+from services.cloud.points import CloudError, Points
+from services.cloud.views import NO_INFO, Instant, ProjectedView, moves_of, target_of, view_of
 from services.geometry.errors import CalibrationError
-from services.geometry.motion import LITTLE
-from services.geometry.transforms import TransformTree
+from services.geometry.transforms import LITTLE, TransformTree
 from tests.schemas.frames import header
 from tests.services.cloud.clouds import xyz_cloud
 from tests.services.cloud.scenes import HEIGHT, WIDTH, Cuboid, camera_view, detections

@@ -7,8 +7,7 @@ from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.points import PointCloud
 from schemas.transforms import Transform, Transforms
-from services.cloud.reasons import DOUBLE, REPLACED, UNSTAMPED
-from services.cloud.waiting import MAX_WAITING, NO_STAMP, PATIENCE_S, Waiting
+from services.cloud.waiting import DOUBLE, MAX_WAITING, NO_STAMP, PATIENCE_S, REPLACED, UNSTAMPED, Waiting
 from services.geometry.errors import TooOldError
 from services.geometry.transforms import OF_ITSELF
 from services.worker.stamp_joiner import DOUBLE as DOUBLE_STAMP

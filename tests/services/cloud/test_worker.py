@@ -23,9 +23,9 @@ from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.status import CameraLoad, WorkerStatus
 from schemas.transforms import Transform, Transforms
-from services.cloud.reasons import MALFORMED, MALFORMED_POINTS, UNJOINED, UNPLACED
+from services.cloud.process import SERVICE, Worker
 from services.cloud.settings import CloudSettings
-from services.cloud.worker import SERVICE, Worker
+from services.cloud.waiting import MALFORMED, MALFORMED_POINTS, UNJOINED, UNPLACED
 from tests.contract.waiting import receive, until
 from tests.schemas.frames import header
 from tests.services.cloud.clouds import xyz_cloud

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection
 from schemas.tuning import Tuning
-from services.detector.account import FAILED, MALFORMED
-from services.detector.masks import encode_all
+from services.detector.frame_counts import FAILED, MALFORMED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request, TuningError
 from services.detector.pixels import PictureError, to_bgr
+from services.detector.runtime.masks import encode_all
 from services.geometry.masks import Window
 
 BOX = "box"

@@ -14,8 +14,8 @@ from bus.fake import FakeNetwork
 from schemas.detections import Detections, Mask
 from schemas.image import ImageFrame
 from schemas.keys import Stream
-from services.detector.account import Account
 from services.detector.camera import Camera, serving
+from services.detector.frame_counts import Account
 from tests.contract.waiting import receive, until
 from tests.services.detector.requests import FRONT, frame_of
 from tests.services.detector.test_overlay import HEIGHT, INSIDE, WIDTH, found, grey

@@ -8,7 +8,7 @@ from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
-from services.detector.worker import Worker
+from services.detector.process import Worker
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until
 from tests.services.detector.fakes import FakeModel

@@ -9,11 +9,10 @@ from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 from schemas.status import UNWANTED
-from services.detector.account import REPLACED, Account
-from services.detector.board import Board
-from services.detector.camera import serving
-from services.detector.feeding import feed
-from services.detector.role import DETECTOR
+from services.detector.camera import feed, serving
+from services.detector.frame_counts import REPLACED, Account
+from services.detector.frame_queue import Board
+from services.detector.worker_role import DETECTOR
 from tests.contract.waiting import until
 from tests.services.detector.test_worker import FRONT, frame
 

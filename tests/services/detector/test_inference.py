@@ -15,13 +15,13 @@ from schemas import codec, keys
 from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector import hanging
-from services.detector.account import FAILED, LATE, MALFORMED, STALE, Account
-from services.detector.board import Board, Waiting
+from services.detector import watchdog
 from services.detector.camera import Camera, serving
+from services.detector.frame_counts import FAILED, LATE, MALFORMED, STALE, Account
+from services.detector.frame_queue import Board, Waiting
 from services.detector.inference import EXCUSED_S, Inference
 from services.detector.model import Failed, ModelError
-from services.detector.tracking import Tracking
+from services.detector.tracking.tracks import Tracking
 from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.schemas.frames import header, image
@@ -284,7 +284,7 @@ async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
 
 
 async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hanging, "WATCH_S", 0.005)
+    monkeypatch.setattr(watchdog, "WATCH_S", 0.005)
     rig = Rig(ToldModel())
 
     async def wait_for_it() -> None:

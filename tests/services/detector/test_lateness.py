@@ -1,4 +1,4 @@
-from services.detector.lateness import BUCKET_NS, Lateness
+from services.detector.camera import BUCKET_NS, Lateness
 
 MS = 1_000_000
 HOUR = 3_600_000 * MS

@@ -13,8 +13,8 @@ from schemas.detections import ClassList, Detections
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 from services.detector import process
-from services.detector.leaving import FINISH_S
 from services.detector.process import work
+from services.detector.requests import FINISH_S
 from services.detector.settings import DetectorSettings
 from services.toolbox.demo.children import STOP_S
 from services.toolbox.process import DEADLINE_S

@@ -5,8 +5,8 @@ import simplejpeg
 
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.image import ImageFrame
-from services.detector.masks import encode_all
 from services.detector.overlay import Picture, caption, color_of, drawings, overlays
+from services.detector.runtime.masks import encode_all
 from services.geometry.errors import MaskError
 from services.geometry.masks import Window
 from tests.services.detector.requests import frame_of

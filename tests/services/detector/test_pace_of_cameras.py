@@ -13,8 +13,8 @@ from bus.sharing.pace import Pace, Totals
 from gateway.to_bus.shaping.consumers import Allowance
 from schemas.budget import RateBudget
 from schemas.keys import CameraKey
-from services.detector.board import Board, Waiting
-from services.detector.thinning import Thinning
+from services.detector.frame_queue import Board, Waiting
+from services.worker.rate_limiter import Thinning
 from tests.schemas.frames import image
 
 CALL_S = 0.05

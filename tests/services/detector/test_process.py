@@ -15,7 +15,7 @@ from schemas.keys import Stream
 from services.detector.model import ModelError
 from services.detector.process import FAILED, run, work
 from services.detector.settings import DetectorSettings
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.contract.waiting import PATIENCE_S, until
 from tests.services.detector.fakes import FakeModel
 from tests.services.detector.test_requests import png

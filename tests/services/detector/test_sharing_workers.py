@@ -17,7 +17,7 @@ from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
-from services.detector.worker import Worker
+from services.detector.process import Worker
 from tests.contract.waiting import next_of, until
 from tests.schemas.frames import header, image
 from tests.services.detector.told_model import ToldModel

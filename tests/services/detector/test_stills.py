@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from schemas.jpeg_scans import scanned_pixels
+from schemas.compression import scanned_pixels
 from services.detector.pixels import to_bgr
 from services.detector.stills import MAX_PIXELS, MAX_SCANNED_PIXELS, StillError, frame_of
 from tests.schemas.pictures import SCAN, resized

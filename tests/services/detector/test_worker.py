@@ -17,8 +17,8 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from schemas.status import UNWANTED, CameraLoad, WorkerStatus
 from schemas.worker_keys import WorkerAlive
-from services.detector.account import DEPTH, FAILED, MALFORMED, REPLACED
-from services.detector.worker import Worker
+from services.detector.frame_counts import DEPTH, FAILED, MALFORMED, REPLACED
+from services.detector.process import Worker
 from tests.contract.waiting import PATIENCE_S, receive, until
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of

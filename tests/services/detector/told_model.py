@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Sequence
 
 from schemas.tuning import Tuning
-from services.detector.account import FAILED
+from services.detector.frame_counts import FAILED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
 
 FATAL = 13

@@ -17,8 +17,8 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
 from schemas.transforms import Transforms
+from services.distance.process import Worker
 from services.distance.settings import DistanceSettings
-from services.distance.worker import Worker
 from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
 

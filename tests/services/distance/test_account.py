@@ -1,7 +1,7 @@
 from collections import Counter
 
 from schemas.keys import CameraKey
-from services.distance.account import Account
+from services.distance.sensor_input import Account
 
 
 def test_what_became_of_detections_and_of_what_was_kept_for_them() -> None:

@@ -13,10 +13,10 @@ from schemas.detections import Detection
 from schemas.distances import Distances
 from schemas.keys import Stream
 from schemas.status import UNWANTED
-from services.distance.account import FAILED, Account
 from services.distance.camera import Camera, work
-from services.distance.picking import Criteria
-from services.distance.sensed import DEPTH_IMAGE, Sensed
+from services.distance.depth_readings import Criteria
+from services.distance.sensor_history import DEPTH_IMAGE, Sensed
+from services.distance.sensor_input import FAILED, Account
 from services.distance.views import Instant, Limits, Views
 from services.worker.stamp_joiner import Joiner
 from tests.services.distance.rig import FRONT, only, robot

@@ -4,8 +4,8 @@ import pytest
 
 from schemas.detections import Mask
 from schemas.distances import Measured, ObjectDistance
+from services.distance.depth_readings import Criteria
 from services.distance.measuring import Frame, View, measure, measure_apart, unknown
-from services.distance.picking import Criteria
 from services.geometry.depth import Depth
 from services.geometry.errors import CalibrationError
 from services.simulator.world import Camera, Drive, generate, render

@@ -12,12 +12,12 @@ from schemas.detections import Detections
 from schemas.distances import Measured
 from schemas.image import ImageFrame
 from schemas.transforms import Transform, Transforms
+from services.distance.depth_readings import Criteria
 from services.distance.measuring import View, measure
-from services.distance.picking import Criteria
-from services.distance.sensed import Moment, Sensed
+from services.distance.sensor_history import Moment, Sensed
 from services.distance.views import Instant, Limits, Views
-from services.geometry.motion import LITTLE
 from services.geometry.rotation import inverse_of, matrix_of
+from services.geometry.transforms import LITTLE
 from services.worker.stamp_joiner import Joiner
 from tests.services.distance.scenes import FOCAL, FRAME, HEIGHT, WIDTH, calibration, depth, detections, found, head
 

@@ -16,8 +16,8 @@ from schemas import keys, worker_keys
 from schemas.distances import Distances
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
 from schemas.status import WorkerStatus
-from services.distance.account import DOUBLE
 from services.distance.camera import WAITED
+from services.distance.sensor_input import DOUBLE
 from services.worker.stamp_joiner import FLUSHED
 from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until

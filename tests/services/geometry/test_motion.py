@@ -5,8 +5,7 @@ import pytest
 from schemas.header import Header
 from schemas.transforms import Transform
 from services.geometry.errors import UnknownFrameError
-from services.geometry.motion import LITTLE, between
-from services.geometry.transforms import TransformTree
+from services.geometry.transforms import LITTLE, TransformTree, between
 from tests.schemas.frames import header
 
 BEFORE, AFTER = 1000, 2000

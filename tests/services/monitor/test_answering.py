@@ -7,11 +7,11 @@ from schemas import codec, keys
 from schemas.alerts import Action
 from schemas.header import MAX_LABEL
 from schemas.inventory import MAX_PROBLEMS, InventoryAnswer, InventoryRequest
-from services.monitor import answering
-from services.monitor.answering import answer_inventory, answer_to
+from services.monitor import requests
 from services.monitor.fleet import Fleet
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Limits
+from services.monitor.inventory.sighting import Debounce
+from services.monitor.requests import answer_inventory, answer_to
 from tests.services.monitor.inventory.seeing import S, seen
 
 
@@ -31,7 +31,7 @@ async def test_what_went_out_of_view_is_told_unless_it_is_not_wanted() -> None:
 
 
 async def test_an_answer_that_is_cut_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answering, "MAX_SIGHTINGS", 2)
+    monkeypatch.setattr(requests, "MAX_SIGHTINGS", 2)
     assert (await answer_to(InventoryRequest(), fleet_of({"a": 1, "b": 1}), (), S)).complete
     answer = await answer_to(InventoryRequest(), fleet_of({"a": 1, "b": 1, "c": 1}), (), S)
     assert ([each.name for each in answer.sightings], answer.complete) == (["a", "b"], False)

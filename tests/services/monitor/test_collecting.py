@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TypeVar
 
-from services.monitor.collecting import FULL_AFTER, LEAST, YOUNG, keep_collections_short
+from services.monitor.event_loop import FULL_AFTER, LEAST, YOUNG, keep_collections_short
 
 T = TypeVar("T")
 

@@ -20,7 +20,7 @@ from schemas.inventory import InventoryAnswer
 from schemas.keys import Stream
 from services.monitor import display
 from services.monitor.fleet import Fleet
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.bus.sessions import ROOT, client
 from tests.contract.waiting import PATIENCE_S, until
 from tests.services.monitor.inventory.seeing import FRONT, seen

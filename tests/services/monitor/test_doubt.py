@@ -1,8 +1,8 @@
 import msgspec
 
 from schemas.alerts import Alert, AlertState, Severity
-from services.monitor.doubt import known_until_ns
 from services.monitor.inventory.inventory import Inventory
+from services.monitor.snapshot import known_until_ns
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 BOXES = Alert(

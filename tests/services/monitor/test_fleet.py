@@ -10,11 +10,10 @@ from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
 from services.monitor.fleet import LATE_FOR_NS, LATE_NS, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
+from services.monitor.fleet_problems import NAMESAKES, THIN_LINK
 from services.monitor.inventory import inventory as module
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import InventoryFullError, Limits
-from services.monitor.inventory.sighting import Sighting
-from services.monitor.troubles import NAMESAKES, THIN_LINK
+from services.monitor.inventory.sighting import Debounce, Sighting
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 

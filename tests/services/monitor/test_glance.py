@@ -1,7 +1,6 @@
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.glance import SILENT_NS, Glance, SnapshotMaker, Workers
-from services.monitor.snapshot import Snapshot
+from services.monitor.snapshot import SILENT_NS, Glance, Snapshot, SnapshotMaker, Workers
 from tests.services.monitor.web.api.seeing import ODD, fill
 
 

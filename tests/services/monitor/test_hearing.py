@@ -1,4 +1,4 @@
-from services.monitor.hearing import PULSE_S, Hearing
+from services.monitor.health import PULSE_S, Hearing
 
 LEASE_S = 2.0
 SETTLE_S = 3.0 + LEASE_S

@@ -9,7 +9,7 @@ from schemas import codec, keys
 from schemas.clock import ClockReading
 from schemas.status import GatewayStatus
 from services.monitor.fleet import Fleet
-from services.monitor.measuring import measure_clocks
+from services.monitor.requests import measure_clocks
 from tests.contract.waiting import until
 
 AHEAD_NS = 3_600_000_000_000

@@ -1,6 +1,6 @@
 import pytest
 
-from services.monitor.namesakes import KNOWN_ACCOUNTS, MOST_PROCESSES, Namesakes
+from services.monitor.fleet_problems import KNOWN_ACCOUNTS, MOST_PROCESSES, Namesakes
 
 
 def heard(processes: str) -> bool:

@@ -1,7 +1,7 @@
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.natural_order import cameras_in_order, natural
-from services.monitor.troubles import troubles
+from services.monitor.fleet_problems import troubles
+from services.monitor.formats import cameras_in_order, natural
 
 
 def test_names_are_sorted_as_people_count() -> None:

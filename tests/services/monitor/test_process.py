@@ -18,8 +18,8 @@ from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
+from services.monitor.fleet_problems import MAX_SHOWN
 from services.monitor.process import watch_fleet
-from services.monitor.troubles import MAX_SHOWN
 from tests.contract.waiting import until
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known

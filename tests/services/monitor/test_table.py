@@ -5,8 +5,8 @@ from rich.console import Console
 
 from schemas.detections import ClassCount
 from schemas.keys import CameraKey
+from services.monitor.display import line, notes_of, render
 from services.monitor.fleet import Age, Row
-from services.monitor.table import line, notes_of, render
 
 BUSY = Row(
     CameraKey("r1", "front"),

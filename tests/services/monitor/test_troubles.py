@@ -1,7 +1,7 @@
 import pytest
 
 from schemas.status import GatewayStatus, StreamStatus
-from services.monitor.troubles import MAX_SHOWN, problems_of, shortened, troubles
+from services.monitor.fleet_problems import MAX_SHOWN, problems_of, shortened, troubles
 
 
 def gateway(robot: str, *streams: StreamStatus, waiting_for: str = "") -> GatewayStatus:

@@ -4,8 +4,8 @@ from collections.abc import AsyncIterable, AsyncIterator
 
 import pytest
 
-from services.monitor import turns
-from services.monitor.turns import AT_ONCE, TURN_S, arrivals_in_turns, in_turns, pause
+from services.monitor import event_loop
+from services.monitor.event_loop import AT_ONCE, TURN_S, arrivals_in_turns, in_turns, pause
 
 
 async def waiting() -> AsyncIterator[int]:
@@ -32,7 +32,7 @@ async def test_who_waits_beside_long_work_gets_its_turn_soon() -> None:
 
 
 async def test_short_work_is_done_in_one_turn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(turns, "TURN_S", 60.0)
+    monkeypatch.setattr(event_loop, "TURN_S", 60.0)
     assert await counted(in_turns(range(10))) == (10, 10)
 
 

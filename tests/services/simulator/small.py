@@ -3,9 +3,8 @@
 from functools import cache
 from typing import Final
 
-from services.simulator.film import Equipment, Film
+from services.simulator.film import Equipment, Film, Store
 from services.simulator.robot import Robot
-from services.simulator.store import Store
 from services.simulator.topics import Stream, topics
 from services.simulator.world import Camera
 

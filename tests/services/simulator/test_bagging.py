@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
-from services.simulator.bagging import START_NS, check_room, write_bags
+from services.simulator.bags import START_NS, check_room, write_bags
 from services.simulator.errors import BagError
 from services.simulator.robot import Robot
 from services.simulator.topics import Stream, topics

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.simulator.clouds import WHITE, colored_points, metres, packed, projected, ringed_points
+from services.simulator.messages import WHITE, colored_points, metres, packed, projected, ringed_points
 from services.simulator.placement import at
 from services.simulator.world import Camera, Turn
 

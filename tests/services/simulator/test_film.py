@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from services.simulator.film import Array, Equipment, Film, Part
+from services.simulator.film import Array, Equipment, Film, Part, Store, smeared
 from services.simulator.placement import COLOR_OPTICAL, of_pose, to_pose
-from services.simulator.shutter import smeared
-from services.simulator.store import Store
 from services.simulator.world import Camera, Drive, Pose, Sensor, expose, generate, render
 from tests.services.simulator.small import ALIGNED, COLOR, DEPTH, FRAMES, HZ, PLENTY, UNALIGNED, film
 

@@ -12,11 +12,10 @@ from gateway.ros1.image import TYPE_NAME, decode_image
 from gateway.ros1.messages import deserialise
 from gateway.ros1.node import Node
 from gateway.ros1.tcpros.subscriber import Message
-from services.simulator.film import Film, Part
+from services.simulator.film import Film, Part, Store
 from services.simulator.live import LiveRobot
 from services.simulator.robot import Robot
 from services.simulator.ros_master.master import RosMaster
-from services.simulator.store import Store
 from services.simulator.topics import Content, Stream, topics
 from tests.gateway.ros1.waiting import until
 from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY

@@ -3,10 +3,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from services.simulator.film import Film, Part
-from services.simulator.prerendering import prerender
+from services.simulator.film import Film, Part, Store
+from services.simulator.process import prerender
 from services.simulator.robot import Robot
-from services.simulator.store import Store
 from services.simulator.topics import Stream, topics
 from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY
 

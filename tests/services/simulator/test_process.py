@@ -11,7 +11,7 @@ from services.simulator.errors import MasterError
 from services.simulator.process import run
 from services.simulator.settings import SimulatorSettings
 from services.simulator.topics import Stream
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 SMALL = SimulatorSettings(
     robots=2, hz=20, width=64, height=48, frames=2, warehouses=1, streams=[Stream.COLOR], ros_master=None

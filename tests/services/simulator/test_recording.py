@@ -8,8 +8,8 @@ from rosbags.interfaces import ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader
 
 from gateway.ros1.messages import message_type
+from services.simulator.bags import Recording, one_each
 from services.simulator.errors import BagError
-from services.simulator.recording import Recording, one_each
 from services.simulator.robot import Robot
 from services.simulator.topics import Topic
 from tests.services.simulator.small import film, robot

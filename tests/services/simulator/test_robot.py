@@ -8,10 +8,9 @@ import pytest
 from gateway.ros1.image import decode_image
 from gateway.ros1.messages import deserialise
 from gateway.ros1.point_cloud import decode_point_cloud
-from services.simulator.film import Equipment, Film, Part
+from services.simulator.film import Equipment, Film, Part, Store
 from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, at, of_pose
 from services.simulator.robot import Robot
-from services.simulator.store import Store
 from services.simulator.topics import COLOR_TOPICS, Content
 from services.simulator.world import Drive, generate
 from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY, UNALIGNED, film, robot

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.simulator.shutter import smeared, streaks
+from services.simulator.film import smeared, streaks
 from services.simulator.world import Camera, Drive, Pose, Rendering, generate, render
 
 CAMERA = Camera()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from services.simulator.store import Store
+from services.simulator.film import Store
 
 POINTS = np.dtype([("x", "<f4"), ("ring", "<u2")])
 

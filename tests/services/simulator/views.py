@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from services.simulator.training.evaluation.near import Found, near_objects
 from services.simulator.world import Camera, Drive, Sensor, expose, generate, render, truth_of
+from services.training.evaluation.near_objects import Found, near_objects
 
 UNSEEN_SEED = 700
 

@@ -1,4 +1,4 @@
-from services.toolbox.misspelt import meant
+from services.toolbox.errors import meant
 
 
 def test_the_nearest_name_is_what_was_meant() -> None:

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import torch
 
-from services.detector.runtime.refinement.closeups import blank_close_ups
 from services.detector.runtime.refinement.network import RefinerNetwork
+from services.detector.runtime.refinement.refiner import blank_close_ups
 
 OPSET: Final = 17
 NAMES: Final = ("pixels", "features", "labels", "scores", "odds", "qualities")

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from services.detector.runtime.refinement.closeups import CHANNELS, COARSE
+from services.detector.runtime.refinement.refiner import CHANNELS, COARSE
 
 WIDTHS: Final = (12, 24, 48, 64)
 """Channels at the whole size, at a half, a quarter and an eighth."""

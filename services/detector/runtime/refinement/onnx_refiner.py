@@ -6,8 +6,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from services.detector.runtime.onnx_engine import providers, session_options
-from services.detector.runtime.refinement.closeups import CloseUps
-from services.detector.runtime.refinement.refiner import Floats, Refined, refined
+from services.detector.runtime.refinement.refiner import CloseUps, Floats, Refined, refined
 
 
 class OnnxRefiner:

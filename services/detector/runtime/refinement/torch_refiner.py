@@ -6,9 +6,8 @@ from typing import Any, Final
 import torch
 from numpy.typing import NDArray
 
-from services.detector.runtime.refinement.closeups import CloseUps
 from services.detector.runtime.refinement.network import RefinerNetwork
-from services.detector.runtime.refinement.refiner import Floats, Refined, refined
+from services.detector.runtime.refinement.refiner import CloseUps, Floats, Refined, refined
 
 KEY: Final = "mask_refiner"
 """Of the network's tensors in a checkpoint; Ultralytics reads only the keys that it knows."""

@@ -9,7 +9,7 @@ from services.monitor.export.settings import moment
 from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.models import HistoryAnswer, MeAnswer, RulesAnswer, StatusAnswer
-from services.monitor.web.auth.visitor import visitor_of
+from services.monitor.web.auth.users import visitor_of
 
 
 def about_routes(monitor: Monitor) -> APIRouter:

@@ -8,11 +8,10 @@ from fastapi import APIRouter, Path, Request
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.export.settings import moment
-from services.monitor.history.acts import Act
+from services.monitor.history.operator_actions import Act
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.acting import operator_of
 from services.monitor.web.api.models import AlertAnswer, Page, alert_answer
-from services.monitor.web.api.paging import After, Limit, Name, page_of
+from services.monitor.web.api.paging import After, Limit, Name, operator_of, page_of
 
 DEFAULT_LIMIT: Final = 200
 

@@ -8,14 +8,14 @@ from typing import Final, Literal, get_args
 
 from schemas.alerts import Alert
 from schemas.status import GatewayStatus
+from services.monitor.event_loop import in_turns
 from services.monitor.export.settings import moment
-from services.monitor.history.acts import Act
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.operator_actions import Act
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import MAX_AGE_S, Monitor
 from services.monitor.recent import Recent
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
-from services.monitor.turns import in_turns
 from services.monitor.web.api.bodies import camera_body, encoded, robot_body, sighting_body
 from services.monitor.web.api.models import alert_answer, gateway_answer, worker_answer
 

@@ -16,14 +16,13 @@ from starlette.background import BackgroundTask
 from schemas.alerts import Alert, AlertState
 from services.monitor.export.process import export
 from services.monitor.export.settings import LAST_NS, ExportSettings, epoch_ns, moment, written_like
-from services.monitor.history.acts import Act
 from services.monitor.history.archive import AlertPlace, Asked, SightingPlace
 from services.monitor.history.intervals import Interval
+from services.monitor.history.operator_actions import Act
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.acting import operator_of
 from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer
-from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, place_of
+from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, place_of
 
 DEFAULT_LIMIT: Final = 200
 DAY_NS: Final = 86_400 * 1_000_000_000

@@ -9,11 +9,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import GatewayStatus
 from services.monitor.export.settings import moment
-from services.monitor.figures import rounded
-from services.monitor.history.acts import Act
+from services.monitor.formats import rounded
 from services.monitor.history.intervals import Interval
+from services.monitor.history.operator_actions import Act
 from services.monitor.snapshot import WorkerLine
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Role
 
 T = TypeVar("T")
 

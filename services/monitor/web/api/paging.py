@@ -4,13 +4,17 @@ import base64
 import binascii
 import json
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar, get_origin
 
-from fastapi import HTTPException, Query
+from fastapi import HTTPException, Query, Request
+from fastapi.dependencies.models import Dependant
+from starlette.requests import HTTPConnection
 
 from schemas.header import MAX_LABEL
+from services.monitor.monitor import Monitor
+from services.monitor.web.auth.users import visitor_of
 
 T = TypeVar("T")
 
@@ -63,3 +67,47 @@ def page_of(
 def first_of(found: list[T], place: Callable[[T], Sequence[str | int]], limit: int) -> tuple[list[T], str | None]:
     """Return the first so many, and the mark for those that follow if there are more."""
     return (found, None) if len(found) <= limit else (found[:limit], mark_of(place(found[limit - 1])))
+
+
+MAX_SHOWN: Final = 80
+
+
+async def refuse_unknown(connection: HTTPConnection) -> None:
+    """Be a dependency of every route.
+
+    Raises:
+        HTTPException: there is a parameter that the route does not have, or twice one of which it reads the last alone.
+    """
+    known = dict(_parameters(connection.scope["route"].dependant))
+    given = connection.query_params
+    for name in given:
+        reason = ""
+        if name not in known:
+            there = f"there are {', '.join(sorted(known))}" if known else "there are none here"
+            reason = f"{name[:MAX_SHOWN]!r} is not a parameter: {there}"
+        elif len(given.getlist(name)) > 1 and not known[name]:
+            reason = f"{name!r} is given more than once"
+        if reason:
+            raise HTTPException(422, reason)
+
+
+def _parameters(of: Dependant) -> Iterator[tuple[str, bool]]:
+    """Yield each parameter's name, and whether it may be there several times."""
+    for parameter in of.query_params:
+        yield parameter.alias, get_origin(parameter.field_info.annotation) is Sequence
+    for each in of.dependencies:
+        yield from _parameters(each)
+
+
+def operator_of(request: Request, monitor: Monitor) -> str:
+    """Return the name of the operator who asks.
+
+    Raises:
+        HTTPException: it is none, or another monitor raises the alerts.
+    """
+    visitor = visitor_of(request)
+    if not visitor.may_act:
+        raise HTTPException(403, "only operators may do this")
+    if not monitor.history.status.leads:
+        raise HTTPException(409, "another monitor raises the alerts: ask that one")
+    return visitor.name

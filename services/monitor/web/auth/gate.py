@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final
 
-from services.monitor.web.auth.people import Kind
-from services.monitor.web.auth.visitor import Visitor
+from services.monitor.web.auth.users import Kind, Visitor
 
 SAFE: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 

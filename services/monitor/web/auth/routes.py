@@ -7,10 +7,10 @@ from urllib.parse import parse_qsl
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from services.monitor.web.auth.access import Access, AccessError
 from services.monitor.web.auth.forms import link_needed, log_in_form, set_up_form
 from services.monitor.web.auth.gate import LOG_IN, LOG_OUT, SET_UP, local_path
-from services.monitor.web.headers import FORM_POLICY
+from services.monitor.web.auth.logins import Access, AccessError
+from services.monitor.web.auth.middleware import FORM_POLICY
 
 MAX_FIELDS: Final = 8
 COOKIE_S: Final = 365 * 86_400

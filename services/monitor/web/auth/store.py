@@ -14,8 +14,7 @@ from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.opening import begin_alone, connect
 from services.monitor.history.settings import NONE, default_state
 from services.monitor.history.tables import logins, users
-from services.monitor.web.auth.people import MAX_LOGINS, MAX_USERS, Kind, Login, User
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import MAX_LOGINS, MAX_USERS, Kind, Login, Role, User
 
 log = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.points import PointCloud
-from schemas.raw import RawMessage
+from schemas.ros import RawMessage
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
 from schemas.transforms import Transforms
 from services.toolbox.logs import RateLimit, RateLimitFilter

@@ -12,7 +12,7 @@ from schemas.camera_info import CameraInfo
 from schemas.codec import Message
 from schemas.image import ImageFrame
 from schemas.points import PointCloud
-from schemas.raw import RawMessage, Text
+from schemas.ros import RawMessage, Text
 from schemas.transforms import Transforms
 from tests.gateway import sensing
 from tests.gateway.to_bus.translators.translating import translated

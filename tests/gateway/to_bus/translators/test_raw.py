@@ -5,7 +5,7 @@ from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
 from gateway.to_bus.stream import MALFORMED
 from schemas.header import MAX_LABEL
-from schemas.raw import MAX_DEFINITION, MAX_MD5, MAX_TEXT, RawMessage, Text
+from schemas.ros import MAX_DEFINITION, MAX_MD5, MAX_TEXT, RawMessage, Text
 from tests.gateway.sensing import camera_info, received, text
 from tests.gateway.to_bus.translators.translating import dropped, forward, translated
 

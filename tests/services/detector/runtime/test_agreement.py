@@ -2,7 +2,7 @@ import msgspec
 import pytest
 
 from schemas.detections import Box, Detection
-from services.detector.runtime.agreement import difference
+from services.detector.runtime.overlap import difference
 
 OURS = Detection(name="box", score=0.6, box=Box(0, 0, 100, 10), label=0)
 

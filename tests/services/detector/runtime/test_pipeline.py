@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from schemas.detections import Detection
 from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
-from services.detector.account import FAILED
+from services.detector.frame_counts import FAILED
 from services.detector.model import Failed, Found, ModelError, Outcome, Request
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.postprocess import Output
-from services.detector.runtime.refinement.closeups import SIDE, CloseUps
-from services.detector.runtime.refinement.refiner import Refined
+from services.detector.runtime.refinement.refiner import SIDE, CloseUps, Refined
 from services.geometry.masks import decode
 from tests.services.detector.requests import request
 from tests.services.detector.runtime.engines import FACTS, NONSENSE, BrightEngine, output

@@ -10,8 +10,7 @@ from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.postprocess import Output, OutputError, objects
-from services.detector.runtime.refinement.closeups import BOX, SIDE, CloseUps
-from services.detector.runtime.refinement.refiner import Refined
+from services.detector.runtime.refinement.refiner import BOX, SIDE, CloseUps, Refined
 from tests.services.detector.runtime.engines import FACTS, STRIDE, output
 
 CRITERIA = Criteria(confidence=0.3, iou=0.5)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from services.detector.runtime.suppression import BLOCK, suppressed
+from services.detector.runtime.candidates import BLOCK, suppressed
 
 IOU = 0.5
 

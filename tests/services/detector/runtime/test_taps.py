@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from services.detector.runtime.letterbox import Axis
-from services.detector.runtime.taps import Taps
+from services.detector.runtime.masks import Taps
 
 
 @pytest.mark.parametrize("axis", [Axis(640, 640, 0, 640), Axis(90, 60, 2, 64), Axis(3, 64, 0, 64), Axis(1, 1, 31, 64)])

@@ -2,7 +2,7 @@
 
 import time
 
-from services.monitor.hearing import Hearing
+from services.monitor.health import Hearing
 
 
 def hears(lease_s: float = 1.0) -> Hearing:

@@ -1,5 +1,5 @@
 from services.monitor.alerting.absence import Absentees
-from services.monitor.hearing import GAP_S, Hearing
+from services.monitor.health import GAP_S, Hearing
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, Limits
 from tests.services.monitor.inventory.seeing import FRONT, S, seen

@@ -17,10 +17,10 @@ from services.monitor.alerting import alerting as module
 from services.monitor.alerting.alerting import OFFER_S, SWEEP_S, Alerting, look_at
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
-from services.monitor.rules.conditions import Look
+from services.monitor.inventory.sighting import Debounce
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine, UnknownAlertError
+from services.monitor.rules.findings import Look
 from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known

@@ -14,8 +14,8 @@ from bus.fake import FakeNetwork
 from schemas.alerts import Alert, AlertState
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.sighting import Debounce
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import Receiver, receiving

@@ -12,9 +12,8 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import HistorySettings
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
-from services.monitor.inventory.sighting import Change
+from services.monitor.inventory.sighting import Change, Debounce
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import receiving, told

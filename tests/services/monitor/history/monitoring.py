@@ -10,9 +10,9 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import Place, Presence
 from services.monitor.history.settings import HistorySettings
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
-from services.monitor.mapping.places import Places
+from services.monitor.inventory.sighting import Debounce
+from services.monitor.map.sighting_places import Places
 from tests.contract.waiting import until
 from tests.services.monitor.history.test_store import every, opened
 from tests.services.monitor.inventory.seeing import seen

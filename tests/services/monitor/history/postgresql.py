@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from tests.missing import require_debian
 
 ROOT: Final = Path("/usr/lib/postgresql")

@@ -7,13 +7,13 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history import archive as archive_module
-from services.monitor.history.acts import Act
 from services.monitor.history.archive import Archive, Asked
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
+from services.monitor.history.operator_actions import Act
 from services.monitor.history.settings import NONE
 from services.monitor.inventory.inventory import Entry
-from services.monitor.page.sightings import Filters, Stock
+from services.monitor.page.rows.inventory import Filters, Stock
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S

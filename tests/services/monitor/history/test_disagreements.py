@@ -1,7 +1,7 @@
 from services.monitor.history.disagreements import Disagreement, Disagreements
 from services.monitor.history.ledger import Ledger
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.sighting import Debounce
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 STALE_S = Limits().stale_ns // S

@@ -10,14 +10,13 @@ import pytest
 from schemas.alerts import AlertState
 from services.monitor.export.process import run as export
 from services.monitor.export.settings import ExportSettings
-from services.monitor.history.acts import Act
 from services.monitor.history.archive import Archive
+from services.monitor.history.operator_actions import Act
 from services.monitor.rules.process import run as try_rules
 from services.monitor.rules.settings import RulesSettings
-from services.monitor.web.auth.access import Access, AccessError
-from services.monitor.web.auth.people import Kind, User
+from services.monitor.web.auth.logins import Access, AccessError
 from services.monitor.web.auth.store import UserStore
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Kind, Role, User
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S

@@ -18,9 +18,9 @@ from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.history.status import HistoryStatus
 from services.monitor.history.store import Store
 from services.monitor.inventory.sighting import ChangeKind
-from services.monitor.mapping.last_poses import LOST_NS, LastPoses
-from services.monitor.mapping.places import FORGET_NS
-from services.monitor.mapping.pose import Pose
+from services.monitor.map.last_poses import LOST_NS, LastPoses
+from services.monitor.map.pose import Pose
+from services.monitor.map.sighting_places import FORGET_NS
 from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.monitoring import Monitor, attended, kept, monitoring, noted

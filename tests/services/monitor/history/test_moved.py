@@ -13,8 +13,8 @@ from services.monitor.history import keeper as module
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import SCHEMA_VERSION, metadata
-from services.monitor.web.auth.access import Access
-from services.monitor.web.auth.people import Kind
+from services.monitor.web.auth.logins import Access
+from services.monitor.web.auth.users import Kind
 from tests.contract.waiting import until
 from tests.services.monitor.history.monitoring import Monitor, kept, monitoring
 from tests.services.monitor.history.test_file import names

@@ -3,8 +3,8 @@ from collections import deque
 from schemas.keys import CameraKey
 from services.monitor.history.ledger import Ledger
 from services.monitor.history.presence import Attendance, Presence
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import SETTLE_NS, Inventory, Limits
+from services.monitor.inventory.sighting import Debounce
 from tests.services.monitor.history.lasting import there
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 

@@ -31,7 +31,7 @@ from services.monitor.history.tables import (
     schema_version,
     webhook_backlog,
 )
-from services.monitor.mapping.pose import Pose
+from services.monitor.map.pose import Pose
 from tests.schemas.results import alert
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.postgresql import PostgreSQL

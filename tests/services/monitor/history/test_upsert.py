@@ -2,8 +2,7 @@ import sqlite3
 from contextlib import closing
 
 from services.monitor.history.engine import engine_of
-from services.monitor.history.tables import heartbeat, intervals
-from services.monitor.history.upsert import upsert_of
+from services.monitor.history.tables import heartbeat, intervals, upsert_of
 
 COLUMNS = tuple(column.name for column in intervals.columns)
 ROW = {name: number for number, name in enumerate(COLUMNS)}

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.monitor.inventory.debouncing import NS, Debounce, DebouncedCount
+from services.monitor.inventory.sighting import NS, Debounce, DebouncedCount
 
 QUICK = Debounce(appear_lists=2, appear_ns=0, vanish_lists=2, vanish_ns=0)
 

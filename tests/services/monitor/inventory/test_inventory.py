@@ -3,11 +3,10 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory import inventory as module
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import Inventory, InventoryFullError, Limits
-from services.monitor.inventory.settings import InventorySettings
-from services.monitor.inventory.sighting import ChangeKind, Sighting
+from services.monitor.inventory.sighting import ChangeKind, Debounce, Sighting
 from services.monitor.inventory.view import MAX_CLASSES
+from services.monitor.settings import InventorySettings
 from tests.schemas.results import distances, known
 from tests.services.monitor.inventory.seeing import FRONT, S, going_on, seen
 

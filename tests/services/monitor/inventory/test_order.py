@@ -1,4 +1,4 @@
-from services.monitor.inventory.order import MAX_BOOTS, FrameOrder
+from services.monitor.inventory.view import MAX_BOOTS, FrameOrder
 from tests.services.monitor.inventory.seeing import S, seen
 
 

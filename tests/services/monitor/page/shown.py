@@ -6,7 +6,7 @@ from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
 from services.monitor.fleet import Age, Row
-from services.monitor.page.robots import Robot, standing
+from services.monitor.page.rows.robots import Robot, standing
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 
 S = 1_000_000_000

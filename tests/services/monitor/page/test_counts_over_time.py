@@ -1,5 +1,5 @@
 from services.monitor.history.counting import Counts, Slots
-from services.monitor.page.counts_over_time import MAX_LINES, counts_over_time
+from services.monitor.page.chart import MAX_LINES, counts_over_time
 
 S = 1_000_000_000
 SLOTS = Slots(100 * S, 150 * S, 10 * S)

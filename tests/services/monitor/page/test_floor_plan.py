@@ -3,8 +3,8 @@ from dataclasses import replace
 import httpx
 from starlette.applications import Starlette
 
-from services.monitor.mapping.floor_plan import FloorPlan
-from services.monitor.page.floor_plan import floor_plan_route, url_of
+from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.page.map import floor_plan_route, url_of
 
 PLAN = FloorPlan(b"\x89PNG", 3.0, 2.0, 0.0, 0.0, 0.0, ())
 

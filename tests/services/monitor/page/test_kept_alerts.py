@@ -5,8 +5,8 @@ import msgspec
 from schemas.alerts import AlertState
 from services.monitor.history.archive import Archive
 from services.monitor.history.store import Store
-from services.monitor.page.kept_alerts import KeptAlerts
-from tests.services.monitor.page.test_alert_rows import ALERT
+from services.monitor.page.alerts import KeptAlerts
+from tests.services.monitor.page.rows.test_alert_rows import ALERT
 
 
 async def test_why_there_are_none_is_said() -> None:

@@ -2,7 +2,7 @@ import asyncio
 from pathlib import Path
 
 from bus.fake import FakeNetwork
-from services.monitor.page.monitor_health import facts
+from services.monitor.page.health import facts
 from tests.contract.waiting import until
 from tests.services.monitor.web.serving import monitor_on
 

@@ -1,6 +1,6 @@
 from bus.fake import FakeNetwork
+from services.monitor.page.rows.robots import Wanted
 from services.monitor.page.shared import Shared
-from services.monitor.page.survey import Wanted
 from tests.services.monitor.web.serving import monitor_on
 
 

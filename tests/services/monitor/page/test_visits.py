@@ -3,8 +3,8 @@ from nicegui import Client
 
 from bus.fake import FakeNetwork
 from services.monitor.page.frame import VISITS
-from services.monitor.page.visits import MOST_LEFT, MOST_OPEN, Visits
-from services.monitor.web.auth.visitor import Role
+from services.monitor.page.open_pages import MOST_LEFT, MOST_OPEN, Visits
+from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.serving import monitor_on, served
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
-from services.monitor.rules.conditions import Look
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
+from services.monitor.rules.findings import Look
 from services.monitor.rules.model import RuleBook
 from tests.services.monitor.inventory.seeing import FRONT, S
 

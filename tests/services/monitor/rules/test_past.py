@@ -1,6 +1,6 @@
 from msgspec.structs import replace
 
-from services.monitor.rules.past import FOREVER_NS, Past, Run
+from services.monitor.rules.timeline import FOREVER_NS, Past, Run
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import S

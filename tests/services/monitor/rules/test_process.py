@@ -17,8 +17,8 @@ from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.store import Store
-from services.monitor.inventory.debouncing import Debounce
 from services.monitor.inventory.inventory import SETTLE_NS, Inventory, Limits
+from services.monitor.inventory.sighting import Debounce
 from services.monitor.rules.loading import RuleFileError
 from services.monitor.rules.process import run
 from services.monitor.rules.settings import RulesSettings

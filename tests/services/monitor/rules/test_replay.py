@@ -9,8 +9,8 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Lasting
 from services.monitor.history.presence import Presence
 from services.monitor.rules.model import RuleBook
-from services.monitor.rules.past import Past
 from services.monitor.rules.replay import caveats, replay
+from services.monitor.rules.timeline import Past
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import S

@@ -1,7 +1,7 @@
 import pytest
 from msgspec.structs import replace
 
-from services.monitor.rules.spoken import NEVER, spoken_for
+from services.monitor.rules.timeline import NEVER, spoken_for
 from tests.services.monitor.history.lasting import there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import FRONT, S

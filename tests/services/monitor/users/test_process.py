@@ -13,12 +13,11 @@ from pydantic import ValidationError
 from services.monitor.history.errors import HistoryError
 from services.monitor.users.process import UsersError, read_password, run
 from services.monitor.users.settings import UsersSettings
-from services.monitor.web.auth.people import Kind, User
 from services.monitor.web.auth.store import UserStore
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Kind, Role, User
 from tests.contract.waiting import PATIENCE_S, until
 from tests.services.monitor.history.test_file import names
-from tests.services.monitor.web.auth.test_access import access_to
+from tests.services.monitor.web.auth.test_logins import access_to
 from tests.services.monitor.web.auth.test_store import newer
 from tests.services.monitor.web.serving import users_in
 

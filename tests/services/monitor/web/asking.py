@@ -12,8 +12,8 @@ from fastapi import FastAPI
 from bus.fake import FakeNetwork
 from services.monitor.monitor import Monitor
 from services.monitor.web.application import cookie_of, guarded, make_application
-from services.monitor.web.auth.access import Access
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.logins import Access
+from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.serving import PASSWORD, access_in, monitor_on, token_of
 
 ORIGIN = "http://localhost:1"

@@ -18,16 +18,15 @@ from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
-from services.monitor.mapping.floor_plan import FloorPlan
+from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.application import cookie_of
-from services.monitor.web.auth.access import Access
+from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.passwords import Passwords
-from services.monitor.web.auth.people import Kind, Login, User, digest_of, new_secret
 from services.monitor.web.auth.store import UserStore
-from services.monitor.web.auth.visitor import Role
-from services.monitor.web.listener import open_listener, url_of
+from services.monitor.web.auth.users import Kind, Login, Role, User, digest_of, new_secret
+from services.monitor.web.process import open_listener, url_of
 from services.monitor.web.server import serve
 from tests.services.monitor.alerting.hearing import hears
 

@@ -2,7 +2,7 @@ import httpx
 import pytest
 
 from bus.fake import FakeNetwork
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.asking import ORIGIN, Web
 from tests.services.monitor.web.serving import monitor_on, served
 

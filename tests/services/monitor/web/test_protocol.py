@@ -7,7 +7,7 @@ from starlette.responses import PlainTextResponse
 from uvicorn import Config
 from uvicorn.server import ServerState
 
-from services.monitor.web.protocol import HEAD_S, MAX_HEAD_BYTES, TURNED_AWAY, BoundedProtocol
+from services.monitor.web.server import HEAD_S, MAX_HEAD_BYTES, TURNED_AWAY, BoundedProtocol
 
 ASKED = b"GET / HTTP/1.1\r\nHost: here\r\n\r\n"
 Connect = Callable[[], "asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]]"]

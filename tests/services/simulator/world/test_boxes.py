@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.simulator.world import Box, Pose, generate
-from services.simulator.world.boxes import box_of, parts_of
 from services.simulator.world.cuboids import Builder, Frame, Material, Paint
+from services.simulator.world.truth import box_of, parts_of
 
 WOOD = Paint(Material.WOOD, (1, 1, 1))
 angles = st.floats(-3.1, 3.1)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from services.simulator.world.noise import PLANE, window
+from services.simulator.world.sensor import PLANE, window
 
 
 def test_a_window_goes_on_beyond_the_border() -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 
 from services.simulator.world.clearance import CELLS_PER_METRE, Clearance
-from services.simulator.world.routes import STRIDE, RouteMap
+from services.simulator.world.drive import STRIDE, RouteMap
 
 
 def walled() -> Clearance:

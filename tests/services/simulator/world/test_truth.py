@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.simulator.world import Camera, Drive, Pose, Scene, SeenObject, generate, render, truth, truth_of
-from services.simulator.world.boxes import parts_of
+from services.simulator.world.truth import parts_of
 from tests.services.simulator.world.rays import cast, pixel_rays
 
 SEED = 704

@@ -6,10 +6,10 @@ import pytest
 
 from bus import BusSettings, Handler, RefusedError, Reply, Request, open_bus
 from schemas import codec, keys
-from schemas.service import ServiceRequest, ServiceResponse
+from schemas.ros import ServiceRequest, ServiceResponse
 from services.toolbox.call.process import run
 from services.toolbox.call.settings import CallSettings
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 
 def answered(*, success: bool, message: str) -> Reply:

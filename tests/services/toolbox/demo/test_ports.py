@@ -2,7 +2,7 @@ import socket
 
 import pytest
 
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 
 
 @pytest.mark.parametrize("count", [1, 4])

@@ -21,7 +21,7 @@ from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
 from services.detector.model import Failed, Found, Outcome, Request
 from services.detector.requests import answering
-from services.toolbox.demo.ports import free_ports
+from services.toolbox.demo.children import free_ports
 from services.toolbox.detect import process
 from services.toolbox.detect.process import run, table
 from services.toolbox.detect.settings import DetectSettings

@@ -11,9 +11,9 @@ from services.detector.model import Found, ModelError
 from services.detector.pixels import to_bgr
 from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
-from services.simulator.training.evaluation.predictor import CONFIDENCE, Predictor
 from services.simulator.world import CLASSES
 from services.toolbox.train.inference import framed, open_follower, open_weights
+from services.training.evaluation.predictor import CONFIDENCE, Predictor
 from tests.services.detector.requests import request
 from tests.services.simulator.views import near_view
 

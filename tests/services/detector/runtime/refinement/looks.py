@@ -3,8 +3,8 @@
 import numpy as np
 import torch
 
-from services.detector.runtime.refinement.closeups import CHANNELS, FEATURES_SIDE, SIDE, CloseUps
 from services.detector.runtime.refinement.network import RefinerNetwork
+from services.detector.runtime.refinement.refiner import CHANNELS, FEATURES_SIDE, SIDE, CloseUps
 
 CLASSES, PROTOTYPES = 3, 4
 

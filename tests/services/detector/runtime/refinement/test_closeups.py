@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.runtime.candidates import Candidates
-from services.detector.runtime.refinement.closeups import FEATURES_SIDE, SIDE, CloseUps, close_ups, own_parts, stretched
+from services.detector.runtime.refinement.refiner import FEATURES_SIDE, SIDE, CloseUps, close_ups, own_parts, stretched
 
 IMAGE = np.random.default_rng(1).integers(0, 256, (128, 256, 3), np.uint8)
 STEP = 4

@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from services.detector.runtime.refinement.closeups import CHANNELS, COARSE
 from services.detector.runtime.refinement.network import RefinerNetwork, expected_iou
+from services.detector.runtime.refinement.refiner import CHANNELS, COARSE
 
 
 @pytest.mark.parametrize("side", [8, 64])

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from services.detector.runtime.refinement.closeups import SIDE, CloseUps
 from services.detector.runtime.refinement.exporting import onnx_of
 from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner
-from services.detector.runtime.refinement.refiner import AT_ONCE, Refiner
+from services.detector.runtime.refinement.refiner import AT_ONCE, SIDE, CloseUps, Refiner
 from services.detector.runtime.refinement.torch_refiner import TorchRefiner
 from tests.services.detector.runtime.refinement.looks import looks, network
 

@@ -9,9 +9,9 @@ from bus.fake import FakeNetwork
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import WorkerStatus
 from services.monitor.export.settings import epoch_ns
-from services.monitor.history.acts import Act
+from services.monitor.history.operator_actions import Act
 from services.monitor.monitor import Monitor
-from services.monitor.page.monitor_health import facts
+from services.monitor.page.health import facts
 from services.monitor.rules.loading import load_rules
 from services.monitor.rules.model import RuleBook
 from tests.contract.waiting import until

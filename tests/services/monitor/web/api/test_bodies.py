@@ -6,7 +6,7 @@ from pydantic import BaseModel
 
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.glance import Glance, Workers
+from services.monitor.snapshot import Glance, Workers
 from services.monitor.web.api.bodies import Body, camera_body, encoded, page_response, robot_body, sighting_body
 from services.monitor.web.api.models import CameraAnswer, Page, RobotAnswer, SightingAnswer
 from tests.services.monitor.web.api.seeing import fill

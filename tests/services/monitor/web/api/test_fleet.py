@@ -1,8 +1,8 @@
 import msgspec
 import pytest
 
-from services.monitor import turns
-from services.monitor.web.auth.visitor import Role
+from services.monitor import event_loop
+from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.asking import Web
@@ -100,8 +100,8 @@ async def test_others_get_their_turn_while_a_list_is_made(web: Web, monkeypatch:
     async def pause() -> None:
         paused.append(what)
 
-    monkeypatch.setattr(turns, "TURN_S", 0.0)
-    monkeypatch.setattr(turns, "pause", pause)
+    monkeypatch.setattr(event_loop, "TURN_S", 0.0)
+    monkeypatch.setattr(event_loop, "pause", pause)
     async with await web.program() as program:
         items = (await program.get(f"/api/v1/{what}")).json()["items"]
     assert len(paused) >= len(items) > 0

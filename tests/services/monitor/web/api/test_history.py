@@ -8,11 +8,11 @@ from msgspec.structs import replace
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
-from services.monitor.history.acts import Act
 from services.monitor.history.archive import MAX_ROWS
+from services.monitor.history.operator_actions import Act
 from services.monitor.history.store import Store
 from services.monitor.web.api.paging import MAX_ITEMS
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Role
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.web.api.seeing import ODD
 from tests.services.monitor.web.api.test_alerts import alert

@@ -1,9 +1,9 @@
 import pytest
 
 from schemas.keys import CameraKey
-from services.monitor import turns
+from services.monitor import event_loop
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.web.api.stock import Asked, Place, some_entries
+from services.monitor.web.api.fleet import Asked, Place, some_entries
 from tests.services.monitor.inventory.seeing import S, seen
 
 
@@ -52,5 +52,5 @@ async def test_only_what_is_asked_for() -> None:
 
 
 async def test_what_takes_many_turns_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(turns, "TURN_S", 0.0)
+    monkeypatch.setattr(event_loop, "TURN_S", 0.0)
     assert len(await places(Asked(name="box"), 1_000, robots=20)) == 40

@@ -1,8 +1,7 @@
 import pytest
 
 from services.monitor.web.auth.gate import Asking, Place, Verdict, body_limit, judge, local_path
-from services.monitor.web.auth.people import Kind
-from services.monitor.web.auth.visitor import Role, Visitor
+from services.monitor.web.auth.users import Kind, Role, Visitor
 
 OURS = {"host": "monitor:1", "origin": "http://monitor:1"}
 VIEWER = Visitor("v", lambda: Role.VIEWER)

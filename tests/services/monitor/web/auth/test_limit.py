@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import pytest
 
-from services.monitor.web.auth.limit import (
+from services.monitor.web.auth.passwords import (
     MAX_KEYS,
     MAX_NAME,
     MAX_OF_ADDRESS,

@@ -9,7 +9,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from services.monitor.web.application import cookie_of
 from services.monitor.web.auth.gate import OPEN, Place
 from services.monitor.web.auth.middleware import AccessMiddleware
-from services.monitor.web.auth.visitor import Role
+from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.asking import ORIGIN, Web
 
 FILLED = {"alert_id": "a1", "robot": "r1", "path": "v1/what"}

@@ -3,9 +3,16 @@ from pathlib import Path
 
 import pytest
 
-from services.monitor.web.auth.access import AccessError
-from services.monitor.web.auth.limit import MAX_OF_NAME
-from services.monitor.web.auth.passwords import MAX_LENGTH, MAX_WAITING, MIN_LENGTH, BusyError, Passwords, mistake_in
+from services.monitor.web.auth.logins import AccessError
+from services.monitor.web.auth.passwords import (
+    MAX_LENGTH,
+    MAX_OF_NAME,
+    MAX_WAITING,
+    MIN_LENGTH,
+    BusyError,
+    Passwords,
+    mistake_in,
+)
 from tests.services.monitor.web.serving import PASSWORD, access_in
 
 

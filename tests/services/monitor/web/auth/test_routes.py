@@ -1,8 +1,8 @@
 from pathlib import Path
 
 from services.monitor.web.application import make_application
-from services.monitor.web.auth.access import Access
-from services.monitor.web.auth.limit import MAX_OF_NAME
+from services.monitor.web.auth.logins import Access
+from services.monitor.web.auth.passwords import MAX_OF_NAME
 from services.monitor.web.auth.store import UserStore
 from tests.services.monitor.web.asking import ORIGIN, Web
 from tests.services.monitor.web.serving import PASSWORD

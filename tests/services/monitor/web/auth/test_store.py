@@ -6,10 +6,9 @@ import pytest
 from services.monitor.history.engine import engine_of
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.tables import logins, users
-from services.monitor.web.auth.people import Kind, User
 from services.monitor.web.auth.store import UserStore
-from services.monitor.web.auth.visitor import Role
-from tests.services.monitor.web.auth.test_access import access_to
+from services.monitor.web.auth.users import Kind, Role, User
+from tests.services.monitor.web.auth.test_logins import access_to
 from tests.services.monitor.web.serving import PASSWORD, access_in, users_in
 
 

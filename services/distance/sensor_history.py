@@ -1,0 +1,80 @@
+"""What one camera's robot has said so far: depth by stamp, calibrations, frames of reference. Pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from schemas.camera_info import CameraInfo
+from schemas.detections import Detections
+from schemas.header import Header
+from schemas.image import ImageFrame
+from services.distance.measuring import Frame
+from services.distance.views import Instant, Transform
+from services.geometry.errors import TooNewError, TransformError
+from services.geometry.transforms import TransformTree, between
+from services.worker.stamp_joiner import Joiner, NoPartner
+
+DEPTH_IMAGE: Final = "depth image"
+NO_STAMP: Final = "the image has no stamp"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """What is known when an image was taken. instant: or why there is no depth of it. open: more may become known."""
+
+    instant: Instant | str
+    frames: tuple[Frame, ...]
+    open: bool
+
+
+@dataclass(slots=True)
+class Sensed:
+    """Messages of one camera and its robot, joined with detections by stamp. frames: where objects are to be placed."""
+
+    frames: Sequence[str]
+    depths: Joiner[ImageFrame]
+    transforms: TransformTree = field(default_factory=TransformTree)
+    info: CameraInfo | None = None
+    depth_info: CameraInfo | None = None
+
+    def end(self) -> None:
+        """Forget everything that is of an instant."""
+        self.depths.flush()
+        self.transforms.flush()
+
+    def at(self, detections: Detections) -> Moment:
+        """Return what is known of the instant of an image."""
+        header = detections.header
+        frames, frames_open = self._frames(header.frame_id, header.stamp_ns)
+        if not header.stamp_ns:
+            return Moment(NO_STAMP, frames, open=False)
+        found = self.depths.find(header.stamp_ns)
+        if isinstance(found, NoPartner):
+            return Moment(found.reason, frames, open=not found.final)
+        depth = found.item
+        from_depth, early = self._lookup(header.frame_id, depth.header.frame_id, found.stamp_ns)
+        if not isinstance(from_depth, str):
+            from_depth = self._moved(from_depth, header, depth.header)
+        instant = Instant(detections, depth, self.info, self.depth_info, from_depth)
+        return Moment(instant, frames, open=frames_open or early or not found.final)
+
+    def _frames(self, camera: str, stamp_ns: int) -> tuple[tuple[Frame, ...], bool]:
+        found = [(name, *self._lookup(name, camera, stamp_ns)) for name in self.frames]
+        return tuple(Frame(name, place) for name, place, _ in found), any(early for *_, early in found)
+
+    def _moved(self, at_rest: Transform, image: Header, depth: Header) -> Transform:
+        """Return where depth was from where the image was taken, as far as that is known now.
+
+        What says so is not waited for: a robot that stands still would wait for nothing.
+        """
+        try:
+            return between(image, depth, self.transforms)
+        except TransformError:
+            return at_rest
+
+    def _lookup(self, target: str, source: str, stamp_ns: int) -> tuple[Transform | str, bool]:
+        """Return a transform or why it is not known, and whether it may become known."""
+        try:
+            return self.transforms.lookup(target, source, stamp_ns), False
+        except TransformError as error:
+            return str(error), isinstance(error, TooNewError)

@@ -1,0 +1,82 @@
+"""Class lists of which it is not known yet when their frames were taken. Pure.
+
+What was published while the monitor was away comes all at once, and before robots have said what their clocks show.
+Taken for what is in view on arrival, it would file an hour's coming and going under one moment.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
+
+from schemas.detections import ClassList
+from schemas.header import Header
+from schemas.keys import CameraKey, camera_key
+from services.monitor.fleet import MAX_LAG_NS
+from services.monitor.inventory.sighting import NS
+
+PATIENCE_NS: Final = 2 * NS
+"""How long a robot's clock is waited for."""
+
+MOST_WAITING: Final = 100_000
+"""Lists that wait, of all cameras; a camera whose next one has no room waits no longer."""
+
+
+class Arrival(NamedTuple):
+    """A class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock)."""
+
+    seen: ClassList
+    now_s: float
+    received_ns: int
+
+
+class Undated:
+    """Has kept lists wait for their robot's clock, and those that come after them.
+
+    is_dated: whether it is known how old something of a frame was that arrived at a time (epoch, nanoseconds).
+    """
+
+    def __init__(self, is_dated: Callable[[Header, int], bool]) -> None:
+        self._is_dated = is_dated
+        self._waiting: dict[CameraKey, list[Arrival]] = {}
+        self._count = 0
+
+    def arrive(self, arrival: Arrival, *, kept: bool) -> list[Arrival]:
+        """Take a list; return those that are to be taken in now, in order. kept: it may have been sent long before."""
+        header = arrival.seen.header
+        if not self._waiting and not kept:  # nearly always
+            return [arrival]
+        key = camera_key(header.robot, header.camera)
+        if key not in self._waiting and (not kept or self._is_dated(header, arrival.received_ns)):
+            return [arrival]
+        self._waiting.setdefault(key, []).append(arrival)
+        self._count += 1
+        return self._taken(key) if self._count > MOST_WAITING else []
+
+    def due(self, now_ns: int) -> Iterator[list[Arrival]]:
+        """Yield the lists of each camera that need not wait any more at `now_ns` (epoch), in order.
+
+        Others may arrive meanwhile, once those that were yielded are taken in.
+        """
+        for key in list(self._waiting):
+            waiting = self._waiting.get(key)
+            if waiting and (self._is_known(waiting) or not 0 <= now_ns - waiting[0].received_ns < PATIENCE_NS):
+                yield self._taken(key)
+
+    def _is_known(self, waiting: list[Arrival]) -> bool:
+        return self._is_dated(waiting[-1].seen.header, waiting[-1].received_ns)
+
+    def _taken(self, key: CameraKey) -> list[Arrival]:
+        """Return a camera's lists; where nobody told what the robot's clock shows, as if the newest took no time.
+
+        One that would be newer, or too old to be true, is left as it came: the robot's clock was set.
+        """
+        waiting = self._waiting.pop(key)
+        self._count -= len(waiting)
+        if self._is_known(waiting):
+            return waiting
+        newest = waiting[-1]
+        ahead_ns = newest.seen.header.received_ns - newest.received_ns
+        older_ns = [ahead_ns - (each.seen.header.received_ns - each.received_ns) for each in waiting]
+        return [
+            each._replace(received_ns=each.received_ns - older) if 0 <= older <= MAX_LAG_NS else each
+            for each, older in zip(waiting, older_ns, strict=True)
+        ]

@@ -1,0 +1,129 @@
+"""Keeping the event loop free: long work in steps, blocking work on daemon threads, garbage collection in parts."""
+
+import asyncio
+import contextlib
+import gc
+import threading
+import time
+from collections.abc import AsyncIterable, AsyncIterator, Callable, Coroutine, Iterable
+from typing import Final, TypeVar
+
+AT_ONCE: Final = 100
+"""Arrivals until other things get their turn."""
+
+TURN_S: Final = 0.003
+"""How long something may go on until everybody else gets their turn: questions wait for several of them."""
+
+PAUSE_S: Final = 0.001
+"""A moment in which the event loop does nothing: other threads, such as the bus's, get the interpreter at once then."""
+
+T = TypeVar("T")
+
+
+async def pause() -> None:
+    """Let everybody else have their turn."""
+    await asyncio.sleep(PAUSE_S)
+
+
+async def in_turns(items: Iterable[T]) -> AsyncIterator[T]:
+    """Yield items; whatever else waits, on the event loop or on other threads, gets its turn after each `TURN_S`."""
+    began_s = time.perf_counter()
+    for item in items:
+        yield item
+        if time.perf_counter() - began_s > TURN_S:
+            await pause()
+            began_s = time.perf_counter()
+
+
+async def arrivals_in_turns(arrivals: AsyncIterable[T]) -> AsyncIterator[T]:
+    """Yield what arrives; where much waits already, others get their turn: nothing is waited for then."""
+    number = 0
+    async for arrival in arrivals:
+        yield arrival
+        number += 1
+        if number % AT_ONCE == 0:
+            await asyncio.sleep(0)
+
+
+async def aside(act: Callable[[], object]) -> None:
+    """Do something on a thread of its own, which is left behind, and keeps no process alive, if this is cancelled."""
+    loop = asyncio.get_running_loop()
+    done: asyncio.Future[None] = loop.create_future()
+
+    def settle(error: BaseException | None) -> None:
+        if done.done():
+            return
+        if error is None:
+            done.set_result(None)
+        else:
+            done.set_exception(error)
+
+    def run() -> None:
+        failed: BaseException | None = None
+        try:
+            act()
+        except BaseException as error:  # noqa: BLE001 - it belongs to whoever waits
+            failed = error
+        with contextlib.suppress(RuntimeError):  # the loop is closed
+            loop.call_soon_threadsafe(settle, failed)
+
+    threading.Thread(target=run, name="aside", daemon=True).start()
+    await done
+
+
+PERIOD_S: Final = 10.0
+LEAST: Final = 100
+GROWTH: Final = 1.125
+"""By how much there is more when what is new is left out too: until then collections look at it."""
+
+YOUNG: Final = 1_500
+"""How many new objects are looked at, at once: a millisecond or two."""
+
+MIDDLE: Final = 1
+"""How many times that until those that stayed are looked at with them."""
+
+NEVER: Final = 1_000_000_000
+FULL_AFTER: Final = 50
+"""After how many of those what is old is looked at: a tenth of a second, after more than a hundred pages."""
+
+
+async def keep_collections_short(size: Callable[[], int], *, period_s: float = PERIOD_S) -> None:
+    """Leave out of collections what is there for good, for ever. size: how much there is, in any unit.
+
+    What is new is left out once in a while as there comes more. What was left out is looked at again after each
+    doubling alone, so that little garbage is left out too.
+    """
+    usual = gc.get_threshold()
+    gc.set_threshold(YOUNG, MIDDLE, NEVER)
+    looked_at = left_out = 0.0
+    try:
+        while True:
+            await asyncio.sleep(period_s)
+            found = max(LEAST, size())
+            if found >= 2 * looked_at:
+                gc.unfreeze()
+                looked_at = found
+            elif found < GROWTH * left_out:
+                if gc.get_count()[2] >= FULL_AFTER:
+                    gc.collect()
+                continue
+            gc.collect()
+            gc.freeze()
+            left_out = found
+    finally:
+        gc.unfreeze()
+        gc.set_threshold(*usual)
+
+
+async def uninterrupted(work: Coroutine[None, None, float]) -> float:
+    """Await work to its end, however often cancelled: a statement that is broken off may leave its database locked."""
+    task = asyncio.ensure_future(work)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.wait([task])
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        raise cancelled from task.exception()
+    return task.result()

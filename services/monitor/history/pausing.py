@@ -1,0 +1,33 @@
+"""Cameras that fall silent, and speak again: what they have in view ends in the history, and goes on. Pure."""
+
+from services.monitor.history.intervals import Sightings
+from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.camera_liveness import Speaking
+from services.monitor.inventory.inventory import Inventory
+
+
+class Silence:
+    """Enters in a ledger which cameras are silent."""
+
+    def __init__(self, inventory: Inventory, sightings: Sightings) -> None:
+        self._inventory = inventory
+        self._sightings = sightings
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Find the cameras that are silent in a database that has all as going on."""
+        self._speaking = Speaking(self._inventory, self._speaks, speaks=True)
+
+    def note(self, now_ns: int) -> None:
+        """End what cameras had in view that went silent, and resume it when they speak again."""
+        for camera in self._speaking.advance(now_ns):
+            if camera.lost:
+                continue
+            in_view = [sighting for sighting in camera.sightings() if sighting.count]
+            if self._speaks(camera, now_ns):
+                self._sightings.resume(in_view)
+            else:
+                self._sightings.pause(in_view)
+
+    def _speaks(self, camera: CameraView, now_ns: int) -> bool:
+        return camera.last_ns >= now_ns - self._inventory.limits.stale_ns

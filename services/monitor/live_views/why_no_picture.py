@@ -1,0 +1,123 @@
+"""Why there is nothing to be seen of a camera, and what to do about it. Pure."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.keys import CameraKey, Stream
+from schemas.status import WorkerStatus
+from services.monitor.fleet import Fleet
+from services.monitor.formats import natural
+
+WAITING: Final = "Nothing has come yet"
+PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
+PATIENCE_S: Final = 20.0
+"""After how long a model is warm, and something else keeps the stream from coming."""
+
+LATE: Final = "Nothing newer comes"
+OVERLOADED: Final = "Its worker or the link to it may have too much to do: health says what was dropped where."
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """What is wrong in a few words, and what to do."""
+
+    title: str
+    advice: str
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is known of a camera. serving: workers of the service that look after it. workers: all that are there.
+
+    came: something was shown before. waited_s: since it was asked for. deaf: why the monitor cannot hear the fleet.
+    join: the endpoint that workers are to connect to.
+    """
+
+    known: bool
+    robot_online: bool
+    camera_online: bool
+    serving: tuple[WorkerStatus, ...] = ()
+    workers: tuple[WorkerStatus, ...] = ()
+    came: bool = False
+    waited_s: float = 0.0
+    deaf: str = ""
+    join: str = ""
+
+
+def facts_of(
+    fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool, waited_s: float, deaf: str, join: str
+) -> Facts:
+    """Return what is known of a camera. workers: those of the service that are there now. See `Facts`."""
+    there = tuple(workers)
+    return Facts(
+        known=fleet.inventory.camera(key) is not None,
+        robot_online=fleet.inventory.is_alive(key.robot),
+        camera_online=fleet.inventory.online(key),
+        serving=serving(key, there),
+        workers=there,
+        came=came,
+        waited_s=waited_s,
+        deaf=deaf,
+        join=join,
+    )
+
+
+def serving(key: CameraKey, workers: Iterable[WorkerStatus]) -> tuple[WorkerStatus, ...]:
+    """Return the workers that look after a camera now."""
+    return tuple(
+        worker
+        for worker in workers
+        if any((load.robot, load.camera) == (key.robot, key.camera) and load.serving for load in worker.cameras)
+    )
+
+
+def why_nothing(key: CameraKey, stream: Stream, service: str, facts: Facts) -> Reason:
+    """Return the first thing that keeps a stream from coming, from this monitor on; or that it is to be waited for."""
+    if facts.deaf:
+        return Reason(
+            "This monitor has no link to the fleet",
+            f"{facts.deaf}. How {key.robot} is cannot be known here until it is back: see the network and the router "
+            "between them.",
+        )
+    if not facts.known:
+        return Reason(
+            f"No camera {key} has been heard of",
+            "Look at the overview for its name, or start its gateway: fleetsight gateway --robot " + key.robot,
+        )
+    if not facts.robot_online:
+        return Reason(
+            f"{key.robot} is offline",
+            "Its gateway is gone: see whether the robot is switched on and has network, and whether its gateway runs.",
+        )
+    if not facts.camera_online:
+        return Reason(
+            f"{key.camera} is not published on {key.robot}",
+            f"Its driver may be down. On the robot, fleetsight doctor --robot {key.robot} says what is in the way.",
+        )
+    return _of_workers(key, stream, service, facts)
+
+
+def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> Reason:
+    if not facts.workers:
+        return Reason(f"No {service} runs", f"Start one anywhere with fleetsight {service} --connect {facts.join}")
+    if not facts.serving:
+        names = ", ".join(sorted((worker.worker for worker in facts.workers), key=natural)[:3])
+        return Reason(
+            f"No {service} serves {key}",
+            f"There is {names}, but none for this robot: start one without --robots, or with --robots {key.robot}",
+        )
+    remarks = [remark for worker in facts.serving for remark in worker.remarks if str(stream) in remark]
+    if remarks:
+        return Reason("This model cannot do that", "; ".join(remarks))
+    if facts.came:
+        return Reason(LATE, OVERLOADED)
+    return Reason(WAITING, PATIENCE if facts.waited_s < PATIENCE_S else _lasting(key, service, facts))
+
+
+def _lasting(key: CameraKey, service: str, facts: Facts) -> str:
+    names = ", ".join(sorted((worker.worker for worker in facts.serving), key=natural)[:3])
+    return (
+        f"It was asked for {facts.waited_s:.0f} s ago. Look at Health: is there a {service} that serves {key} and does "
+        f"not drop its images? {names} says that it does: see its log."
+    )

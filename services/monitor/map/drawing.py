@@ -1,0 +1,181 @@
+"""The map as one SVG: a grid in metres, what was seen where, and the robots. Pure: time is an argument."""
+
+import colorsys
+import math
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Final, Self
+
+from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.pose import Pose
+from services.monitor.map.sighting_places import Mark
+
+NS: Final = 1_000_000_000
+FRESH_NS: Final = 10 * NS
+"""What nobody saw for longer is grey."""
+
+MOST_SHOWN: Final = 500
+STALE: Final = "#9e9e9e"
+WIDTH: Final = 1_200
+HEIGHT: Final = 750
+MARGIN_M: Final = 1.0
+LEAST_M: Final = 8.0
+MOST_LINES: Final = 14
+STEPS_M: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000, 5_000, 20_000, 100_000)
+FARTHEST_M: Final = 100_000.0
+"""What is said to be farther from the map's origin is not drawn."""
+
+SEED: Final = 645
+"""By which the shipped model's classes are far apart, and about as overlays have them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """A robot that is drawn. live: its pose is of now."""
+
+    name: str
+    pose: Pose
+    live: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What the map shows, in metres."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    @classmethod
+    def around(cls, points: Iterable[tuple[float, float]], before: Self | None = None) -> Self | None:
+        """Return whole metres around all points and what was shown before; None where there is nothing."""
+        found = [(x, y) for x, y in points if abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M]
+        if not found:
+            return before
+        xs, ys = zip(*found, strict=True)
+        fitting = (
+            math.floor(min(xs) - MARGIN_M),
+            math.floor(min(ys) - MARGIN_M),
+            math.ceil(max(xs) + MARGIN_M),
+            math.ceil(max(ys) + MARGIN_M),
+        )
+        if before is None:
+            return cls(*fitting)
+        return cls(
+            min(before.left, fitting[0]),
+            min(before.bottom, fitting[1]),
+            max(before.right, fitting[2]),
+            max(before.top, fitting[3]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """From metres to the picture's units, y downwards."""
+
+    centre: tuple[float, float]
+    per_m: float
+
+    @classmethod
+    def of(cls, bounds: Bounds) -> Self:
+        wide, high = (max(LEAST_M, bounds.right - bounds.left), max(LEAST_M, bounds.top - bounds.bottom))
+        centre = ((bounds.left + bounds.right) / 2, (bounds.bottom + bounds.top) / 2)
+        return cls(centre, min(WIDTH / wide, HEIGHT / high))
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        across = WIDTH / 2 + (x - self.centre[0]) * self.per_m
+        return round(across, 1), round(HEIGHT / 2 - (y - self.centre[1]) * self.per_m, 1)
+
+
+def colour_of(name: str) -> str:
+    """Return the colour of a class, the same wherever and with whatever else it is shown."""
+    hue = zlib.crc32(f"{SEED}{name}".encode()) / 2**32
+    red, green, blue = colorsys.hls_to_rgb(hue, 0.48, 0.75)
+    return f"#{round(red * 255):02x}{round(green * 255):02x}{round(blue * 255):02x}"
+
+
+def svg_of(
+    bounds: Bounds,
+    marks: Sequence[Mark],
+    robots: Sequence[Robot],
+    now_ns: int,
+    plan: tuple[FloorPlan, str] | None = None,
+) -> str:
+    """Return the map; of the marks the first MOST_SHOWN. Names from the bus are text, whatever they hold.
+
+    plan: what is under all of it, and where a browser finds its image.
+    """
+    scale = _Scale.of(bounds)
+    drawn = [
+        *([] if plan is None else [_plan(*plan, scale)]),
+        *_grid(scale),
+        *(_mark(mark, scale, now_ns) for mark in reversed(marks[:MOST_SHOWN])),
+        *(_robot(robot, scale, now_ns) for robot in robots if _is_near(robot.pose.x, robot.pose.y)),
+    ]
+    return f'<svg class="fleet-map" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="map">{"".join(drawn)}</svg>'
+
+
+def is_fresh(mark: Mark, now_ns: int) -> bool:
+    """Whether it was seen just now."""
+    return now_ns - mark.seen_ns <= FRESH_NS
+
+
+def _is_near(x: float, y: float) -> bool:
+    return abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M
+
+
+def _plan(plan: FloorPlan, url: str, scale: _Scale) -> str:
+    x, y = scale.at(plan.x, plan.y)
+    wide, high = round(plan.width * scale.per_m, 1), round(plan.height * scale.per_m, 1)
+    return (
+        f'<g transform="translate({x} {y}) rotate({round(-math.degrees(plan.yaw), 2)})">'
+        f'<image class="plan" href="{escape(url)}" y="{-high}" width="{wide}" height="{high}"'
+        ' preserveAspectRatio="none"/></g>'
+    )
+
+
+def _mark(mark: Mark, scale: _Scale, now_ns: int) -> str:
+    if not _is_near(mark.x, mark.y):
+        return ""
+    x, y = scale.at(mark.x, mark.y)
+    fresh = is_fresh(mark, now_ns)
+    fill = colour_of(mark.name) if fresh else STALE
+    seen = f"{mark.name}, seen by {mark.robot}/{mark.camera} {_seconds(mark.seen_ns, now_ns)} s ago"
+    state = "fresh" if fresh else "stale"
+    return f'<circle class="seen {state}" cx="{x}" cy="{y}" r="10" fill="{fill}"><title>{escape(seen)}</title></circle>'
+
+
+def _robot(robot: Robot, scale: _Scale, now_ns: int) -> str:
+    x, y = scale.at(robot.pose.x, robot.pose.y)
+    turn = round(-math.degrees(robot.pose.yaw), 1)
+    state = "live" if robot.live else "lost"
+    says = robot.name if robot.live else f"{robot.name}, last seen {_seconds(robot.pose.at_ns, now_ns)} s ago"
+    return (
+        f'<g class="robot {state}" transform="translate({x} {y})">'
+        f'<path transform="rotate({turn})" d="M22 0 L-14 14 L-7 0 L-14 -14 Z"/>'
+        f'<text y="-24" text-anchor="middle">{escape(says)}</text></g>'
+    )
+
+
+def _seconds(since_ns: int, now_ns: int) -> int:
+    return max(0, now_ns - since_ns) // NS
+
+
+def _grid(scale: _Scale) -> Iterator[str]:
+    half = (WIDTH / 2 / scale.per_m, HEIGHT / 2 / scale.per_m)
+    step = next((each for each in STEPS_M if 2 * half[0] / each <= MOST_LINES), STEPS_M[-1])
+    for x in _multiples(scale.centre[0] - half[0], scale.centre[0] + half[0], step):
+        across, _ = scale.at(x, 0)
+        yield f'<line class="grid" x1="{across}" x2="{across}" y1="0" y2="{HEIGHT}"/>'
+        yield f'<text class="metres" x="{across + 4}" y="{HEIGHT - 6}">{x} m</text>'
+    for y in _multiples(scale.centre[1] - half[1], scale.centre[1] + half[1], step):
+        _, down = scale.at(0, y)
+        yield f'<line class="grid" x1="0" x2="{WIDTH}" y1="{down}" y2="{down}"/>'
+        yield f'<text class="metres" x="4" y="{down - 5}">{y} m</text>'
+
+
+def _multiples(low: float, high: float, step: int) -> Iterator[int]:
+    yield from range(math.ceil(low / step) * step, math.floor(high / step) * step + 1, step)

@@ -1,0 +1,91 @@
+"""The transforms of the robots on a map that somebody looks at."""
+
+import asyncio
+import logging
+from collections.abc import Iterable, Mapping
+from contextlib import AsyncExitStack
+from types import TracebackType
+from typing import Final, Self
+
+from bus import QUEUE, Bus
+from bus.clocks import clock_id
+from schemas import codec, keys
+from schemas.errors import SchemaError
+from schemas.keys import RobotStreamKey, Wanted
+from schemas.transforms import Transforms
+from services.monitor.live_views.shared import CrowdedError, Shared
+from services.monitor.map.pose import Whereabouts
+
+log = logging.getLogger(__name__)
+
+MOST_ROBOTS: Final = 64
+"""How many robots' transforms are subscribed to at the same time: some robots send hundreds a second."""
+
+DEPTH: Final = 1_000
+
+Robots = Shared[str, Whereabouts]
+
+
+def robots(bus: Bus) -> Robots:
+    """Return where the robots are that people look at; each one's transforms are subscribed to while anybody does."""
+    return Shared(lambda _: Whereabouts(), lambda robot, where: follow(bus, robot, where), MOST_ROBOTS)
+
+
+async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:
+    """Keep up to date where a robot is until cancelled."""
+    moving = RobotStreamKey(robot, keys.TF)
+    token = Wanted(moving, clock_id())
+    async with bus.announce(str(token)), asyncio.TaskGroup() as group:
+        group.create_task(_take(bus, RobotStreamKey(robot, keys.TF_STATIC), where))
+        group.create_task(_take(bus, moving, where))
+
+
+async def _take(bus: Bus, key: RobotStreamKey, where: Whereabouts) -> None:
+    static = key.stream == keys.TF_STATIC
+    async with bus.subscribe(str(key), QUEUE(DEPTH), history=static) as subscription:
+        async for sample in subscription:
+            try:
+                transforms = codec.decode(Transforms, sample.payload, sample.encoding)
+                codec.check_identity(transforms.header, key)
+            except SchemaError as error:
+                log.warning("%s: left out: %s", key, error)
+                continue
+            where.take(transforms, sample.received_ns, static=static)
+
+
+class HeldRobots:
+    """Follows robots for as long as it is entered. crowded: why some are not followed, or empty."""
+
+    def __init__(self, robots: Robots) -> None:
+        self._robots = robots
+        self._held: dict[str, tuple[AsyncExitStack, Whereabouts]] = {}
+        self.crowded = ""
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.keep(())
+
+    async def keep(self, wanted: Iterable[str]) -> Mapping[str, Whereabouts]:
+        """Follow these and no others; return where they are, as far as there is room to follow them."""
+        names = list(wanted)
+        for gone in self._held.keys() - set(names):
+            stack, _ = self._held.pop(gone)
+            await stack.aclose()
+        self.crowded = ""
+        for name in names:
+            if name not in self._held:
+                await self._hold(name)
+        return {name: where for name, (_, where) in self._held.items()}
+
+    async def _hold(self, name: str) -> None:
+        async with AsyncExitStack() as stack:
+            try:
+                where = await stack.enter_async_context(self._robots.hold(name))
+            except CrowdedError as error:
+                self.crowded = str(error)
+                return
+            self._held[name] = stack.pop_all(), where

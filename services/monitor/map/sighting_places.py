@@ -1,0 +1,157 @@
+"""Where objects were seen last, and robots with them, as distances say it. Pure: time is an argument."""
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from schemas.distances import Distances, ObjectDistance
+from services.monitor.map.pose import MAP, Pose, pose_of
+
+MOST: Final = 2_000
+"""Places that are kept, those seen last; of what is tracked as many are known by their track."""
+
+FORGET_NS: Final = 1_800 * 1_000_000_000
+"""What nobody saw for half an hour is not shown any more."""
+
+RENEW_NS: Final = 2 * 1_000_000_000
+"""How often a robot's pose is looked for."""
+
+SAME_M: Final = 0.6
+"""Objects of a class that were seen nearer to each other, at different times or by different robots, are one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """An object where it was seen last: x, y in metres in the map, seen_ns since the epoch on this machine's clock."""
+
+    name: str
+    x: float
+    y: float
+    robot: str
+    camera: str
+    seen_ns: int
+
+
+_Place = tuple[str, str, str, int, int]
+"""Robot, camera, class and cell."""
+
+
+class Places:
+    """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one.
+
+    Of what a camera sees in a cell of SAME_M the newest image counts: an object that is followed anew is no second one.
+
+    poses: where robots were, by two objects that were seen at once, which tell how the robot stands to the map, or by
+    what others say.
+    """
+
+    def __init__(self) -> None:
+        self.poses: dict[str, Pose] = {}
+        self._sought_ns: dict[str, int] = {}
+        self._marks: OrderedDict[_Place, dict[int | None, Mark]] = OrderedDict()
+        self._tracks: OrderedDict[tuple[str, str, int], _Place] = OrderedDict()
+        self._ticked_ns = 0
+
+    def tick(self, now_ns: int) -> None:
+        """Let time pass: where the clock was set back, what is known is as old as it was before."""
+        back_ns, self._ticked_ns = self._ticked_ns - now_ns, now_ns
+        if back_ns <= 0:
+            return
+        self._sought_ns.clear()
+        for name, pose in self.poses.items():
+            if pose.at_ns > now_ns:
+                self.poses[name] = replace(pose, at_ns=pose.at_ns - back_ns)
+        for here in self._marks.values():
+            for track, mark in here.items():
+                if mark.seen_ns > now_ns:
+                    here[track] = replace(mark, seen_ns=mark.seen_ns - back_ns)
+
+    def take(self, distances: Distances, seen_ns: int) -> None:
+        """Take where one image's objects are; those whose place in the map is not known are left out."""
+        of = distances.header
+        if len(distances.objects) > 1 and seen_ns - self._sought_ns.get(of.robot, 0) >= RENEW_NS:
+            self._sought_ns[of.robot] = seen_ns
+            pose = pose_of(distances, seen_ns)
+            if pose is not None:
+                self.poses[of.robot] = pose
+        for each in distances.objects:
+            at = _in_map(each)
+            if at is not None:
+                self._put(each.track, Mark(each.name, at[0], at[1], of.robot, of.camera, seen_ns))
+        while len(self._marks) > MOST:
+            self._marks.popitem(last=False)
+
+    def _put(self, track: int | None, mark: Mark) -> None:
+        place = (mark.robot, mark.camera, mark.name, *_cell((mark.x, mark.y)))
+        if track is not None:
+            self._move(track, mark, place)
+        here = self._marks.setdefault(place, {})
+        if any(other.seen_ns != mark.seen_ns for other in here.values()):
+            here.clear()
+        here[track] = mark
+        self._marks.move_to_end(place)
+
+    def _move(self, track: int, mark: Mark, place: _Place) -> None:
+        """Take a tracked object from where it was before."""
+        of = (mark.robot, mark.camera, track)
+        before = self._tracks.pop(of, place)
+        self._tracks[of] = place
+        if before != place and (there := self._marks.get(before)) is not None:
+            there.pop(track, None)
+            if not there:
+                del self._marks[before]
+        if len(self._tracks) > MOST:
+            self._tracks.popitem(last=False)
+
+    def stand(self, poses: Mapping[str, Pose]) -> None:
+        """Take where robots are, or were, as others say it; what is newer stays."""
+        for name, pose in poses.items():
+            known = self.poses.get(name)
+            if known is None or known.at_ns < pose.at_ns:
+                self.poses[name] = pose
+
+    def marks(self, now_ns: int, *, robot: str = "") -> list[Mark]:
+        """Return what was seen where, newest first; by one robot if it is named.
+
+        Robots are taken to share one map: what several saw at about the same place is one object.
+        """
+        since_ns = now_ns - FORGET_NS
+        every = (mark for here in self._marks.values() for mark in here.values())
+        newest = sorted(every, key=lambda mark: mark.seen_ns, reverse=True)
+        wanted = (mark for mark in newest if mark.seen_ns >= since_ns and robot in ("", mark.robot))
+        return list(_apart(wanted))
+
+
+def _in_map(each: ObjectDistance) -> tuple[float, float] | None:
+    if each.measured is None:
+        return None
+    at = next((place.at for place in each.measured.places if place.frame_id.removeprefix("/") == MAP), None)
+    return None if at is None else at[:2]
+
+
+def _cell(at: tuple[float, float]) -> tuple[int, int]:
+    return math.floor(at[0] / SAME_M), math.floor(at[1] / SAME_M)
+
+
+def _apart(marks: Iterable[Mark]) -> Iterator[Mark]:
+    """Yield the marks that are no object that was there before; marks of one image are never one object."""
+    cells: dict[tuple[str, int, int], list[Mark]] = {}
+    for mark in marks:
+        column, row = _cell((mark.x, mark.y))
+        near = (
+            other
+            for across in (-1, 0, 1)
+            for along in (-1, 0, 1)
+            for other in cells.get((mark.name, column + across, row + along), ())
+        )
+        if not any(_same(mark, other) for other in near):
+            cells.setdefault((mark.name, column, row), []).append(mark)
+            yield mark
+
+
+def _same(mark: Mark, other: Mark) -> bool:
+    """Whether two marks of a class are one object: near, and not two objects of one image."""
+    of_one_image = (mark.robot, mark.camera, mark.seen_ns) == (other.robot, other.camera, other.seen_ns)
+    return not of_one_image and math.hypot(mark.x - other.x, mark.y - other.y) < SAME_M

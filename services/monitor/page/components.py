@@ -1,0 +1,106 @@
+"""Small parts that several pages use: tiles with a figure, links and questions before an action."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Final
+
+from nicegui import ui
+
+from schemas.alerts import Alert, Severity
+
+YES: Final = "yes"
+
+
+class Confirmation:
+    """A dialog that asks whether somebody means it. do, leave: what its buttons say; advice: what comes of it."""
+
+    def __init__(self, do: str, leave: str, advice: str) -> None:
+        with ui.dialog() as self._dialog, ui.element("div").classes("fs-panel fs-question"):
+            self._what = ui.label().classes("fs-title")
+            ui.label(advice).classes("fs-muted")
+            with ui.element("div").classes("fs-answers"):
+                ui.button(leave, on_click=lambda: self._dialog.submit("")).props("flat no-caps autofocus")
+                ui.button(do, on_click=lambda: self._dialog.submit(YES)).props(
+                    "unelevated no-caps text-color=on-accent"
+                )
+
+    async def given(self, what: str) -> bool:
+        """Ask; return whether somebody means it, which who closes it does not."""
+        self._what.set_text(what)
+        self._dialog.props["aria-label"] = what
+        self._dialog.update()
+        return bool(await self._dialog == YES)
+
+
+class Tile:
+    """A figure with what it counts: one element, of which a page has many. dot: the state whose mark is beside it."""
+
+    def __init__(self, what: str, *, dot: str = "", on_click: Callable[[], Any] | None = None) -> None:
+        mark = f'<span class="fs-dot fs-{dot}"></span>' if dot else ""
+        self._what = f'<div class="fs-what">{mark}<div>{escape(what)}</div></div>'
+        self._tile = ui.html(self._what, sanitize=False, tag="button" if on_click else "div").classes("fs-tile")
+        if on_click:
+            self._tile.on("click", lambda _: on_click()).props("type=button")
+        self._color = ""
+
+    def show(self, number: str, of: str = "", *, on: bool = False) -> None:
+        """Show a figure; on: it is what the page is about now."""
+        of_how_many = f'<div class="fs-of">{escape(of)}</div>' if of else ""
+        self._tile.set_content(f'{self._what}<div class="fs-number"><div>{escape(number)}</div>{of_how_many}</div>')
+        self._tile.classes(add="fs-on" if on else "", remove="" if on else "fs-on")
+
+    def color(self, name: str) -> None:
+        """Mark it, or no longer, if the name is empty."""
+        if name != self._color:
+            self._tile.classes(add=name, remove=self._color)
+            self._color = name
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A page that one can go to from everywhere."""
+
+    name: str
+    path: str
+    icon: str
+
+
+FLEET: Final = Place("Fleet", "/", "smart_toy")
+INVENTORY: Final = Place("Inventory", "/inventory", "inventory_2")
+ALERTS: Final = Place("Alerts", "/alerts", "notifications")
+MAP: Final = Place("Map", "/map", "map")
+HEALTH: Final = Place("Health", "/health", "monitor_heart")
+WALL: Final = "/wall"
+PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
+
+
+class Links:
+    """The links to every place; that to the alerts says how many are open, in the colour of the most severe."""
+
+    def __init__(self, here: Place | None) -> None:
+        self._here = here
+        self._nav = still(self._html((), Severity.INFO), tag="nav").classes("fs-nav").props('aria-label="Pages"')
+
+    def count(self, alerts: Sequence[Alert]) -> None:
+        """Say how many alerts are open."""
+        worst = max((Severity(alert.severity) for alert in alerts), key=list(Severity).index, default=Severity.INFO)
+        self._nav.set_content(self._html(alerts, worst))
+
+    def _html(self, alerts: Sequence[Alert], worst: Severity) -> str:
+        count = f'<div class="fs-count fs-{worst}">{len(alerts)}</div>' if alerts else ""
+        return "".join(
+            f'<a href="{place.path}" class="{"fs-here" if place is self._here else ""}">{icon_of(place.icon)}'
+            f"<div>{place.name}</div>{count if place is ALERTS else ''}</a>"
+            for place in PLACES
+        )
+
+
+def icon_of(name: str) -> str:
+    """Return an icon as HTML, which costs less than an element."""
+    return f'<i class="q-icon notranslate material-icons" aria-hidden="true">{escape(name)}</i>'
+
+
+def still(html: str, *, tag: str = "div") -> ui.html:
+    """Make one element of HTML of ours, in which what comes from elsewhere is escaped."""
+    return ui.html(html, sanitize=False, tag=tag)

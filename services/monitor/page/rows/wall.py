@@ -1,0 +1,92 @@
+"""What a wall screen shows, as HTML: alerts and robots that need somebody, and the other robots. Pure."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import TypeVar
+
+from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.page.formatting import ago
+from services.monitor.page.rows.alerts import most_urgent_first
+from services.monitor.page.rows.robots import Robot
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """Some of what does not fit at once. first: which of all `count` the first of `items` is."""
+
+    first: int
+    size: int
+    count: int
+
+    def __str__(self) -> str:
+        """Say which ones these are; empty if they are all."""
+        if self.size == self.count:
+            return ""
+        return f"{self.first + 1:,}-{self.first + self.size:,} of {self.count:,}"
+
+
+def turned(items: Sequence[T], fit: int, turn: int) -> tuple[Sequence[T], Turned]:
+    """Return the items that are shown at a turn, of which there are as many as pages, over and over."""
+    pages = max(1, -(-len(items) // fit))
+    first = turn % pages * fit
+    shown = items[first : first + fit]
+    return shown, Turned(first, len(shown), len(items))
+
+
+def pressing(alerts: Sequence[Alert], lost: Sequence[str]) -> list[Alert | str]:
+    """Return what needs somebody: critical alerts, then the robots that are lost and of which none of these tells."""
+    critical = most_urgent_first(each for each in alerts if each.severity is Severity.CRITICAL)
+    told = {each.robot for each in critical if not each.name and not each.camera}
+    return [*critical, *(name for name in lost if name not in told)]
+
+
+def alert_line(alert: Alert, doubt: str, now_ns: int) -> str:
+    """Return an alert as a line. doubt: why nobody knows whether it is still so, if that is so."""
+    state = "" if alert.state is AlertState.RAISED else f"{alert.state}, "
+    badge = f'<span class="fs-severity fs-{alert.severity}">{alert.severity}</span>'
+    said = f"{alert.text}, {doubt}" if doubt else alert.text
+    return _line(badge, said, f"{state}{ago(alert.raised_ns, now_ns)}", stale=bool(doubt))
+
+
+def lost_line(robot: Robot, now_ns: int) -> str:
+    """Return a robot that is lost as a line."""
+    badge = f'<span class="fs-state fs-{robot.state}"><span class="fs-dot fs-{robot.state}"></span>{robot.state}</span>'
+    return _line(badge, f"{robot.line.name}: {robot.why}", f"last seen {ago(robot.line.last_ns, now_ns)}")
+
+
+def _line(badge: str, said: str, when: str, *, stale: bool = False) -> str:
+    return (
+        f'<div class="fs-need {"fs-stale" if stale else ""}">{badge}{_cut(said)}'
+        f'<span class="fs-when">{escape(when)}</span></div>'
+    )
+
+
+def robot_cell(robot: Robot) -> str:
+    """Return a robot that is there as a cell: how it is, what is wrong, and what its cameras have in view now."""
+    why = _cut(robot.why, "fs-why") if robot.why else ""
+    return (
+        f'<div class="fs-cell" data-robot="{escape(robot.line.name)}"><div class="fs-who-is">'
+        f'<span class="fs-dot fs-{robot.state}"></span>{_cut(robot.line.name, "fs-name")}</div>'
+        f"{why}{_cut(in_view(robot), 'fs-seen')}</div>"
+    )
+
+
+def in_view(robot: Robot) -> str:
+    """Say what all cameras of a robot that are live have in view, the most first, and if several are added up."""
+    live = [each.row.classes for each in robot.cameras if not each.row.stale and each.row.classes is not None]
+    if not live:
+        return "what is in view is not known"
+    counts = Counter[str]()
+    for classes in live:
+        counts.update({seen.name: seen.count for seen in classes})
+    seen = ", ".join(f"{count} {name}" for name, count in counts.most_common())
+    return f"{seen} in {len(live)} views" if seen and len(live) > 1 else seen or "nothing in view"
+
+
+def _cut(text: str, name: str = "") -> str:
+    """Return text that ends in an ellipsis where there is no room, with all of it as its title."""
+    return f'<span class="fs-cut {name}" title="{escape(text)}">{escape(text)}</span>'

@@ -1,0 +1,143 @@
+"""The history of a period as events in the order in which they happened, for rules that are tried against it. Pure."""
+
+from bisect import bisect_left, bisect_right
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Final
+
+from schemas.keys import CameraKey
+from services.monitor.history.disagreements import Disagreement
+from services.monitor.history.intervals import Interval
+from services.monitor.history.ledger import Lasting
+from services.monitor.history.presence import MONITOR, Presence
+from services.monitor.inventory.inventory import Limits
+
+LIMITS: Final = Limits()
+"""Those of the monitor are not kept; it is taken to have had the usual ones."""
+
+
+class Spoken:
+    """When one camera was spoken for."""
+
+    def __init__(self, presences: Iterable[Presence]) -> None:
+        self._presences = sorted(presences, key=lambda each: each.since_ns)
+        self._since_ns = [each.since_ns for each in self._presences]
+
+    def lost_ns(self, interval: Interval) -> int | None:
+        """Return when the camera was thought silent with which an interval ended; None if it ended before its eyes."""
+        begun = bisect_right(self._since_ns, interval.until_ns)
+        of = self._presences[begun - 1] if begun else None
+        if of is None or of.heard_ns is None or interval.until_ns > of.until_ns:
+            return None
+        return of.until_ns if of.heard_ns < interval.until_ns + LIMITS.debounce.vanish_ns else None
+
+    def was_there_first(self, interval: Interval) -> bool:
+        """Whether it was in view when the camera spoke again after it was lost."""
+        later = bisect_left(self._since_ns, interval.since_ns)
+        if later in (0, len(self._presences)):
+            return False
+        before, after = self._presences[later - 1 : later + 1]
+        return before.until_ns < interval.since_ns and after.since_ns - before.until_ns > LIMITS.lost_ns
+
+
+NEVER: Final = Spoken(())
+
+
+def spoken_for(presences: Iterable[Presence]) -> Mapping[CameraKey, Spoken]:
+    """Return when each camera was spoken for."""
+    of_each = defaultdict[CameraKey, list[Presence]](list)
+    for each in presences:
+        if each.camera:
+            of_each[CameraKey(each.robot, each.camera)].append(each)
+    return {key: Spoken(those) for key, those in of_each.items()}
+
+
+FOREVER_NS: Final = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Something begins or ends. unseen: nobody saw it do so, as nobody spoke for the camera before, or since.
+
+    of: None where a monitor knows who is there, and looks at everybody.
+    """
+
+    at_ns: int
+    of: Lasting | None
+    begins: bool = False
+    unseen: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """While one monitor raised alerts. told: it kept who was there, too."""
+
+    since_ns: int
+    until_ns: int
+    told: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What was in view, who was there and what models disagreed about."""
+
+    intervals: Sequence[Interval] = ()
+    presences: Sequence[Presence] = ()
+    disagreements: Sequence[Disagreement] = ()
+
+    @property
+    def first_ns(self) -> int:
+        """Until when something was in view first; FOREVER_NS if nothing ever was."""
+        return min((interval.until_ns for interval in self.intervals), default=FOREVER_NS)
+
+    @property
+    def last_ns(self) -> int:
+        """When anything was so last; 0 if nothing ever was."""
+        everything = chain(self.intervals, self.presences, self.disagreements)
+        return max((each.until_ns for each in everything), default=0)
+
+    @property
+    def told_ns(self) -> int:
+        """Since when it is kept who was there; FOREVER_NS if it never was."""
+        return min((each.since_ns for each in self.presences if each.place == MONITOR), default=FOREVER_NS)
+
+    def runs(self) -> Iterator[Run]:
+        """Yield when a monitor raised alerts; until the first that is kept one did, for all that is known."""
+        yield Run(0, self.told_ns, told=False)
+        runs = sorted((each for each in self.presences if each.place == MONITOR), key=lambda each: each.since_ns)
+        next_ones_ns = [*(each.since_ns for each in runs), FOREVER_NS][1:]
+        for each, next_ns in zip(runs, next_ones_ns, strict=True):
+            yield Run(each.since_ns, next_ns if each.open else min(each.until_ns, next_ns), told=True)
+
+    def steps(self) -> list[Step]:
+        """Return everything but the monitors' own runs, in order; what ends at a moment before what begins then."""
+        return sorted(chain(self._seen(), self._known()), key=lambda step: (step.at_ns, step.begins))
+
+    def _seen(self) -> Iterator[Step]:
+        """Yield how what was in view came and went."""
+        spoken = spoken_for(self.presences)
+        first_ns: dict[CameraKey, int] = {}
+        for each in self.intervals:
+            first_ns[each.key] = min(each.since_ns, first_ns.get(each.key, each.since_ns))
+        began = {(each.place, each.since_ns) for each in self.intervals}
+        for each in self.intervals:
+            of = spoken.get(each.key, NEVER)
+            unseen = each.since_ns == first_ns[each.key] or of.was_there_first(each)
+            if each.open or each.until_ns > each.since_ns:
+                yield Step(each.since_ns, each, begins=True, unseen=unseen)
+                counted = (each.place, each.until_ns) in began
+                lost_ns = None if counted else of.lost_ns(each)
+                if not each.open:
+                    yield Step(lost_ns or each.until_ns, each, unseen=lost_ns is not None)
+
+    def _known(self) -> Iterator[Step]:
+        """Yield who came and went, and what models disagreed about when."""
+        for each in chain(self.presences, self.disagreements):
+            if each.place == MONITOR:
+                continue
+            if each.open or each.until_ns > each.since_ns:
+                yield Step(each.since_ns, each, begins=True)
+            if not each.open:
+                yield Step(each.until_ns, each)

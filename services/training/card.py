@@ -1,0 +1,210 @@
+"""The model card that is written beside the weights."""
+
+import platform
+import resource
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel
+
+from services.simulator.world import CLASSES
+from services.training.checkpoints import ARCHITECTURE
+from services.training.evaluation.class_lists import REQUIRED_AREA, VISIBLE_AREA, ListFigures
+from services.training.evaluation.near_objects import MATCHING_IOU, NEAR_AREA, NEAR_METRES, NearFigures
+from services.training.evaluation.precision import MIN_AREA, MaskFigures, Precision
+from services.training.evaluation.predictor import CONFIDENCE
+from services.training.evaluation.scenes import held_out_seeds
+from services.training.evaluation.truths import MIN_VISIBILITY
+from services.training.fitting import device_name
+from services.training.settings import DECISIVE, TrainingSettings
+
+
+class Effort(BaseModel):
+    """Seconds by the clock, and seconds of processor time of this process and its children."""
+
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
+
+
+def effort_so_far(record: Path) -> Effort:
+    """What is noted in `record`, nothing at first."""
+    return Effort.model_validate_json(record.read_bytes()) if record.exists() else Effort()
+
+
+@contextmanager
+def metered(record: Path) -> Iterator[None]:
+    """Add the cost of the block to `record`, also when it is interrupted."""
+    wall, cpu = time.monotonic(), _cpu_seconds()
+    try:
+        yield
+    finally:
+        before = effort_so_far(record)
+        spent = Effort(wall_s=before.wall_s + time.monotonic() - wall, cpu_s=before.cpu_s + _cpu_seconds() - cpu)
+        record.write_text(spent.model_dump_json())
+
+
+def _cpu_seconds() -> float:
+    usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "numpy", "opencv-python-headless")
+
+_CARD: Final = """\
+# {name}: box, pallet, forklift
+
+A nano instance segmentation model (`{architecture}`, {classes} classes, input {imgsz} pixels on the longer side, half
+precision), trained from random weights on rendered pictures of simulated warehouses. Made, and this page written, by
+one command:
+
+    {command}
+
+- Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}: {coarse_epochs} epochs at half
+  the size, {epochs} at the whole and {polish_epochs} more with the learning rate raised once again.
+{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering
+  included, with {workers} workers on device {device}.
+- Python {python}, {versions}.
+
+## On scenes that it was not trained on
+
+One picture of each of {holdout} scenes (seeds {first} to {last}), seen as a detector sees a camera's: COCO's average
+precision of masks, over the objects of which at least {visibility:.0%} is visible, on at least {area:.1%} of the
+picture. All other objects are ignore regions.
+
+| class | objects | mask mAP50 | mask mAP50-95 |
+|---|---|---|---|
+{mask_rows}
+
+By visible size, in pixels, over all classes:
+
+| size | objects | mask mAP50 | mask mAP50-95 |
+|---|---|---|---|
+{size_rows}
+{unrefined}
+At a confidence of {confidence:.2f}, the detector's default, the list of classes was right in {exact:.1%} of these
+pictures: it had every class with an object of which at least {visibility:.0%} is visible, on at least {required:.1%}
+of the picture, and none without an object that is visible on more than {visible:.2%} of it. That default was chosen
+with a look at pictures like these.
+
+| class | pictures where it was missed | pictures where it was invented |
+|---|---|---|
+{list_rows}
+
+On drives through held-out scenes, of the objects whose visible part covers at least {near_area:.0%} of the picture
+within {near_metres:.0f} m, {near_share:.1%} were named right: a box of the right class with an IoU of at least
+{iou:.1f}, at a confidence of at least {confidence:.2f}.
+
+| class | near objects | named right | only named wrong | invented |
+|---|---|---|---|---|
+{near_rows}
+
+"Invented" are predictions of at least the same size in these {pictures} pictures where nothing of that class was.
+
+## What it is not
+
+It has seen no photograph: every picture it knows was rendered from cuboids. How it does on a real camera is not
+measured; train on pictures of your own site before you rely on it. Objects that are far, small or mostly hidden are
+often missed, and trolleys, posts or bare walls are sometimes taken for forklifts. Things that it was never shown
+(people, cars, hand pallet trucks) may be taken for one of its classes.
+
+Licence: AGPL-3.0-or-later, as the project and the architecture's definition in Ultralytics are.
+"""
+
+_REFINER: Final = """\
+- Masks are made finer, and judged, by a small network in the same file, trained for {refiner_epochs} epochs on
+  {objects} things that the model found in {refiner_images} images of further scenes.
+"""
+
+_UNREFINED: Final = """
+Masks count in the order of their objects' scores times the quality that the network expects of each; both are in what
+a detector publishes. In the order of the scores alone their mAP50 and mAP50-95 are {by_score}. As the model makes
+them, without that network, they are {coarse}.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What the evaluation of a run's weights found; `lists` at `CONFIDENCE`.
+
+    unrefined: of all masks as they are without a refiner, where there is one.
+    """
+
+    masks: MaskFigures
+    lists: ListFigures
+    near: NearFigures
+    unrefined: Precision | None = None
+
+
+def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, refined: int = 0) -> str:
+    """Describe a run's weights as Markdown. refined: of how many objects a refiner of masks learned, if it did."""
+    masks, lists, near = figures.masks, figures.lists, figures.near
+    seeds = held_out_seeds(settings.seed, settings.holdout)
+    return _CARD.format(
+        name=settings.output.stem,
+        architecture=ARCHITECTURE,
+        classes=len(CLASSES),
+        command=_command(settings),
+        wall_min=effort.wall_s / 60,
+        cpu_min=effort.cpu_s / 60,
+        python=platform.python_version(),
+        versions=", ".join(f"{name} {version(name)}" for name in PACKAGES),
+        device=device_name(settings),
+        first=seeds[0],
+        last=seeds[-1],
+        area=MIN_AREA,
+        visibility=MIN_VISIBILITY,
+        mask_rows="\n".join(_mask_row(*row) for row in [*masks.per_class.items(), ("all", masks.overall)]),
+        size_rows="\n".join(_mask_row(*row) for row in masks.per_size.items()),
+        exact=lists.share,
+        required=REQUIRED_AREA,
+        visible=VISIBLE_AREA,
+        list_rows="\n".join(_row(name, lists.missed.get(name, 0), lists.invented.get(name, 0)) for name in CLASSES),
+        near_area=NEAR_AREA,
+        near_metres=NEAR_METRES,
+        near_share=near.share,
+        pictures=near.pictures,
+        iou=MATCHING_IOU,
+        confidence=CONFIDENCE,
+        refiner=_REFINER.format(objects=refined, **settings.model_dump()) if refined else "",
+        unrefined=_without(masks.by_score, figures.unrefined),
+        near_rows="\n".join(_near_row(near, name) for name in CLASSES),
+        **settings.model_dump(exclude={"device"}),
+    )
+
+
+def _command(settings: TrainingSettings) -> str:
+    options = settings.model_dump(include=DECISIVE, exclude_defaults=True)
+    return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {value}" for name, value in options.items())])
+
+
+def _without(by_score: Precision, unrefined: Precision | None) -> str:
+    """Say how precise masks are in another order, and without the refiner; nothing if there is none."""
+    if unrefined is None:
+        return ""
+    orders = {"by_score": by_score, "coarse": unrefined}
+    return _UNREFINED.format(**{name: " and ".join(map(_average, _averages(each))) for name, each in orders.items()})
+
+
+def _near_row(near: NearFigures, name: str) -> str:
+    return _row(name, *(counts.get(name, 0) for counts in (near.objects, near.named, near.misnamed, near.invented)))
+
+
+def _mask_row(name: str, precision: Precision) -> str:
+    return _row(name, precision.truths, *map(_average, _averages(precision)))
+
+
+def _averages(precision: Precision) -> tuple[float | None, float | None]:
+    return precision.map50, precision.map50_95
+
+
+def _average(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def _row(*cells: object) -> str:
+    return f"| {' | '.join(map(str, cells))} |"

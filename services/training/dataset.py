@@ -1,0 +1,132 @@
+"""A YOLO segmentation data set out of the simulated warehouse."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.world import CLASSES, SeenObject, Sensor, expose, generate, truth_of
+from services.simulator.world.clearance import Clearance
+from services.training import parallel
+from services.training.files import write_whole
+from services.training.parallel import Progress
+from services.training.viewpoints import draw_view
+
+Polygon = NDArray[np.int32]
+TOLERANCE: Final = 0.6
+MIN_PART: Final = 24.0
+
+
+def outline(mask: NDArray[np.uint8]) -> Polygon | None:
+    """One polygon (n, 2) of pixel coordinates (column, row) around a 0/1 mask, or None for a sliver.
+
+    Separate parts and holes are joined by cuts of no width, so that filling by the even-odd rule gives the mask.
+    """
+    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    rings = [cv2.approxPolyDP(c, TOLERANCE, closed=True)[:, 0] for c in contours if cv2.contourArea(c) >= MIN_PART]
+    rings = sorted((ring for ring in rings if len(ring) >= 3), key=cv2.contourArea, reverse=True)
+    if not rings:
+        return None
+    joined = np.asarray(rings[0], np.int32)
+    for ring in rings[1:]:
+        joined = _splice(joined, np.asarray(ring, np.int32))
+    return joined
+
+
+def _splice(path: Polygon, ring: Polygon) -> Polygon:
+    gaps = np.sum((path[:, None] - ring[None]) ** 2, axis=2)
+    here, there = np.unravel_index(int(gaps.argmin()), gaps.shape)
+    loop = np.concatenate([ring[there:], ring[: there + 1]])
+    return np.concatenate([path[: here + 1], loop, path[here:]])
+
+
+VIEWS: Final = 2
+SEEDS_PER_RUN: Final = 1_000_000
+HOLDOUT_OFFSET: Final = 500_000
+MIN_AREA: Final = 0.0004
+MIN_SIDE: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """One object in a picture: its class's index and its polygon in pixels."""
+
+    class_index: int
+    polygon: Polygon
+
+
+def training_seed(seed: int, index: int) -> int:
+    """The scene seed of training scene `index` of a run."""
+    return seed * SEEDS_PER_RUN + index
+
+
+def holdout_seed(seed: int, index: int) -> int:
+    """The scene seed of held-out scene `index`: never one of the training scenes of the same run."""
+    return seed * SEEDS_PER_RUN + HOLDOUT_OFFSET + index
+
+
+def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, holdout: int, workers: int) -> Path:
+    """Write both splits and return the path of the data set's YAML; scenes that are already there are kept."""
+    jobs = [
+        (folder, split, seed_of(seed, index), min(VIEWS, count - index * VIEWS))
+        for split, count, seed_of in (("train", images, training_seed), ("val", holdout, holdout_seed))
+        for index in range(-(-count // VIEWS))
+    ]
+    for split in ("train", "val"):
+        for kind in ("images", "labels"):
+            (folder / kind / split).mkdir(parents=True, exist_ok=True)
+    progress("render", 0, len(jobs))
+    parallel.run(_write_scene, jobs, workers, lambda done: progress("render", done, len(jobs)))
+    names = "".join(f"  {index}: {name}\n" for index, name in enumerate(CLASSES))
+    description = folder / "dataset.yaml"
+    description.write_text(f"path: {folder.resolve()}\ntrain: images/train\nval: images/val\nnames:\n{names}")
+    return description
+
+
+def _write_scene(job: tuple[Path, str, int, int]) -> None:
+    """Write the views of one scene; the label file last, as the sign that its view is complete."""
+    folder, split, seed, views = job
+    names = [f"{seed:09d}-{view}" for view in range(views)]
+    if all((folder / "labels" / split / f"{name}.txt").exists() for name in names):
+        return
+    for name, (image, labels) in zip(names, views_of(seed, views), strict=True):
+        _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        write_whole(folder / "images" / split / f"{name}.png", png.tobytes())
+        height, width = image.shape[:2]
+        lines = (_line(label, width, height) for label in labels)
+        write_whole(folder / "labels" / split / f"{name}.txt", "".join(lines).encode())
+
+
+def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[Label]]]:
+    """`count` pictures (RGB) of the scene of `seed` with their labels."""
+    for image, truths in pictures_of(seed, count):
+        yield image, labels_of(truths)
+
+
+def pictures_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], tuple[SeenObject, ...]]]:
+    """`count` pictures (RGB) of the scene of `seed` with all that is seen in them."""
+    scene, rng = generate(seed), np.random.default_rng([seed, 2])
+    clearance = Clearance.of(scene)
+    for _ in range(count):
+        view = draw_view(scene, clearance, rng)
+        truths = truth_of(scene, view.rendering, view.pose, view.camera)
+        yield expose(view.rendering.color, Sensor.draw(rng), rng), truths
+
+
+def labels_of(objects: Iterable[SeenObject]) -> list[Label]:
+    """The objects in a picture that are large enough to be asked for."""
+    labels = []
+    for seen in objects:
+        polygon = outline(seen.mask.astype(np.uint8)) if seen.image_share >= MIN_AREA else None
+        if polygon is not None and np.ptp(polygon, axis=0).min() >= MIN_SIDE:
+            labels.append(Label(CLASSES.index(seen.name), np.add(polygon, (seen.left, seen.top))))
+    return labels
+
+
+def _line(label: Label, width: int, height: int) -> str:
+    points = (label.polygon + 0.5) / (width, height)
+    return f"{label.class_index} " + " ".join(f"{value:.5f}" for value in points.ravel()) + "\n"

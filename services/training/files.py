@@ -1,0 +1,69 @@
+"""Files that are there whole or not at all, whatever interrupts their writing."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from services.training import parallel
+from services.training.parallel import Progress
+
+
+class TrainingError(Exception):
+    """The run cannot go on; the message is one line for the user."""
+
+
+def first_line(error: Exception) -> str:
+    """Return what an error of another library says first, or its kind."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def write_whole(file: Path, content: bytes) -> None:
+    """Write a file.
+
+    Raises:
+        TrainingError: it cannot be written; the message names it.
+    """
+    partial = file.with_suffix(".part")
+    try:
+        partial.write_bytes(content)
+        partial.replace(file)
+    except OSError as error:
+        raise TrainingError(f"{file}: {error.strerror or error}") from error
+
+
+Made = TypeVar("Made", bound=msgspec.Struct)
+_Job = tuple[Path, int, Callable[[int], msgspec.Struct]]
+
+
+def kept(
+    folder: Path, seeds: Sequence[int], make: Callable[[int], Made], kind: type[Made], *, workers: int, report: Progress
+) -> Iterator[Made]:
+    """Yield what `make`, which other processes can import, makes of each seed, in order, after all were made.
+
+    What is in `folder` is taken from there. report: told as "render scenes".
+
+    Raises:
+        TrainingError: a file there is damaged, or cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{seed:09d}.msgpack" for seed in seeds]
+    missing: list[_Job] = [(file, seed, make) for file, seed in zip(files, seeds, strict=True) if not file.exists()]
+    before = len(seeds) - len(missing)
+    report("render scenes", before, len(seeds))
+    parallel.run(_write, missing, workers, lambda done: report("render scenes", before + done, len(seeds)))
+    for file in files:
+        yield _read(file, kind)
+
+
+def _write(job: _Job) -> None:
+    file, seed, make = job
+    write_whole(file, msgspec.msgpack.encode(make(seed)))
+
+
+def _read(file: Path, kind: type[Made]) -> Made:
+    try:
+        return msgspec.msgpack.decode(file.read_bytes(), type=kind)
+    except msgspec.DecodeError as error:
+        raise TrainingError(f"{file} is damaged, remove it: {error}") from error

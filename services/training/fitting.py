@@ -1,0 +1,137 @@
+"""The training run itself: Ultralytics' trainer on our data set, from scratch, stage by stage, resumable."""
+
+import shutil
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+from services.training.checkpoints import ARCHITECTURE, Checkpoint
+from services.training.parallel import Progress
+from services.training.settings import TrainingSettings
+from services.training.stages import Stage, stages_of
+from services.training.trainer import load_ultralytics, quick_arithmetic, trainer_class
+
+AUGMENTATION: Final = {
+    "mosaic": 0.0,
+    "erasing": 0.0,
+    "degrees": 0.0,
+    "translate": 0.05,
+    "scale": 0.25,
+    "fliplr": 0.5,
+    "hsv_h": 0.01,
+    "hsv_s": 0.3,
+    "hsv_v": 0.2,
+}
+
+
+def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
+    """Train every stage to its last epoch, going on from an earlier checkpoint; return the last checkpoint's path."""
+    load_ultralytics(settings.work_dir / "ultralytics")
+    for cache in (dataset.parent / "labels").glob("*.cache"):
+        cache.unlink()  # a pickle, which Ultralytics would execute
+    last: Path | None = None
+    for stage in stages_of(settings):
+        checkpoint = stage.checkpoint(settings.work_dir)
+        done = Checkpoint.read(checkpoint).epoch + 1 if checkpoint.exists() else 0
+        if done < stage.epochs:
+            _fit_stage(stage, checkpoint if done else last, settings, dataset, progress, resume=done > 0)
+        last = checkpoint
+    assert last is not None  # noqa: S101 - there is at least one stage
+    return last
+
+
+def device_name(settings: TrainingSettings) -> str:
+    """The device to train on, in Ultralytics' words."""
+    import torch  # noqa: PLC0415 - only the training needs it
+
+    if settings.device != "auto":
+        return settings.device
+    return "0" if torch.cuda.is_available() else "cpu"
+
+
+def _fit_stage(
+    stage: Stage, begin: Path | None, settings: TrainingSettings, dataset: Path, progress: Progress, *, resume: bool
+) -> None:
+    """Train a stage from the state or, unless it is to `resume`, the weights in the checkpoint `begin`, or nothing."""
+    from ultralytics.models import YOLO  # noqa: PLC0415 - after load_ultralytics
+
+    arguments = _arguments(stage, settings, dataset)
+    _remove(settings.work_dir / arguments["name"])  # Ultralytics would execute what is there
+    source = settings.work_dir / "begin.pt"
+    if begin is not None:
+        Checkpoint.read(begin).write(source, {"task": "segment", "mode": "train", "model": ARCHITECTURE, **arguments})
+    model = YOLO(str(source if begin is not None else ARCHITECTURE), task="segment")
+    _watch(model, stage, settings, progress)
+    with quick_arithmetic(settings.workers, device_name(settings)):
+        model.train(trainer=trainer_class(), resume=resume, **arguments)
+    source.unlink(missing_ok=True)
+
+
+def _remove(folder: Path) -> None:
+    if folder.is_symlink():
+        folder.unlink()
+    with suppress(FileNotFoundError):
+        shutil.rmtree(folder)
+
+
+def _arguments(stage: Stage, settings: TrainingSettings, dataset: Path) -> dict[str, Any]:
+    device = device_name(settings)
+    return {
+        "data": str(dataset),
+        "project": str(settings.work_dir.resolve()),
+        "name": f"fit-{stage.name}",
+        "epochs": stage.epochs,
+        "imgsz": stage.imgsz,
+        "batch": settings.batch,
+        "nbs": settings.batch,
+        "seed": settings.seed,
+        "device": device,
+        "rect": True,
+        "workers": settings.workers,
+        "optimizer": "AdamW",
+        "lr0": stage.first_rate,
+        "lrf": stage.last_rate / stage.first_rate,
+        "cos_lr": True,
+        "warmup_epochs": 0.3,
+        "warmup_bias_lr": 0.0,
+        "amp": device != "cpu",
+        "val": False,
+        "plots": False,
+        "exist_ok": True,
+        "verbose": False,
+        **AUGMENTATION,
+    }
+
+
+def _watch(model: Any, stage: Stage, settings: TrainingSettings, progress: Progress) -> None:
+    """Report every batch, keep every epoch, and undo what Ultralytics sets: it takes all threads but one."""
+    import torch  # noqa: PLC0415 - only the training needs it
+
+    def prepare(trainer: Any) -> None:
+        torch.set_num_threads(settings.workers)
+        trainer.model.to(memory_format=torch.channels_last)
+
+    done = 0
+
+    def count(trainer: Any) -> None:
+        nonlocal done
+        done += 1
+        batches = len(trainer.train_loader)
+        progress(f"train {stage.name}", trainer.start_epoch * batches + done, trainer.epochs * batches)
+
+    def keep(trainer: Any) -> None:
+        checkpoint = stage.checkpoint(settings.work_dir)
+        partial = checkpoint.with_suffix(".part")
+        shutil.copyfile(trainer.last, partial)
+        partial.replace(checkpoint)
+
+    def fall(trainer: Any) -> None:
+        batches = len(trainer.train_loader)
+        for group in trainer.optimizer.param_groups:
+            group["lr"] = group["initial_lr"] * stage.rate(trainer.start_epoch + done / batches)
+
+    model.add_callback("on_train_start", prepare)
+    if stage.hold is not None:
+        model.add_callback("on_train_batch_start", fall)
+    model.add_callback("on_model_save", keep)
+    model.add_callback("on_train_batch_end", count)

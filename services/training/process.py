@@ -1,0 +1,47 @@
+"""The training run as a command: progress on stderr, work off the event loop."""
+
+import asyncio
+import threading
+from typing import Final
+
+from rich.console import Console
+
+from services.simulator import progress_bars
+from services.training import parallel
+from services.training.evaluation.predictor import PredictorLoader
+from services.training.refining.refinement import Refinement
+from services.training.run import train
+from services.training.settings import TrainingSettings
+
+ENDING_S: Final = 1.5
+"""How long a training that is interrupted may take to note what it has cost."""
+
+
+async def run(settings: TrainingSettings, load: PredictorLoader, refinement: Refinement) -> None:
+    """Train. Interrupted, the next run with the same settings goes on from the last checkpoint.
+
+    load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
+
+    Raises:
+        TrainingError: the work directory belongs to a run with other settings.
+    """
+    with progress_bars.progress(Console(stderr=True)) as report:
+        cancelled = threading.Event()
+
+        def progress(stage: str, done: int, total: int) -> None:
+            if cancelled.is_set():
+                raise asyncio.CancelledError
+            report(stage, done, total)
+
+        training = asyncio.ensure_future(asyncio.to_thread(train, settings, progress, load, refinement))
+        try:
+            await asyncio.shield(training)
+        except asyncio.CancelledError:
+            cancelled.set()  # the thread notices where it next reports
+            parallel.end()
+            ended, _ = await asyncio.wait([training], timeout=ENDING_S)
+            for each in ended:
+                if not each.cancelled():
+                    each.exception()
+            raise
+    Console().print(f"wrote {settings.output} and its card beside it", markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,43 @@
+"""From weights to what refines their masks."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from services.simulator.world import CLASSES
+from services.training.fitting import device_name
+from services.training.parallel import Progress
+from services.training.refining.fitting import BATCH, fit_refiner
+from services.training.refining.refinement import Refinement
+from services.training.refining.samples import Samples, refining_seeds, write_samples
+from services.training.settings import TrainingSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Refined:
+    """A trained refiner as weights have it, and of how many objects it learned; nothing, and of none, without one."""
+
+    kept: Mapping[str, Any]
+    objects: int
+
+
+def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> Refined:
+    """Train what refines the masks of `weights`, unless they find too little to learn from."""
+    import torch  # noqa: PLC0415 - only the training needs it
+
+    seeds = refining_seeds(settings.seed, settings.images, settings.refiner_images)
+    folder = settings.work_dir / "close-ups"
+    device = device_name(settings)
+    files = write_samples(
+        folder, refinement, weights, seeds, device=device, workers=settings.workers, progress=progress
+    )
+    samples = Samples(files)
+    if len(samples.labels) < BATCH:
+        return Refined({}, 0)
+    torch.manual_seed(settings.seed)
+    network = refinement.network(len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
+    fit_refiner(network, samples, settings=settings, progress=progress)
+    return Refined(refinement.kept(network), len(samples.labels))

@@ -1,0 +1,157 @@
+"""The whole run: render, train, strip, evaluate, write the card."""
+
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from services.training.card import Figures, effort_so_far, metered, model_card
+from services.training.checkpoints import Checkpoint, write_weights
+from services.training.dataset import VIEWS, holdout_seed, write_dataset
+from services.training.evaluation.class_lists import ListScore
+from services.training.evaluation.near_objects import near_figures
+from services.training.evaluation.precision import MaskScore
+from services.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, Predictor, PredictorLoader
+from services.training.evaluation.scenes import HeldOutView, held_out_seeds, held_out_views
+from services.training.files import TrainingError, first_line
+from services.training.fitting import device_name, fit
+from services.training.parallel import Progress
+from services.training.refining.fitting import CHECKPOINT, kept_state
+from services.training.refining.refinement import Refinement
+from services.training.refining.run import refine
+from services.training.settings import DECISIVE, TrainingSettings
+from services.training.stages import stages_of
+from services.training.trainer import load_ultralytics
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOutScore:
+    """The pictures seen, as masks and as class lists."""
+
+    masks: MaskScore = field(default_factory=MaskScore)
+    lists: ListScore = field(default_factory=ListScore)
+
+
+def scored(views: Iterable[HeldOutView], predict: Predictor, report: Callable[[int], None]) -> HeldOutScore:
+    """Show each picture to `predict`, which returns even the least likely detections, and report how many are done."""
+    score = HeldOutScore()
+    for done, view in enumerate(views, start=1):
+        image = view.image()
+        found = predict(image)
+        score.masks.add((image.shape[0], image.shape[1]), view.truths, found)
+        score.lists.add(view.truths, found)
+        report(done)
+    return score
+
+
+DRIVES: Final = 20
+FRAMES_PER_DRIVE: Final = 24
+
+
+def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader, refinement: Refinement) -> None:
+    """Make `settings.output` and the model card beside it, going on where an earlier run was interrupted.
+
+    load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
+
+    Raises TrainingError, before anything is rendered, when the output or the work directory cannot be written, when the
+    device is not there, and when the work directory belongs to a run with other settings or what it holds is no
+    checkpoint.
+    """
+    work_dir = settings.work_dir
+    _check_folder("--output", settings.output, settings.output.parent)
+    _check_folder("--work-dir", work_dir, work_dir)
+    _check_device(settings)
+    _claim(work_dir, settings)
+    _check_checkpoints(settings)
+    record = work_dir / "effort.json"
+    with metered(record):
+        dataset = write_dataset(
+            work_dir / "data",
+            progress,
+            seed=settings.seed,
+            images=settings.images,
+            holdout=settings.holdout,
+            workers=settings.workers,
+        )
+        checkpoint, unrefined = fit(settings, dataset, progress), work_dir / "unrefined.pt"
+        write_weights(checkpoint, unrefined, settings.imgsz)
+        refined = refine(settings, unrefined, refinement, progress)
+        write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
+    with metered(record):
+        figures = evaluate(settings, progress, load, unrefined if refined.kept else None)
+    card = model_card(settings, figures, effort_so_far(record), refined.objects)
+    settings.output.with_suffix(".md").write_text(card)
+
+
+def evaluate(
+    settings: TrainingSettings, progress: Progress, load: PredictorLoader, unrefined: Path | None = None
+) -> Figures:
+    """Find out how well the weights at `settings.output` do on scenes that they were not trained on.
+
+    unrefined: the same without what refines their masks, if there is such a thing.
+    """
+    load_at = partial(load, device=device_name(settings), folder=settings.work_dir / "ultralytics")
+    seeds = held_out_seeds(settings.seed, settings.holdout)
+
+    def score(weights: Path, stage: str) -> HeldOutScore:
+        views = held_out_views(settings.work_dir, seeds, settings.workers, progress)
+        predict = load_at(weights, confidence=LOWEST_CONFIDENCE)
+        return scored(views, predict, lambda done: progress(stage, done, len(seeds)))
+
+    found = score(settings.output, "evaluate")
+    before = None if unrefined is None else score(unrefined, "evaluate unrefined").masks.figures().overall
+    drives = min(DRIVES, settings.holdout)
+    near = near_figures(
+        load_at(settings.output, confidence=CONFIDENCE),
+        [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
+        FRAMES_PER_DRIVE,
+        lambda done: progress("drive", done, drives),
+    )
+    return Figures(found.masks.figures(), found.lists.figures(CONFIDENCE), near, before)
+
+
+def _check_folder(option: str, named: Path, folder: Path) -> None:
+    """Find out whether files can be written in a folder, which is made; `named` is what the option says."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise TrainingError(f"{option} {named}: {error.strerror}") from error
+
+
+def _check_device(settings: TrainingSettings) -> None:
+    ultralytics = load_ultralytics(settings.work_dir / "ultralytics")
+    try:
+        ultralytics.utils.torch_utils.select_device(device_name(settings), verbose=False)
+    except Exception as error:
+        raise TrainingError(f"--device {settings.device}: {first_line(error)}") from error
+
+
+def _claim(work_dir: Path, settings: TrainingSettings) -> None:
+    """Note whose directory this is: what is in it fits one set of settings only."""
+    note = work_dir / "settings.json"
+    wanted = settings.model_dump_json(include=DECISIVE)
+    try:
+        if note.exists() and note.read_text() != wanted:
+            raise TrainingError(f"--work-dir {work_dir}: holds a run with other settings; choose another or remove it")
+        note.write_text(wanted)
+    except OSError as error:
+        raise TrainingError(f"{note}: {error.strerror}") from error
+
+
+def _check_checkpoints(settings: TrainingSettings) -> None:
+    """Find out what would only be found out after hours."""
+    for stage in stages_of(settings):
+        _check_checkpoint(stage.checkpoint(settings.work_dir))
+    kept_state(settings.work_dir / CHECKPOINT)
+
+
+def _check_checkpoint(checkpoint: Path) -> None:
+    try:
+        if checkpoint.exists():
+            Checkpoint.read(checkpoint)
+    except Exception as error:
+        raise TrainingError(f"{checkpoint} is no checkpoint, remove it: {first_line(error)}") from error

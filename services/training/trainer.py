@@ -1,0 +1,86 @@
+"""Ultralytics' segmentation trainer, made quick on processors and quiet."""
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+
+def trainer_class() -> type:
+    """The trainer; import it after `load_ultralytics`."""
+    import torch  # noqa: PLC0415 - only the training needs it
+    from ultralytics.models.yolo.segment import SegmentationTrainer  # noqa: PLC0415 - after load_ultralytics
+
+    class Trainer(SegmentationTrainer):
+        """Never validates: the evaluation is ours, and of the file that is shipped."""
+
+        def final_eval(self) -> None:
+            return
+
+        def validate(self) -> tuple[dict[str, float], float]:
+            return {}, 0.0
+
+        def preprocess_batch(self, batch: dict[str, Any]) -> dict[str, Any]:
+            batch = super().preprocess_batch(batch)
+            batch["img"] = batch["img"].contiguous(memory_format=torch.channels_last)
+            return batch
+
+        def build_optimizer(self, *args: Any, **options: Any) -> Any:
+            untyped: Any = super()
+            optimizer = untyped.build_optimizer(*args, **options)
+            for group in optimizer.param_groups:  # Ultralytics asks for the fused step on GPUs only
+                group.update(fused=True, foreach=False)
+            return optimizer
+
+    return Trainer
+
+
+@contextmanager
+def quick_arithmetic(threads: int, device: str) -> Iterator[None]:
+    """Let torch take its short cuts: numbers next to zero count as zero, and bfloat16 where a processor has it.
+
+    Enter it before torch starts its threads, which take the first over; bfloat16 is about twice as fast as float32.
+    """
+    import torch  # noqa: PLC0415 - only the training needs it
+
+    bfloat16 = device == "cpu" and torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001 - there is no public name
+    torch.set_num_threads(threads)
+    torch.set_flush_denormal(True)
+    try:
+        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=bfloat16):
+            yield
+    finally:
+        torch.set_flush_denormal(False)
+
+
+_QUIET: Final = {
+    "YOLO_OFFLINE": "true",
+    "YOLO_AUTOINSTALL": "false",
+    "YOLO_VERBOSE": "false",
+}
+_SILENCED: Final = ("sync", "clearml", "comet", "dvc", "mlflow", "raytune", "tensorboard", "wandb", "hub")
+
+
+def load_ultralytics(config_dir: Path) -> ModuleType:
+    """Import ultralytics with its own files in `config_dir` (which is made) and every integration off."""
+    config_dir.mkdir(parents=True, exist_ok=True)
+    os.environ.update(_QUIET, YOLO_CONFIG_DIR=str(config_dir.resolve()))
+    import ultralytics  # noqa: PLC0415 - it reads the environment when it is imported
+
+    ultralytics.settings.update({key: False for key in _SILENCED if key in ultralytics.settings})
+    ultralytics.utils.LOGGER.setLevel(logging.ERROR)
+    _hide_bars(import_module("ultralytics.data.base"), import_module("ultralytics.utils.tqdm").TQDM)
+    return ultralytics
+
+
+def _hide_bars(module: Any, bar: Any) -> None:
+    """Keep from showing the bars that a module of Ultralytics shows however quiet it is told to be."""
+
+    def unseen(*arguments: Any, **options: Any) -> Any:
+        return bar(*arguments, **options | {"disable": True})
+
+    module.TQDM = unseen

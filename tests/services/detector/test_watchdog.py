@@ -1,0 +1,24 @@
+import asyncio
+
+import pytest
+
+from services.detector import watchdog
+from services.detector.model import ModelError
+from services.detector.watchdog import HUNG, watch
+
+
+async def test_a_model_that_answers_or_is_asked_nothing_is_not_hung(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(watchdog, "WATCH_S", 0)
+    looks = 0
+
+    def pending() -> object:
+        nonlocal looks
+        looks += 1
+        if looks < 3 * HUNG:
+            return looks // HUNG
+        return None if looks < 6 * HUNG else "the last one"
+
+    with pytest.raises(ModelError, match=r"^yolo has not answered for 0 s$"):
+        async with asyncio.timeout(60):
+            await watch("yolo", pending)
+    assert looks == 7 * HUNG

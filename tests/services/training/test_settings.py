@@ -1,0 +1,21 @@
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from services.training.settings import TrainingSettings
+
+
+def test_weights_go_into_a_file_that_can_be_loaded(tmp_path: Path) -> None:
+    (tmp_path / "folder.pt").mkdir()
+    for output in ("my", "my.onnx", tmp_path, tmp_path / "folder.pt"):
+        with pytest.raises(ValidationError, match=r"a file whose name ends in \.pt"):
+            TrainingSettings.model_validate({"output": output})
+    assert TrainingSettings.model_validate({"output": "my.pt"}).output == Path("my.pt")
+
+
+@pytest.mark.parametrize("workers", [0, 1025])
+def test_there_is_an_end_to_the_number_of_threads(workers: int) -> None:
+    with pytest.raises(ValidationError, match="workers"):
+        TrainingSettings(workers=workers)
+    assert TrainingSettings(workers=1024).workers == 1024
