@@ -26,7 +26,7 @@ from bus.delivery.writing import MessageWriter
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, matches, single_key
-from bus.requests.pending_request import Asking, Unanswered
+from bus.requests.pending_request import PendingRequest, Unanswered
 from bus.requests.serving import Call, Server, check_free
 from bus.session.link_use import MAX_LINKS, LinkUse
 
@@ -115,7 +115,7 @@ class FakeNetwork:
             self._tell_watches(handle.key, alive=False)
         self._tell_publishers()
 
-    def ask(self, asking: Asking) -> None:
+    def ask(self, asking: PendingRequest) -> None:
         """Have one of those who serve the key answer."""
 
         def answer(outcome: Reply | str | None) -> None:
@@ -211,7 +211,7 @@ class _FakeBus:
     ) -> Reply:
         if self._closed:
             raise BusClosedError("the bus is closed")
-        asking = Asking(single_key(key), payload, encoding, timeout_s)
+        asking = PendingRequest(single_key(key), payload, encoding, timeout_s)
         with self._asking.holding(asking):
             self._network.ask(asking)
             return await asking.answered()

@@ -12,7 +12,7 @@ from bus.delivery.subscription import HistorySubscription, ZenohSubscription
 from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.keys import key_expression, single_key
-from bus.requests.pending_request import Asking, Unanswered
+from bus.requests.pending_request import PendingRequest, Unanswered
 from bus.requests.serving import check_free
 from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
 from bus.session.file_limit import raise_file_limit
@@ -156,7 +156,7 @@ class ZenohBus:
         """See `bus.api.Bus.request`."""
         if self._closed:
             raise BusClosedError("the bus is closed")
-        asking = Asking(single_key(key), payload, encoding, timeout_s)
+        asking = PendingRequest(single_key(key), payload, encoding, timeout_s)
         with self._asking.holding(asking):
             self._session.ask(asking)
             return await asking.answered()

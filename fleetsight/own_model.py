@@ -13,7 +13,7 @@ from bus.delivery.mailbox import PerKey
 from bus.demand import while_wanted
 from bus.reporting import VERSION, report
 from bus.sharing import Sharing, SharingSettings
-from bus.sharing.rate_request import Asked
+from bus.sharing.rate_request import RateRequest
 from bus.sharing.sharing import say_unwanted
 from bus.sharing.tally import Tallies, Tally
 from fleetsight.own_results import Results, publishing
@@ -90,7 +90,7 @@ class OwnModel:
                     del self._served[str(camera)]
 
     async def _receive(self, camera: CameraKey, dropped: Counter[str]) -> None:
-        color, asked = StreamKey(camera, Stream.COLOR), Asked()
+        color, asked = StreamKey(camera, Stream.COLOR), RateRequest()
         asked.ask(self._most_hz)
         async with (
             self._bus.announce(str(Wanted(color, clock_id(), self._worker))),

@@ -6,14 +6,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
 
-from gateway.discovery import Wishes, plan, unclear, unclear_clouds
+from gateway.discovery import DiscoverySettings, plan, unclear, unclear_clouds
 from gateway.discovery.plan import NO_PLAN, Plan, Source
-from gateway.discovery.published_topics import Sightings, Topic, image_of, is_topic, topics_of
+from gateway.discovery.published_topics import Topic, TopicHistory, image_of, is_topic, topics_of
 from gateway.offers import Offers
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.node import Node
 from gateway.ros1.point_cloud import TYPE_NAME as POINT_CLOUD
-from gateway.ros1.registrar import Look
+from gateway.ros1.registrar import MasterState
 from gateway.sampling import Sampler
 from gateway.to_bus.translators.pixel_encoding import UNKNOWN
 from schemas.keys import Stream, StreamKey
@@ -87,16 +87,16 @@ class Explorer:
     def __init__(
         self,
         node: Node,
-        wishes: Wishes,
+        wishes: DiscoverySettings,
         unused: Callable[[Collection[str]], list[str]],
-        sightings: Sightings | None = None,
+        sightings: TopicHistory | None = None,
     ) -> None:
         self.plan = plan([], wishes)
         self._node = node
         self._wishes = wishes
         self._unused = unused
         self._said_unused: list[str] = []
-        self._sightings = sightings or Sightings()
+        self._sightings = sightings or TopicHistory()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
         self._types: dict[str, str] = {}
         self._known: list[Topic] = []
@@ -151,7 +151,7 @@ class Explorer:
             if not awaited:  # an image may be the colour
                 clouds.listen(unclear_clouds(known, self._wishes, self.plan))
 
-    async def _see(self, look: Look) -> None:
+    async def _see(self, look: MasterState) -> None:
         publishers = _without(self._node.name, look.state.publishers)
         if (
             publishers != self._publishers

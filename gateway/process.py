@@ -37,7 +37,7 @@ from schemas.status import GatewayStatus
 
 
 @dataclass(frozen=True, slots=True)
-class Account:
+class GatewayCounters:
     """Everything in a gateway that its status tells of. returns: those of the whole robot."""
 
     settings: GatewaySettings
@@ -148,7 +148,7 @@ async def _run(settings: GatewaySettings) -> int:
         )
         explorer = Explorer(node, settings.wishes(), settings.unused)
         returns = [Return(stream) for stream in _robot_returns(settings)]
-        account = Account(settings, boot_id, machine, node, clock, explorer, offers, returns)
+        account = GatewayCounters(settings, boot_id, machine, node, clock, explorer, offers, returns)
         await explorer.begin(offers)
         async with answering(bus, node, settings, boot_id, clock), bus.announce(keys.robot_alive(settings.robot)):
             work = (

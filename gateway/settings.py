@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Final, Self
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from bus.settings import BusSettings
-from gateway.discovery import Wishes
+from gateway.discovery import DiscoverySettings
 from gateway.discovery.plan import INFOS, Plan, Source, cameras_of
 from gateway.discovery.published_topics import is_topic
 from gateway.ros1.addresses import validate_host, validate_master_uri
@@ -328,9 +328,9 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
         rectified = (f"--rectified {name}" for name in self.rectified if name not in names)
         return [*self.unused_shaping(names), *rectified]
 
-    def wishes(self) -> Wishes:
+    def wishes(self) -> DiscoverySettings:
         """Return what discovery is to do."""
-        return Wishes(
+        return DiscoverySettings(
             self.robot,
             self.streams(),
             self.discover,

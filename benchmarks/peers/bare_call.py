@@ -18,7 +18,7 @@ from benchmarks.peers.answering import answer
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from services.detector.model import Found, Request
+from services.detector.model import DetectedObjects, Request
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
 
@@ -49,7 +49,7 @@ if __name__ == "__main__":
         def measure() -> dict[str, object]:
             """Call it a few times with each."""
             outcomes = [outcome for _ in range(ROUNDS) for each in asked for outcome in model.run([each])]
-            calls = [outcome.spans for outcome in outcomes if isinstance(outcome, Found)]
+            calls = [outcome.spans for outcome in outcomes if isinstance(outcome, DetectedObjects)]
             stages = {name: round(statistics.median(call[name] for call in calls) / 1e6, 3) for name in calls[0]}
             return {**stages, "runtime": model.facts.runtime}
 

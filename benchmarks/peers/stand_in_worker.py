@@ -12,8 +12,8 @@ from pathlib import Path
 from bus import BusSettings, clocks, open_bus
 from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
-from services.detector.model import Found, Outcome, Request
-from services.detector.process import Worker
+from services.detector.model import DetectedObjects, Outcome, Request
+from services.detector.process import DetectorWorker
 from services.detector.worker_role import DETECTOR
 from services.toolbox.process import run
 
@@ -42,13 +42,13 @@ class StandIn:
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""
         await asyncio.sleep(self._frame_s * len(batch))
-        return [Found([]) for _ in batch]
+        return [DetectedObjects([]) for _ in batch]
 
 
 async def work(router: str, name: str, frame_s: float) -> None:
     """Work until cancelled."""
     async with open_bus(BusSettings(connect=[router], shared_memory=False)) as bus:
-        await Worker(bus, StandIn(frame_s), [WorkerAlive(DETECTOR.service, name)]).run()
+        await DetectorWorker(bus, StandIn(frame_s), [WorkerAlive(DETECTOR.service, name)]).run()
 
 
 if __name__ == "__main__":

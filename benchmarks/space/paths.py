@@ -15,12 +15,12 @@ from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from services.cloud.cutting import Job, cut
-from services.cloud.measuring import Limits
-from services.cloud.waiting import Waiting
+from services.cloud.measuring import CloudLimits
+from services.cloud.waiting import CloudJoiner
 from services.distance.depth_readings import Criteria
-from services.distance.measuring import View, measure, unknown
-from services.distance.sensor_history import DEPTH_IMAGE, Sensed
-from services.distance.views import Limits as Readings
+from services.distance.measuring import DepthView, measure, unknown
+from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
+from services.distance.views import DepthLimits as Readings
 from services.distance.views import Views
 from services.geometry.errors import GeometryError
 from services.simulator.placement import BASE, COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, MAP
@@ -28,14 +28,14 @@ from services.worker.stamp_joiner import Joiner
 
 TARGET: Final = BASE
 CRITERIA: Final = Criteria()
-LIMITS: Final = Limits()
+LIMITS: Final = CloudLimits()
 
 
 class DistancePath:
     """One camera at a distance worker, with its default settings."""
 
     def __init__(self, info: CameraInfo, depth_info: CameraInfo | None = None) -> None:
-        self.sensed = Sensed((BASE, MAP), Joiner(DEPTH_IMAGE), info=info, depth_info=depth_info)
+        self.sensed = SensorHistory((BASE, MAP), Joiner(DEPTH_IMAGE), info=info, depth_info=depth_info)
         self._views = Views(Readings())
 
     def measure(self, found: Detections, depth: ImageFrame) -> list[ObjectDistance]:
@@ -46,7 +46,7 @@ class DistancePath:
             return unknown(found.objects, moment.instant)
         try:
             image, model = self._views.view(moment.instant)
-            return measure(found.objects, View(image, found.header.frame_id, model, moment.frames), CRITERIA)
+            return measure(found.objects, DepthView(image, found.header.frame_id, model, moment.frames), CRITERIA)
         except GeometryError as error:
             return unknown(found.objects, str(error))
 
@@ -55,7 +55,7 @@ class CloudPath:
     """One camera at a cloud worker, with its default settings."""
 
     def __init__(self, info: CameraInfo, transforms: Transforms) -> None:
-        self._waiting = Waiting(Tally(CameraKey("r1", "camera")), target=TARGET)
+        self._waiting = CloudJoiner(Tally(CameraKey("r1", "camera")), target=TARGET)
         self._waiting.info = info
         self._waiting.transforms(transforms, static=True)
 

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from benchmarks.space.messages import STAMP_NS, cloud_of, detections_of, header, transforms_of
 from bus.sharing.tally import Tally
 from schemas.keys import CameraKey
-from services.cloud.waiting import Waiting
+from services.cloud.waiting import CloudJoiner
 from services.simulator.placement import BASE, COLOR_OPTICAL, LIDAR, ODOM
 from services.simulator.world import Camera
 
@@ -59,7 +59,7 @@ def _run(odometry_hz: int, detected_s: float, rng: np.random.Generator) -> list[
     streams = [_arrivals(POINTS, TURNS_HZ, ARRIVED_S, rng), _arrivals(PICTURE, PICTURES_HZ, detected_s, rng)]
     if odometry_hz:
         streams.append(_arrivals(ODOM, odometry_hz, ARRIVED_S, rng))
-    waiting = Waiting(Tally(CameraKey("r1", "camera")), target=BASE)
+    waiting = CloudJoiner(Tally(CameraKey("r1", "camera")), target=BASE)
     waiting.transforms(transforms_of([(BASE, COLOR_OPTICAL, HERE), (BASE, LIDAR, HERE)]), static=True)
     waited = []
     for now_s, what, stamp_s in merge(*streams):
@@ -69,7 +69,7 @@ def _run(odometry_hz: int, detected_s: float, rng: np.random.Generator) -> list[
     return waited
 
 
-def _take(waiting: Waiting, what: str, stamp_ns: int, now_s: float) -> None:
+def _take(waiting: CloudJoiner, what: str, stamp_ns: int, now_s: float) -> None:
     if what == PICTURE:
         head = replace(header(COLOR_OPTICAL, stamp_ns), seq=stamp_ns)
         waiting.detections(detections_of([], Camera(), head), now_s)

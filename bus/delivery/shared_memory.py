@@ -18,7 +18,7 @@ FRAMES: Final = 3
 """Payloads of one size that may be on their way at once: shared ones fill no socket, which would bound them."""
 
 PATIENCE: Final = 30
-PATIENCE_S: Final = 3.0
+READER_TIMEOUT_S: Final = 3.0
 """With so many successive payloads without room, or after seconds of them, what subscribers hold is left to them: one
 that was stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
 
@@ -74,7 +74,7 @@ class SharedFrames:
         return self.place(payload)
 
     def _is_impatient(self) -> bool:
-        return self._refused >= PATIENCE or self._clock() >= self._refused_since + PATIENCE_S
+        return self._refused >= PATIENCE or self._clock() >= self._refused_since + READER_TIMEOUT_S
 
     def _renew(self, largest: int) -> None:
         self._largest = largest

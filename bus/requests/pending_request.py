@@ -17,7 +17,7 @@ MAX_UNANSWERED: Final = 256
 Outcome = Reply | BusError
 
 
-class Asking:
+class PendingRequest:
     """One request that waits for its answer: the first outcome counts, later ones are ignored."""
 
     def __init__(self, key: str, payload: bytes | bytearray, encoding: str, timeout_s: float) -> None:
@@ -70,10 +70,10 @@ class Unanswered:
     """A bus's requests under way. Event loop only."""
 
     def __init__(self) -> None:
-        self._askings: set[Asking] = set()
+        self._askings: set[PendingRequest] = set()
 
     @contextmanager
-    def holding(self, asking: Asking) -> Iterator[None]:
+    def holding(self, asking: PendingRequest) -> Iterator[None]:
         """Count a request as under way.
 
         Raises:

@@ -8,7 +8,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from bus.api import MAX_TIMEOUT_S, Reply
-from bus.requests.pending_request import Asking
+from bus.requests.pending_request import PendingRequest
 
 TIMEOUT_MS: Final = "timeout_ms"
 """The query parameter that says how long its sender waits, for the server's sake."""
@@ -20,7 +20,7 @@ LATE_S: Final = 1.0
 """How much longer than its sender a query lives, so that the sender's own clock decides."""
 
 
-def send_query(session: zenoh.Session, asking: Asking, *, served_here: bool) -> None:
+def send_query(session: zenoh.Session, asking: PendingRequest, *, served_here: bool) -> None:
     """Ask. Dropped under congestion, as everything here, and so is the reply: then its sender's time runs out.
 
     served_here: the session has a server of the key; Zenoh (1.10) would ask that one and another one too.
@@ -43,7 +43,7 @@ def send_query(session: zenoh.Session, asking: Asking, *, served_here: bool) -> 
     )
 
 
-def _on_reply(asking: Asking, reply: zenoh.Reply) -> None:
+def _on_reply(asking: PendingRequest, reply: zenoh.Reply) -> None:
     if reply.ok is not None:
         asking.settle(Reply(reply.ok.payload.to_bytes(), str(reply.ok.encoding)))
     elif reply.err is not None:

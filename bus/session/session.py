@@ -17,7 +17,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from bus.errors import BusError, NotServedError
-from bus.requests.pending_request import Asking
+from bus.requests.pending_request import PendingRequest
 from bus.requests.queries import send_query
 from bus.requests.serving import serves
 from bus.session.certificates import check_certificates
@@ -150,7 +150,7 @@ class SessionThread:
         """Undeclare."""
         return self.submit(lambda: self._undeclare(declaration))
 
-    def ask(self, asking: Asking) -> None:
+    def ask(self, asking: PendingRequest) -> None:
         """Send a request; its outcome comes by itself."""
         self.do(partial(self._ask, asking))
 
@@ -354,7 +354,7 @@ class SessionThread:
         del self._kept[declaration]
         _take_back(declaration)
 
-    def _ask(self, asking: Asking) -> None:
+    def _ask(self, asking: PendingRequest) -> None:
         if self._session is None:
             asking.settle(NotServedError(f"there is no router at {self._where} yet"))
             return

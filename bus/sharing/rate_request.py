@@ -14,7 +14,7 @@ REPEAT_S: Final = 5.0
 """How often a limit is said again: a gateway forgets it with the link on which it was said."""
 
 
-class Asked:
+class RateRequest:
     """What the gateway of one camera is asked for; nothing, until there is a limit. Changes in between are merged.
 
     hz: frames a second, None for all of them. from_ns: when the next one is wanted, in nanoseconds since the epoch.

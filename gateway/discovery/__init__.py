@@ -1,6 +1,6 @@
 """Which of a robot's ROS topics become which streams, decided without I/O from what its master says."""
 
-from gateway.discovery.plan import Plan, Wishes, plan
+from gateway.discovery.plan import DiscoverySettings, Plan, plan
 from gateway.discovery.unclear import unclear, unclear_clouds
 
-__all__ = ["Plan", "Wishes", "plan", "unclear", "unclear_clouds"]
+__all__ = ["DiscoverySettings", "Plan", "plan", "unclear", "unclear_clouds"]

@@ -32,7 +32,7 @@ NO_TOPIC: Final = re.compile("")
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class DiscoverySettings:
     """What a gateway's settings say of its streams.
 
     named: topics that are taken as they are, published or not. discover: take what else is found.
@@ -57,7 +57,7 @@ NO_SENSOR: Final = "of no type that sensors have; --discover --topics ros/NAME=T
 TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, *transforms.TYPE_NAMES}
 
 
-def why_not(topic: Topic, wishes: Wishes, named: Collection[str]) -> str | None:
+def why_not(topic: Topic, wishes: DiscoverySettings, named: Collection[str]) -> str | None:
     """Return why discovery does not look at a topic; None when it does. `named`: images that the settings name."""
     if not is_topic(topic.name):
         return NOT_A_NAME
@@ -68,7 +68,7 @@ def why_not(topic: Topic, wishes: Wishes, named: Collection[str]) -> str | None:
     return _by_pattern(topic, wishes) or _by_type(topic)
 
 
-def _by_pattern(topic: Topic, wishes: Wishes) -> str | None:
+def _by_pattern(topic: Topic, wishes: DiscoverySettings) -> str | None:
     if wishes.deny.fullmatch(topic.name):
         return f"denied by --deny {wishes.deny.pattern}"
     if not wishes.allow.fullmatch(topic.name):
@@ -108,7 +108,7 @@ class Plan:
     """What is to be offered.
 
     left_out: why, by topic. names: every camera's that was ever found. first: the camera that came first.
-    rectified: see `Wishes`.
+    rectified: see `DiscoverySettings`.
     """
 
     streams: Mapping[SensorKey, Source] = field(default_factory=dict)
@@ -152,7 +152,7 @@ def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
 NO_PLAN: Final = Plan()
 
 
-def plan(topics: Iterable[Topic], wishes: Wishes, before: Plan = NO_PLAN) -> Plan:
+def plan(topics: Iterable[Topic], wishes: DiscoverySettings, before: Plan = NO_PLAN) -> Plan:
     """Decide what is offered, given what is published now and what was decided before.
 
     The same topics give the same plan in whatever order they are. Cameras keep the names they have.
@@ -165,7 +165,7 @@ def plan(topics: Iterable[Topic], wishes: Wishes, before: Plan = NO_PLAN) -> Pla
 
 
 class _Planning:
-    def __init__(self, wishes: Wishes, published: Mapping[str, Topic], before: Plan) -> None:
+    def __init__(self, wishes: DiscoverySettings, published: Mapping[str, Topic], before: Plan) -> None:
         self._wishes = wishes
         self._published = published
         self._before = before

@@ -64,7 +64,7 @@ class _Seen:
     at_s: float
 
 
-class Sightings:
+class TopicHistory:
     """Remembers what was published.
 
     A topic that is gone counts as published for `hold_s` more seconds, in which its node may restart. Only time in

@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 
 from gateway.discovery.candidates import READERS, is_unclear, one_of_each_image, shows_colors
-from gateway.discovery.plan import Plan, Wishes, why_not
+from gateway.discovery.plan import DiscoverySettings, Plan, why_not
 from gateway.discovery.published_topics import Topic, image_of
 from gateway.ros1 import point_cloud as ros_point_cloud
 from schemas.keys import Stream, StreamKey
 
 
-def unclear(topics: Iterable[Topic], wishes: Wishes) -> list[Topic]:
+def unclear(topics: Iterable[Topic], wishes: DiscoverySettings) -> list[Topic]:
     """Return the images of which only their pixels say whether they are colour or depth, of those that may be taken."""
     if not wishes.discover:
         return []
@@ -18,7 +18,7 @@ def unclear(topics: Iterable[Topic], wishes: Wishes) -> list[Topic]:
     return [topic for topic in one_of_each_image(looked_at)[0] if is_unclear(topic)]
 
 
-def unclear_clouds(topics: Iterable[Topic], wishes: Wishes, made: Plan) -> list[Topic]:
+def unclear_clouds(topics: Iterable[Topic], wishes: DiscoverySettings, made: Plan) -> list[Topic]:
     """Return the clouds that would be the colour of a camera without another, were they known to be pictures.
 
     Their names promise colours, but do not tell whether the clouds are organised.

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from gateway.doctor.evidence import Account, Evidence, StreamLook
+from gateway.doctor.evidence import Evidence, GatewayReport, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.node_names import is_gateway
 from gateway.ros1.tcpros.subscriber import LinkFailure
@@ -104,7 +104,9 @@ def _status_of(streams: list[StreamStatus], name: str) -> StreamStatus | None:
     return next((each for each in streams if each.name == name), None)
 
 
-def _check_stream(stream: StreamLook, account: Account, before: StreamStatus, now: StreamStatus) -> Iterator[Finding]:
+def _check_stream(
+    stream: StreamLook, account: GatewayReport, before: StreamStatus, now: StreamStatus
+) -> Iterator[Finding]:
     came, went = now.received - before.received, now.forwarded - before.forwarded
     if not now.wanted:
         yield fine(Stage.DEMAND, stream.name, "nobody subscribes, so it is not forwarded; that is how it should be")

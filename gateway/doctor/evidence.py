@@ -152,7 +152,7 @@ class Router:
 
 
 @dataclass(frozen=True, slots=True)
-class Account:
+class GatewayReport:
     """What one gateway process said of itself: first and last while it was listened to, and how often.
 
     skew_s: how far its clock is ahead of this machine's. since_s, until_s: when the two arrived, on a steady clock.
@@ -169,7 +169,7 @@ class Account:
     def seconds(self) -> float:
         return (self.last.sent_ns - self.first.sent_ns) / 1e9
 
-    def overlaps(self, other: "Account") -> bool:
+    def overlaps(self, other: "GatewayReport") -> bool:
         """Return whether both spoke at the same time, rather than one after the other was restarted."""
         return self.since_s < other.until_s and other.since_s < self.until_s
 
@@ -183,7 +183,7 @@ class BusLook:
 
     routers: tuple[Router, ...] = ()
     robots: frozenset[str] = frozenset()
-    accounts: tuple[Account, ...] = ()
+    accounts: tuple[GatewayReport, ...] = ()
     at_home_only: bool = False
 
 

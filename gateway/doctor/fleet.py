@@ -10,7 +10,7 @@ from typing import Final
 from bus import QUEUE, Bus, BusError, BusSettings, open_bus
 from bus.clocks import clock_id
 from bus.settings import port_of
-from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
+from gateway.doctor.evidence import BusLook, Failure, GatewayReport, Router, Trouble
 from gateway.doctor.reachability import can_be_tried, look_at_router
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
@@ -75,7 +75,7 @@ def _unlinked(router: Router) -> Trouble:
 async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
     """Return who is present on the bus, and what the robot's gateways, or all, say of themselves meanwhile."""
     robots: set[str] = set()
-    accounts: dict[str, Account] = {}
+    accounts: dict[str, GatewayReport] = {}
     with suppress(TimeoutError):
         async with asyncio.timeout(seconds):
             await asyncio.gather(_watch(bus, robots), _read(bus, robot, accounts))
@@ -121,7 +121,7 @@ async def _watch(bus: Bus, robots: set[str]) -> None:
                     robots.add(robot)
 
 
-async def _read(bus: Bus, robot: str, accounts: dict[str, Account]) -> None:
+async def _read(bus: Bus, robot: str, accounts: dict[str, GatewayReport]) -> None:
     same_clock = clock_id()
     key = keys.gateway_status(robot) if robot else keys.EVERY_GATEWAY_STATUS
     most = MAX_ACCOUNTS if robot else MAX_ROBOTS
@@ -135,9 +135,9 @@ async def _read(bus: Bus, robot: str, accounts: dict[str, Account]) -> None:
                 _note(accounts, most, status, skew_s, time.monotonic())
 
 
-def _note(accounts: dict[str, Account], most: int, status: GatewayStatus, skew_s: float, now_s: float) -> None:
+def _note(accounts: dict[str, GatewayReport], most: int, status: GatewayStatus, skew_s: float, now_s: float) -> None:
     known = accounts.get(status.boot_id)
     if known is not None:
         accounts[status.boot_id] = replace(known, last=status, count=known.count + 1, skew_s=skew_s, until_s=now_s)
     elif len(accounts) < most:
-        accounts[status.boot_id] = Account(status, status, 1, skew_s, since_s=now_s, until_s=now_s)
+        accounts[status.boot_id] = GatewayReport(status, status, 1, skew_s, since_s=now_s, until_s=now_s)

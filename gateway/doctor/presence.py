@@ -7,7 +7,7 @@ from itertools import combinations
 from typing import Final
 
 from bus.settings import port_of
-from gateway.doctor.evidence import Account, BusLook, Evidence, Failure, Trouble
+from gateway.doctor.evidence import BusLook, Evidence, Failure, GatewayReport, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 
 SKEW_S: Final = 1.0
@@ -39,7 +39,7 @@ def check_fleet(bus: BusLook, seconds: float) -> Iterator[Finding]:
     yield from _check_routers(bus)
     if _cut_off(bus):
         return
-    accounts: dict[str, list[Account]] = {robot: [] for robot in bus.robots}
+    accounts: dict[str, list[GatewayReport]] = {robot: [] for robot in bus.robots}
     for account in bus.accounts:
         accounts.setdefault(account.last.robot, []).append(account)
     if not accounts:
@@ -57,7 +57,7 @@ def check_fleet(bus: BusLook, seconds: float) -> Iterator[Finding]:
             yield from _check_account(robot, account, _offered(account))
 
 
-def _offered(account: Account) -> str:
+def _offered(account: GatewayReport) -> str:
     streams = account.last.streams
     version = f" {account.last.version}" if account.last.version else ""
     return (
@@ -65,7 +65,7 @@ def _offered(account: Account) -> str:
     )
 
 
-def _check_gateways(robot: str, accounts: Sequence[Account], seconds: float) -> Iterator[Finding]:
+def _check_gateways(robot: str, accounts: Sequence[GatewayReport], seconds: float) -> Iterator[Finding]:
     """Say whether a robot has one gateway that speaks."""
     if any(one.overlaps(other) for one, other in combinations(accounts, 2)):
         yield problem(
@@ -83,7 +83,7 @@ def _check_gateways(robot: str, accounts: Sequence[Account], seconds: float) -> 
         )
 
 
-def _check_account(robot: str, account: Account, well: str) -> Iterator[Finding]:
+def _check_account(robot: str, account: GatewayReport, well: str) -> Iterator[Finding]:
     """Say how a gateway is; well: what it does if all is well."""
     if account.last.waiting_for:
         yield problem(

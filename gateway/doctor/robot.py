@@ -16,7 +16,7 @@ from gateway.discovery.published_topics import calibrations_of, topics_of
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
 from gateway.doctor.reachability import is_ours, reach, resolve, uri_of
 from gateway.doctor.sensors import CLOCK
-from gateway.doctor.topic_probe import FEW, ONE, TRANSFORMS, Ear, Enough, listen
+from gateway.doctor.topic_probe import FEW, ONE, TRANSFORMS, Enough, TopicProbe, listen
 from gateway.ros1.addresses import parse_offer
 from gateway.ros1.errors import (
     FaultError,
@@ -163,7 +163,9 @@ class RobotVisit:
             for key, kind in kinds.items()
         ]
 
-    async def _look_at_publisher(self, topic: str, node: str, enough: Enough) -> tuple[PublisherLook, Ear | None]:
+    async def _look_at_publisher(
+        self, topic: str, node: str, enough: Enough
+    ) -> tuple[PublisherLook, TopicProbe | None]:
         """Return the publisher, and what was heard where it let us listen."""
         try:
             host, port = _host_and_port(await self._registered(node))
@@ -171,7 +173,7 @@ class RobotVisit:
             return PublisherLook(node, Trouble(Failure.UNKNOWN, node, 0, str(error))), None
         async with self._room:
             try:
-                heard: tuple[Ear, PublisherAccepted] | Trouble = await self._listen(topic, (host, port), enough)
+                heard: tuple[TopicProbe, PublisherAccepted] | Trouble = await self._listen(topic, (host, port), enough)
             except Ros1Error as error:
                 heard = _trouble(error, host, port)
         if isinstance(heard, Trouble):
@@ -186,7 +188,7 @@ class RobotVisit:
 
     async def _listen(
         self, topic: str, slave: tuple[str, int], enough: Enough
-    ) -> tuple[Ear, PublisherAccepted] | Trouble:
+    ) -> tuple[TopicProbe, PublisherAccepted] | Trouble:
         """Listen to a publisher until there are enough messages, or for as long as there is time."""
         address = await self._reached(*slave)
         if isinstance(address, Trouble):
@@ -197,7 +199,7 @@ class RobotVisit:
         if not found:
             return Trouble(Failure.UNRESOLVED, host, port)
         target = address if address in found else found[0]  # a name such as localhost has several
-        ear = Ear(uri, enough)
+        ear = TopicProbe(uri, enough)
         try:
             await listen(
                 (target, port),

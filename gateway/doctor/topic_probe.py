@@ -98,7 +98,7 @@ TRANSFORMS: Final = Enough(1_000, 1_000)
 
 
 @dataclass(slots=True)
-class Ear:
+class TopicProbe:
     """Takes in what one connection brings."""
 
     uri: str
@@ -150,7 +150,7 @@ class Ear:
 async def listen(
     address: tuple[str, int],
     topic: str,
-    ear: Ear,
+    ear: TopicProbe,
     *,
     callerid: str,
     seconds: float,

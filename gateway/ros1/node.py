@@ -12,7 +12,7 @@ from gateway.ros1.errors import Ros1Error
 from gateway.ros1.master import MasterClient, SystemState
 from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
-from gateway.ros1.registrar import Look, Registrar
+from gateway.ros1.registrar import MasterState, Registrar
 from gateway.ros1.registrations import Registration, Role
 from gateway.ros1.slave import SlaveApi
 from gateway.ros1.stale_nodes import unregister_dead
@@ -95,7 +95,7 @@ class Node:
         """Whether the master answered when it was last asked; None before that."""
         return self._registrar.master_answers
 
-    async def looks(self) -> AsyncGenerator[Look, None]:
+    async def looks(self) -> AsyncGenerator[MasterState, None]:
         """Yield what the master says each time that it is looked at, without asking it once more; the newest counts."""
         number = 0
         while True:

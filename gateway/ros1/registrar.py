@@ -35,7 +35,7 @@ RENEWED_EVERY = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class MasterState:
     """What the master said when it was looked at.
 
     number: of this look. restarts: how often a master was found that had forgotten all of the node's registrations.
@@ -59,7 +59,7 @@ class Registrar:
         self._looks = 0
         self.master_answers: bool | None = None
         self._refused: set[Registration] = set()
-        self._look: Look | None = None
+        self._look: MasterState | None = None
         self._looked = asyncio.Event()
 
     @property
@@ -79,7 +79,7 @@ class Registrar:
         self._registrations.wanted.clear()
         self._wake.set()
 
-    async def look_after(self, number: int) -> Look:
+    async def look_after(self, number: int) -> MasterState:
         """Wait until the master was looked at with success more than `number` times; return the newest look."""
         while self._look is None or self._look.number <= number:
             await self._looked.wait()
@@ -126,7 +126,7 @@ class Registrar:
 
     def _remember(self, state: SystemState, *, is_new: bool) -> None:
         restarts = self._look.restarts if self._look else 0
-        self._look = Look(self._looks, state, restarts + is_new)
+        self._look = MasterState(self._looks, state, restarts + is_new)
         self._looked.set()
         self._looked.clear()
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 MAX_LOOKUPS: Final = 64
-PATIENCE_S: Final = 1.5
+LOOKUP_TIMEOUT_S: Final = 1.5
 """How long an address may keep silent before the next one has its turn: TCP asks again after a second, and whoever
 connects gives up after five. A machine in several networks has addresses that cannot be reached from here."""
 
@@ -40,7 +40,7 @@ class Resolver:
         failed: list[OSError] = []
         addresses = await self.addresses(host)
         for address in addresses:
-            deadline = asyncio.timeout(None if address is addresses[-1] else PATIENCE_S)
+            deadline = asyncio.timeout(None if address is addresses[-1] else LOOKUP_TIMEOUT_S)
             try:
                 async with deadline:
                     return await connect(address)

@@ -11,7 +11,7 @@ from gateway.ros1.errors import MessageError, TypeMismatchError
 from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
-from gateway.to_bus.shaping.frame_rates import Thinning
+from gateway.to_bus.shaping.frame_rates import StreamRate
 from gateway.to_bus.shaping.outlet import OutletCounts
 from gateway.to_bus.translators import (
     Incomplete,
@@ -118,7 +118,7 @@ class StreamForward:
         topic: str,
         kind: StreamKind,
         boot_id: str,
-        thinning: Thinning | None = None,
+        thinning: StreamRate | None = None,
         *,
         useful: Callable[[int], bool] = lambda _: True,
     ) -> None:

@@ -25,7 +25,7 @@ from schemas.points import PointCloud
 from schemas.status import UNWANTED
 from schemas.transforms import Transforms
 from services.cloud.cutting import Job, cut, nothing
-from services.cloud.measuring import Limits
+from services.cloud.measuring import CloudLimits
 from services.cloud.waiting import (
     FAILED,
     MALFORMED,
@@ -37,8 +37,8 @@ from services.cloud.waiting import (
     TOO_MANY_TRANSFORMS,
     UNJOINED,
     UNPLACED,
+    CloudJoiner,
     Matched,
-    Waiting,
 )
 from services.geometry.memory_budget import MemoryBudget
 
@@ -61,7 +61,7 @@ _LOST: Final[dict[type[Any], str]] = {
 """What is more than can wait counts as that; of calibrations the newest is all that matters."""
 
 
-class Camera:
+class CloudCamera:
     """Cuts one camera's objects out of points. executor: does so, off the event loop."""
 
     def __init__(
@@ -72,7 +72,7 @@ class Camera:
         *,
         worker: str,
         executor: Executor,
-        limits: Limits,
+        limits: CloudLimits,
         target_frame: str,
         tolerance_ns: int | None,
         budget: MemoryBudget,
@@ -84,7 +84,7 @@ class Camera:
         self._executor = executor
         self._limits = limits
         self._target_frame = target_frame
-        self._waiting = Waiting(account, target=target_frame, tolerance_ns=tolerance_ns, budget=budget)
+        self._waiting = CloudJoiner(account, target=target_frame, tolerance_ns=tolerance_ns, budget=budget)
         self._news = asyncio.Event()
 
     async def run(self, points: CameraKey, publish: Callable[[ObjectClouds], None]) -> None:

@@ -12,11 +12,11 @@ from schemas.detections import Detections
 from schemas.header import MAX_LABEL
 from schemas.objects import MAX_OBJECT_POINTS, ObjectCloud, ObjectClouds
 from schemas.points import PointCloud
-from services.cloud.measuring import Limits, measure
+from services.cloud.measuring import CloudLimits, measure
 from services.cloud.objects import Target
 from services.cloud.points import Points
 from services.cloud.views import Instant, moves_of, target_of, view_of
-from services.cloud.waiting import Waiting
+from services.cloud.waiting import CloudJoiner
 from services.geometry.errors import GeometryError
 
 NO_ROOM: Final = "more points than fit in the message"
@@ -36,7 +36,7 @@ class Job:
     target: Target
 
     @classmethod
-    def of(cls, detections: Detections, cloud: PointCloud, waiting: Waiting, target_frame: str) -> "Job":
+    def of(cls, detections: Detections, cloud: PointCloud, waiting: CloudJoiner, target_frame: str) -> "Job":
         """Take what is known of the instant now."""
         return cls(
             detections,
@@ -55,7 +55,7 @@ class Cut:
     unknown: str = ""
 
 
-def cut(job: Job, limits: Limits, worker: str) -> Cut:
+def cut(job: Job, limits: CloudLimits, worker: str) -> Cut:
     """Cut the objects out of the points."""
     try:
         points = Points.of(job.cloud)

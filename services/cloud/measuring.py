@@ -14,7 +14,7 @@ from schemas.objects import MAX_OBJECT_POINTS, ObjectClouds
 from services.cloud.cells import Seen
 from services.cloud.objects import Target, objects_of
 from services.cloud.outliers import crowded, own
-from services.cloud.outlines import AT_ONCE, Candidates, Cutout, Masked, RegisteredView, View
+from services.cloud.outlines import AT_ONCE, Candidates, CloudView, Cutout, Masked, RegisteredView
 from services.cloud.points import CloudError, Floats, Indices, some
 from services.cloud.shape import Boxes, Level, fit
 from services.cloud.visible import shapes
@@ -27,7 +27,7 @@ NO_MASK: Final = "its detection has no mask: the model does not segment"
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class CloudLimits:
     """What becomes of an object's points.
 
     min_points: fewer are no object. max_points: of more, so many are sent. voxel_m: the edge of cubes of each of which
@@ -54,7 +54,7 @@ class Limits:
 
 
 def measure(
-    detections: Detections, view: View, *, of: Header, target: Target, limits: Limits, worker: str
+    detections: Detections, view: CloudView, *, of: Header, target: Target, limits: CloudLimits, worker: str
 ) -> ObjectClouds:
     """Return the cloud of every detected object that has one, and why the others have none.
 
@@ -81,7 +81,7 @@ def measure(
 
 
 def _shapes(
-    found: Mapping[int, Cutout], masks: Mapping[int, Masked], view: View, level: Level
+    found: Mapping[int, Cutout], masks: Mapping[int, Masked], view: CloudView, level: Level
 ) -> tuple[Numbers, Boxes]:
     """Return the centroids (n, 3) and boxes of objects, at least one, that consist of points."""
     if isinstance(view, RegisteredView) and view.factor == 1:
@@ -114,7 +114,7 @@ def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple
 
 
 def _found(
-    masks: Mapping[int, Masked], view: View, limits: Limits, unmeasured: dict[int, str]
+    masks: Mapping[int, Masked], view: CloudView, limits: CloudLimits, unmeasured: dict[int, str]
 ) -> Iterator[dict[int, tuple[Cutout, Cutout]]]:
     """Yield the points that are each object's own, and those of them that are sent, of some objects at a time.
 
@@ -138,7 +138,7 @@ def _found(
 
 
 def _groups(
-    candidates: Iterable[tuple[int, Candidates]], limits: Limits, unmeasured: dict[int, str]
+    candidates: Iterable[tuple[int, Candidates]], limits: CloudLimits, unmeasured: dict[int, str]
 ) -> Iterator[dict[int, Candidates]]:
     """Return those that have enough points, and of their own, some at a time."""
     group: dict[int, Candidates] = {}
@@ -173,7 +173,7 @@ def _only(chosen: NDArray[np.bool_] | None, points: Cutout) -> Cutout:
     return points if chosen is None else points.only(np.flatnonzero(chosen))
 
 
-def _check_enough(count: int, limits: Limits, where: str) -> None:
+def _check_enough(count: int, limits: CloudLimits, where: str) -> None:
     if count < limits.min_points:
         raise CloudError(f"{count} points {where}, at least {limits.min_points} are needed")
 

@@ -97,7 +97,7 @@ class Candidates:
     own: bool = True
 
 
-class View(Protocol):
+class CloudView(Protocol):
     """A cloud as the camera sees it."""
 
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
@@ -112,7 +112,7 @@ class RegisteredView:
     factor: int = 1
 
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
-        """See `View.within`."""
+        """See `CloudView.within`."""
         height, width = (self.factor * side for side in self.points.shape)
         group: list[tuple[Masked, Indices, Indices]] = []
         for each in masks:

@@ -21,7 +21,7 @@ from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from schemas.status import WorkerStatus
 from schemas.worker_keys import worker_status
-from services.cloud.camera import Camera
+from services.cloud.camera import CloudCamera
 from services.cloud.settings import CloudSettings
 from services.geometry.memory_budget import MIB, MemoryBudget
 from services.worker.thread import worker_thread
@@ -62,7 +62,7 @@ METHOD: Final = "geometry"
 """What status messages say instead of a model's name."""
 
 
-class Worker:
+class CloudWorker:
     """Serves the cameras that fall to it. executor: cuts clouds, off the event loop."""
 
     def __init__(self, bus: Bus, settings: CloudSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
@@ -114,8 +114,8 @@ class Worker:
                 camera = self._camera(key, account)
                 await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
 
-    def _camera(self, key: CameraKey, account: Tally) -> Camera:
-        return Camera(
+    def _camera(self, key: CameraKey, account: Tally) -> CloudCamera:
+        return CloudCamera(
             self._bus,
             key,
             account,
@@ -154,4 +154,4 @@ async def run(settings: CloudSettings) -> None:
     with worker_thread("cloud") as executor:
         async with open_bus(settings) as bus:
             log.info("cloud worker %s is ready", settings.worker)
-            await Worker(bus, settings, executor).run()
+            await CloudWorker(bus, settings, executor).run()

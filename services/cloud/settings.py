@@ -9,7 +9,7 @@ from bus.sharing.settings import SharingSettings
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey
-from services.cloud.measuring import Limits
+from services.cloud.measuring import CloudLimits
 from services.geometry.memory_budget import MEMORY_BYTES, MIB
 
 
@@ -65,9 +65,9 @@ class CloudSettings(SharingSettings, BusSettings):
     ] = MEMORY_BYTES // MIB
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> CloudLimits:
         """What becomes of an object's points."""
-        return Limits(min_points=self.min_points, max_points=self.max_points, voxel_m=self.voxel_m)
+        return CloudLimits(min_points=self.min_points, max_points=self.max_points, voxel_m=self.voxel_m)
 
     @property
     def tolerance_ns(self) -> int | None:

@@ -13,7 +13,17 @@ from schemas.detections import Detections
 from schemas.header import Header
 from schemas.space import MAX_COORDINATE_M
 from services.cloud.objects import Target
-from services.cloud.outlines import NEAR_M, RING, Candidates, Cutout, Masked, RegisteredView, View, factor_of, widths_of
+from services.cloud.outlines import (
+    NEAR_M,
+    RING,
+    Candidates,
+    CloudView,
+    Cutout,
+    Masked,
+    RegisteredView,
+    factor_of,
+    widths_of,
+)
 from services.cloud.points import FAR_M, CloudError, Floats, Indices, Points, some, usable
 from services.geometry.camera import CameraModel
 from services.geometry.distortion import Straight
@@ -67,7 +77,7 @@ class ProjectedView:
     camera_from_points: FloatArray
 
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
-        """See `View.within`. Where masks overlap the first one has the points."""
+        """See `CloudView.within`. Where masks overlap the first one has the points."""
         if not masks:
             return
         camera, xyz = self.camera, self.points.xyz()
@@ -195,7 +205,7 @@ class Instant:
     moves: Numbers | str
 
 
-def view_of(instant: Instant) -> View:
+def view_of(instant: Instant) -> CloudView:
     """Return the points as the camera sees them: pixel by pixel where they are registered to it, else projected.
 
     Raises:

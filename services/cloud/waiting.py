@@ -29,7 +29,7 @@ UNPLACED: Final = "points that cannot be brought to the picture"
 FAILED: Final = "failed"
 
 
-PATIENCE_S: Final = 0.3
+POINTS_WAIT_S: Final = 0.3
 """How long detections wait for what belongs to them: longer than a lidar takes to turn, shorter than news is old."""
 
 NO_STAMP: Final = "the image has no stamp"
@@ -48,7 +48,7 @@ class Matched:
     waited_s: float = 0.0
 
 
-class Waiting:
+class CloudJoiner:
     """Joins one camera's detections with its points; the newest that can be joined count.
 
     target: the frame that transforms are waited for to. tolerance_ns, budget: see `Joiner`. Time is any steady clock's,
@@ -69,7 +69,7 @@ class Waiting:
     @property
     def until_s(self) -> float | None:
         """When the detections that wait longest have waited enough; None while none do."""
-        return self._waiting[0][1] + PATIENCE_S if self._waiting else None
+        return self._waiting[0][1] + POINTS_WAIT_S if self._waiting else None
 
     def detections(self, found: Detections, now_s: float) -> None:
         """Take detections that are newer than the last; of two workers at a take-over one may be behind the other."""
@@ -102,7 +102,7 @@ class Waiting:
         for look in (self._joined, self._given_up):
             for place in reversed(range(len(self._waiting))):
                 found, since_s = self._waiting[place]
-                if (matched := look(found, late=now_s >= since_s + PATIENCE_S)) is not None:
+                if (matched := look(found, late=now_s >= since_s + POINTS_WAIT_S)) is not None:
                     self._drop(place)
                     self._waiting.popleft()
                     return replace(matched, waited_s=now_s - since_s)

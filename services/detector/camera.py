@@ -11,27 +11,27 @@ from typing import Final
 from bus import LATEST, Bus, Publisher, QoS, Sample
 from bus.clocks import clock_id
 from bus.demand import SharedDemand, while_wanted
-from bus.sharing.rate_request import Asked
+from bus.sharing.rate_request import RateRequest
 from schemas import codec
 from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from schemas.status import UNWANTED
-from services.detector.frame_counts import DEPTH, REPLACED, SPARED, Account
-from services.detector.frame_queue import Board, Waiting
+from services.detector.frame_counts import DEPTH, REPLACED, SPARED, FrameCounts
+from services.detector.frame_queue import FrameQueue, QueuedFrame
 from services.detector.overlay_publisher import MASKS, Overlays, drawing
 from services.detector.pixels import shows_colours
-from services.detector.worker_role import DETECTOR, Role
-from services.worker.rate_limiter import Thinning
+from services.detector.worker_role import DETECTOR, WorkerRole
+from services.worker.rate_limiter import RateLimiter
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
+class CameraOutputs:
     """A camera's results and the demand for them. detections: None where class lists are all that is made."""
 
     key: CameraKey
-    account: Account
+    account: FrameCounts
     demand: SharedDemand
     detections: Publisher | None
     classes: Publisher
@@ -67,12 +67,12 @@ class Camera:
 async def serving(
     bus: Bus,
     key: CameraKey,
-    account: Account,
+    account: FrameCounts,
     *,
-    role: Role = DETECTOR,
+    role: WorkerRole = DETECTOR,
     segments: bool = True,
     painters: Executor | None = None,
-) -> AsyncIterator[Camera]:
+) -> AsyncIterator[CameraOutputs]:
     """Declare a camera's result streams for as long as the context lasts.
 
     role: says which there are. segments: whether there are masks to draw. painters: see `drawing`.
@@ -98,7 +98,7 @@ async def serving(
             if not role.lists_only and (segments or not masks)
         }
         overlays = await stack.enter_async_context(drawing(publishers, painters))
-        yield Camera(key, account, demand, detections, classes, overlays)
+        yield CameraOutputs(key, account, demand, detections, classes, overlays)
 
 
 BUCKET_NS: Final = 2_000_000_000
@@ -127,7 +127,9 @@ class Lateness:
 log = logging.getLogger(__name__)
 
 
-async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: str, role: Role) -> None:
+async def feed(
+    bus: Bus, camera: CameraOutputs, board: FrameQueue, asked: RateRequest, *, worker: str, role: WorkerRole
+) -> None:
     """Put the camera's newest frame on the board whenever its results are wanted, for ever.
 
     asked: how many frames its gateway is asked for; who gives a second opinion spares the others, which come if others
@@ -137,7 +139,7 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
 
     async def receive() -> None:
         camera.account.begin()
-        lateness, thinning = Lateness(), Thinning()
+        lateness, thinning = Lateness(), RateLimiter()
 
         def passes(arrived_ns: int) -> bool:
             return role.most_hz is None or asked.hz is None or thinning.passes(arrived_ns, asked.hz, asked.from_ns)
@@ -161,7 +163,9 @@ async def feed(bus: Bus, camera: Camera, board: Board, asked: Asked, *, worker: 
     await while_wanted(camera.demand, receive)
 
 
-def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness, passes: Callable[[int], bool]) -> None:
+def accept(
+    camera: CameraOutputs, board: FrameQueue, sample: Sample, lateness: Lateness, passes: Callable[[int], bool]
+) -> None:
     """Put a frame on the board, or count why not. passes: says of one that arrived then whether it is looked at."""
     try:
         frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
@@ -179,4 +183,4 @@ def accept(camera: Camera, board: Board, sample: Sample, lateness: Lateness, pas
         camera.account.dropped[SPARED] += 1
         return
     late_ns = lateness.late_ns(frame.header.received_ns, sample.received_ns)
-    camera.account.dropped[REPLACED] += board.post(camera.key, Waiting(frame, sample.received_ns, late_ns))
+    camera.account.dropped[REPLACED] += board.post(camera.key, QueuedFrame(frame, sample.received_ns, late_ns))

@@ -20,7 +20,7 @@ TOO_MANY: Final = (REPLACED, STALE)
 """Reasons that say that frames came faster than they could be looked at."""
 
 
-class Account(Tally):
+class FrameCounts(Tally):
     """Counts every frame of a camera once: done, or dropped for a reason.
 
     unread: why those are dropped that a newer one replaced before they were read.

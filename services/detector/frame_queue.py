@@ -11,7 +11,7 @@ from schemas.keys import CameraKey
 
 
 @dataclass(frozen=True, slots=True)
-class Waiting:
+class QueuedFrame:
     """A frame, when it arrived here in nanoseconds since the epoch, and how late it was by then beyond others."""
 
     frame: ImageFrame
@@ -23,16 +23,16 @@ class Waiting:
         return max(0, self.late_ns - excused_ns) + max(0, now_ns - self.arrived_ns)
 
 
-class Board:
+class FrameQueue:
     """Holds at most one frame per camera; the camera served longest ago is next, so a fast one starves nobody."""
 
     def __init__(self) -> None:
-        self._frames: dict[CameraKey, Waiting] = {}
+        self._frames: dict[CameraKey, QueuedFrame] = {}
         self._served: dict[CameraKey, int] = {}
         self._turn = 0
         self._changed = asyncio.Event()
 
-    def post(self, camera: CameraKey, waiting: Waiting) -> int:
+    def post(self, camera: CameraKey, waiting: QueuedFrame) -> int:
         """Put a camera's newest frame up; return how many frames it replaced."""
         replaced = camera in self._frames
         self._frames[camera] = waiting
@@ -45,13 +45,13 @@ class Board:
         return int(self._frames.pop(camera, None) is not None)
 
     def expire(self, now_ns: int, limit_ns: int, excused_ns: int = 0) -> list[CameraKey]:
-        """Take down what is older than `limit_ns`, see `Waiting.age_ns`; return the cameras, who keep their turns."""
+        """Take down what is older than `limit_ns`, see `QueuedFrame.age_ns`; return the cameras, who keep their turns."""
         expired = [camera for camera, waiting in self._frames.items() if waiting.age_ns(now_ns, excused_ns) > limit_ns]
         for camera in expired:
             del self._frames[camera]
         return expired
 
-    def take(self, most: int) -> list[tuple[CameraKey, Waiting]]:
+    def take(self, most: int) -> list[tuple[CameraKey, QueuedFrame]]:
         """Take down at most so many frames, of different cameras, those served longest ago first."""
         cameras = heapq.nsmallest(most, self._frames, key=lambda camera: self._served.get(camera, 0))
         self._turn += 1

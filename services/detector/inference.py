@@ -15,23 +15,23 @@ from bus.sharing.pace import Totals
 from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.status import UNWANTED
-from services.detector.camera import Camera
-from services.detector.frame_counts import LATE, STALE, Account
-from services.detector.frame_queue import Board, Waiting
-from services.detector.model import Found, Model, Outcome, Request
+from services.detector.camera import CameraOutputs
+from services.detector.frame_counts import LATE, STALE, FrameCounts
+from services.detector.frame_queue import FrameQueue, QueuedFrame
+from services.detector.model import DetectedObjects, Model, Outcome, Request
 from services.detector.tracking.tracks import Tracking
 from services.detector.watchdog import watch
 
-PATIENCE_S: Final = 0.005
+BATCH_WAIT_S: Final = 0.005
 """How long a batch waits for more cameras' frames."""
 
-SPARE_S: Final = 0.03
+DEADLINE_SLACK_S: Final = 0.03
 """How much longer than one call a frame may wait for its turn."""
 
 LEAST_AGE_S: Final = 0.08
 """How old a frame may be at least, however quick the model is: links have their ups and downs."""
 
-EXCUSED_S: Final = 2.0
+NETWORK_GRACE_S: Final = 2.0
 """How late a frame may come while the model keeps up: on a poor link none comes sooner for leaving out what is late."""
 
 WEIGHT_OF_NEWEST: Final = 0.1
@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 class SentFrame:
     """A frame on its way through the model, and how long it had waited by then. settled: set once that is over."""
 
-    camera: Camera
+    camera: CameraOutputs
     queue_ns: int
     request: Request
     settled: Event = field(default_factory=Event)
@@ -61,11 +61,11 @@ class Inference:
         self,
         model: Model,
         worker: str,
-        board: Board,
+        board: FrameQueue,
         *,
         tracking: Tracking | None,
-        cameras: dict[CameraKey, Camera],
-        accounts: Mapping[CameraKey, Account],
+        cameras: dict[CameraKey, CameraOutputs],
+        accounts: Mapping[CameraKey, FrameCounts],
         max_age_s: float | None,
         keeps_up: Callable[[], bool],
         on_result: Callable[[CameraKey], None],
@@ -81,7 +81,7 @@ class Inference:
         self._on_result = on_result
         self._room = Semaphore(model.in_flight)
         self._under_way: Queue[tuple[Sequence[SentFrame], Task[Sequence[Outcome]]]] = Queue(model.in_flight)
-        self._seen: Queue[Sequence[tuple[SentFrame, Found | None]]] = Queue(1)
+        self._seen: Queue[Sequence[tuple[SentFrame, DetectedObjects | None]]] = Queue(1)
         self._last: dict[CameraKey, Event] = {}
         self._calls = 0
         self._call_s = 0.0
@@ -128,7 +128,7 @@ class Inference:
 
     async def _batch(self) -> list[SentFrame]:
         wished = sum(camera.demand.wanted for camera in self._cameras.values())
-        await self._board.filled(min(self._model.max_batch, wished), PATIENCE_S)
+        await self._board.filled(min(self._model.max_batch, wished), BATCH_WAIT_S)
         now_ns = time.time_ns()
         limit_ns, excused_ns = self._limits_ns()
         for reason, excused in ((STALE, now_ns), (LATE, excused_ns)):  # what waited here first, whatever its link did
@@ -141,10 +141,10 @@ class Inference:
         """Return how old a frame may be, and how much of how late it came does not count to that."""
         if self._max_age_s is not None:
             return round(self._max_age_s * 1e9), 0
-        limit_s = max(self._call_s + SPARE_S, LEAST_AGE_S)
-        return round(limit_s * 1e9), round(EXCUSED_S * 1e9) if self._keeps_up() else 0
+        limit_s = max(self._call_s + DEADLINE_SLACK_S, LEAST_AGE_S)
+        return round(limit_s * 1e9), round(NETWORK_GRACE_S * 1e9) if self._keeps_up() else 0
 
-    def _sent_frame(self, key: CameraKey, waiting: Waiting, now_ns: int) -> SentFrame | None:
+    def _sent_frame(self, key: CameraKey, waiting: QueuedFrame, now_ns: int) -> SentFrame | None:
         camera = self._cameras.get(key)
         if camera is None or not camera.demand.wanted:
             self._accounts[key].dropped[UNWANTED] += 1
@@ -197,17 +197,17 @@ class Inference:
                 if self._last.get(sent.request.camera) is sent.settled:
                     del self._last[sent.request.camera]
 
-    async def _publish_found(self, sent: SentFrame, found: Found) -> None:
+    async def _publish_found(self, sent: SentFrame, found: DetectedObjects) -> None:
         if self._tracking is not None and sent.camera.wants_tracks:
             found = await self._tracking.follow(sent.request, found)
         sent.camera.publish_objects(self._detections(sent, found), sent.request.frame)
         self._on_result(sent.camera.key)
 
-    def _counted(self, sent: SentFrame, outcome: Outcome) -> Found | None:
+    def _counted(self, sent: SentFrame, outcome: Outcome) -> DetectedObjects | None:
         """Count a frame, and return what was found in it."""
         account, header = sent.camera.account, sent.request.frame.header
         self._done += 1
-        if isinstance(outcome, Found):
+        if isinstance(outcome, DetectedObjects):
             account.done += 1
             return outcome
         account.dropped[outcome.reason] += 1
@@ -215,5 +215,5 @@ class Inference:
         log.warning("%s: frame %d of gateway %s left out: %s", why, header.seq, header.boot_id, outcome.error)
         return None
 
-    def _detections(self, sent: SentFrame, found: Found) -> Detections:
+    def _detections(self, sent: SentFrame, found: DetectedObjects) -> Detections:
         return found.detections(sent.request.frame, model=self._model.name, worker=self._worker, queue=sent.queue_ns)

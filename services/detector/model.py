@@ -39,7 +39,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class DetectedObjects:
     """The objects of one image, best score first, and nanoseconds per stage."""
 
     objects: list[Detection]
@@ -66,7 +66,7 @@ class Failed:
     error: Exception
 
 
-Outcome = Found | Failed
+Outcome = DetectedObjects | Failed
 
 
 class Model(Protocol):

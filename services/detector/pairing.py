@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from schemas.detections import Detection
 from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
-from services.detector.model import SILENT, Failed, Found, Model, Outcome, Request
+from services.detector.model import SILENT, DetectedObjects, Failed, Model, Outcome, Request
 from services.detector.runtime.overlap import boxes_of, ious
 
 log = logging.getLogger(__name__)
@@ -98,7 +98,7 @@ def _joined(request: Request, boxes: Outcome, masks: Outcome) -> Outcome:
     return joined(boxes, masks)
 
 
-def joined(boxes: Found, masks: Found) -> Found:
+def joined(boxes: DetectedObjects, masks: DetectedObjects) -> DetectedObjects:
     """Give one model's objects, best first, the other's masks, each to one of them."""
     fits = _fits(boxes.objects, masks.objects)
     objects = list(boxes.objects)
@@ -108,7 +108,7 @@ def joined(boxes: Found, masks: Found) -> Found:
             objects[n] = msgspec.structs.replace(objects[n], mask=masks.objects[best].mask)
             fits[:, best] = 0
     spans = {name: boxes.spans.get(name, 0) + masks.spans.get(name, 0) for name in {**boxes.spans, **masks.spans}}
-    return Found(objects, spans)
+    return DetectedObjects(objects, spans)
 
 
 def _fits(some: Sequence[Detection], others: Sequence[Detection]) -> NDArray[np.float64]:

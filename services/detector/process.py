@@ -14,23 +14,23 @@ from typing import Final
 from bus import Bus, open_bus
 from bus.reporting import VERSION, report
 from bus.sharing import Pace, Sharing
-from bus.sharing.rate_request import Asked
+from bus.sharing.rate_request import RateRequest
 from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey, Stream
 from schemas.status import MAX_CLASSES, WorkerStatus
 from schemas.worker_keys import WorkerAlive, worker_status
-from services.detector.camera import Camera, feed, serving
-from services.detector.frame_counts import REPLACED, SPARED, Account
-from services.detector.frame_queue import Board
+from services.detector.camera import CameraOutputs, feed, serving
+from services.detector.frame_counts import REPLACED, SPARED, FrameCounts
+from services.detector.frame_queue import FrameQueue
 from services.detector.inference import Inference
 from services.detector.model import Model, ModelError
 from services.detector.requests import FINISH_S, Leaving, answering
 from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
 from services.detector.tracking.tracks import Tracking
-from services.detector.worker_role import DETECTOR, OPINION, Role
+from services.detector.worker_role import DETECTOR, OPINION, WorkerRole
 from services.worker.thread import worker_thread
 
 PACE_PERIOD_S: Final = 0.25
@@ -39,7 +39,7 @@ PAINTERS: Final = 2
 """Threads that draw overlays, of however many cameras: each draws its newest frame when its turn comes."""
 
 
-class Worker:
+class DetectorWorker:
     """Serves the cameras that fall to it.
 
     tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Inference`. leaving: hears
@@ -52,7 +52,7 @@ class Worker:
         model: Model,
         tokens: Sequence[WorkerAlive],
         *,
-        role: Role = DETECTOR,
+        role: WorkerRole = DETECTOR,
         tracking: Tracking | None = None,
         max_age_s: float | None = None,
         join_s: float = JOIN_S,
@@ -62,11 +62,11 @@ class Worker:
         self._model = model
         self._role = role
         self._name = tokens[0].worker
-        self._board = Board()
-        self._cameras: dict[CameraKey, Camera] = {}
+        self._board = FrameQueue()
+        self._cameras: dict[CameraKey, CameraOutputs] = {}
         unread = REPLACED if role.most_hz is None else SPARED  # a newer one is as good for an opinion
-        self._accounts = Tallies(partial(Account, unread=unread))
-        self._asked: dict[CameraKey, Asked] = {}
+        self._accounts = Tallies(partial(FrameCounts, unread=unread))
+        self._asked: dict[CameraKey, RateRequest] = {}
         self._took_over: dict[CameraKey, Callable[[], None]] = {}
         self._leaving = leaving or Leaving()
         self._painters = ThreadPoolExecutor(PAINTERS, thread_name_prefix="overlays")
@@ -101,7 +101,7 @@ class Worker:
             self._painters.shutdown(wait=False, cancel_futures=True)
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        asked = self._asked[key] = Asked()
+        asked = self._asked[key] = RateRequest()
         asked.ask(self._role.most_hz)
         self._took_over[key] = took_over
         segments, painters = self._model.segments, self._painters
@@ -121,7 +121,7 @@ class Worker:
             del self._asked[key], self._took_over[key]
             self._cameras.pop(key, None)
 
-    async def _finish(self, camera: Camera) -> None:
+    async def _finish(self, camera: CameraOutputs) -> None:
         """Wait until what has begun of a camera is published and drawn, or its time is over."""
         until_s = self._leaving.until_s or asyncio.get_running_loop().time() + FINISH_S
         with suppress(TimeoutError):
@@ -200,7 +200,7 @@ async def work(settings: DetectorSettings, model: Model) -> int:
     following = None if role.lists_only else tracking(settings, model)
     try:
         async with open_bus(settings) as bus, answering(bus, model, settings.worker, role, leaving):
-            worker = Worker(
+            worker = DetectorWorker(
                 bus, model, tokens, role=role, tracking=following, max_age_s=settings.max_age_s, leaving=leaving
             )
             await worker.run()

@@ -18,7 +18,7 @@ from schemas.tuning import Tuning
 from services.detector.model import Failed, Model, ModelError, Outcome, Request, TuningError
 from services.detector.stills import ROBOT, StillError, frame_of
 from services.detector.watchdog import watch
-from services.detector.worker_role import DETECTOR, Role
+from services.detector.worker_role import DETECTOR, WorkerRole
 from services.worker.thread import worker_thread
 
 FINISH_S: Final = 1.2
@@ -47,7 +47,7 @@ STILL: Final = CameraKey(ROBOT, "image")
 
 @asynccontextmanager
 async def answering(
-    bus: Bus, model: Model, worker: str, role: Role = DETECTOR, leaving: Leaving | None = None
+    bus: Bus, model: Model, worker: str, role: WorkerRole = DETECTOR, leaving: Leaving | None = None
 ) -> AsyncIterator[None]:
     """Answer requests for as long as the context lasts. role: says whether images are answered, too.
 

@@ -10,7 +10,7 @@ LONGEST_NAME: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Role:
+class WorkerRole:
     """Under which name a worker works, and what it makes.
 
     service: its name in the keys of workers; cameras are shared with workers of the same alone. lists: the stream of
@@ -33,7 +33,7 @@ class Role:
         return self.prefix + worker[-(LONGEST_NAME - len(self.prefix)) :]
 
 
-DETECTOR: Final = Role(worker_keys.DETECTOR, Stream.CLASSES)
+DETECTOR: Final = WorkerRole(worker_keys.DETECTOR, Stream.CLASSES)
 
-OPINION: Final = Role(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0, prefix="opinion.")
+OPINION: Final = WorkerRole(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0, prefix="opinion.")
 """Its rate is enough for counts to settle, and leaves most of a machine to a detector on it."""

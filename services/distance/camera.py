@@ -18,9 +18,9 @@ from schemas.errors import SchemaError
 from schemas.keys import TF, RobotStreamKey, Stream, StreamKey, Wanted
 from schemas.status import UNWANTED
 from services.distance.depth_readings import Criteria
-from services.distance.measuring import View, measure_apart, unknown
-from services.distance.sensor_history import Moment, Sensed
-from services.distance.sensor_input import FAILED, REPLACED, UNJOINED, Account, Taking
+from services.distance.measuring import DepthView, measure_apart, unknown
+from services.distance.sensor_history import ImageContext, SensorHistory
+from services.distance.sensor_input import FAILED, REPLACED, UNJOINED, DetectionCounts, SensorInput
 from services.distance.views import Views
 from services.geometry.errors import GeometryError
 
@@ -34,23 +34,23 @@ MEASURED: Final = "distance"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+class DistanceCamera:
     """What one camera is measured with. worker: this one's name. executor: where the arithmetic runs."""
 
-    account: Account
-    sensed: Sensed
+    account: DetectionCounts
+    sensed: SensorHistory
     views: Views
     criteria: Criteria
     worker: str
     executor: Executor
 
 
-async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[], None]) -> None:
+async def work(bus: Bus, camera: DistanceCamera, publisher: Publisher, done: Callable[[], None]) -> None:
     """Measure a camera's newest detections until cancelled. done: called after each of them."""
     key = camera.account.camera
     depth = Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker)
     transforms = Wanted(RobotStreamKey(key.robot, TF), clock_id())  # other cameras here want them too
-    taking = Taking(camera.account, camera.sensed)
+    taking = SensorInput(camera.account, camera.sensed)
     try:
         async with (
             bus.announce(str(depth)),
@@ -70,7 +70,7 @@ async def work(bus: Bus, camera: Camera, publisher: Publisher, done: Callable[[]
         taking.end()
 
 
-async def _take(camera: Camera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
+async def _take(camera: DistanceCamera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
     try:
         await _answer(camera, sample, publisher, news)
     except SchemaError as error:
@@ -78,7 +78,7 @@ async def _take(camera: Camera, sample: Sample, publisher: Publisher, news: asyn
         log.warning("%s: detections left out: %s", camera.account.camera, error)
 
 
-async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
+async def _answer(camera: DistanceCamera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
     seen = codec.decode(Detections, sample.payload, sample.encoding)
     codec.check_identity(seen.header, camera.account.camera)
     if not camera.account.is_new(seen.header):
@@ -94,7 +94,7 @@ async def _answer(camera: Camera, sample: Sample, publisher: Publisher, news: as
 
 
 async def _measure(
-    camera: Camera, seen: Detections, received_ns: int, publisher: Publisher, news: asyncio.Event
+    camera: DistanceCamera, seen: Detections, received_ns: int, publisher: Publisher, news: asyncio.Event
 ) -> None:
     moment = await _moment(camera.sensed, seen, news)
     begun_ns = time.time_ns()
@@ -112,7 +112,7 @@ async def _measure(
         camera.account.done += 1
 
 
-async def _moment(sensed: Sensed, seen: Detections, news: asyncio.Event) -> Moment:
+async def _moment(sensed: SensorHistory, seen: Detections, news: asyncio.Event) -> ImageContext:
     """Return what is known of an image's instant, once all is, or after WAIT_S."""
     with suppress(TimeoutError):
         async with asyncio.timeout(WAIT_S):
@@ -122,18 +122,20 @@ async def _moment(sensed: Sensed, seen: Detections, news: asyncio.Event) -> Mome
     return sensed.at(seen)
 
 
-def _timed(camera: Camera, seen: Detections, moment: Moment) -> tuple[list[ObjectDistance], int]:
+def _timed(camera: DistanceCamera, seen: Detections, moment: ImageContext) -> tuple[list[ObjectDistance], int]:
     begun_ns = time.perf_counter_ns()
     return _objects(camera, seen, moment), time.perf_counter_ns() - begun_ns
 
 
-def _objects(camera: Camera, seen: Detections, moment: Moment) -> list[ObjectDistance]:
+def _objects(camera: DistanceCamera, seen: Detections, moment: ImageContext) -> list[ObjectDistance]:
     if isinstance(moment.instant, str):
         return unknown(seen.objects, moment.instant)
     if not seen.objects:
         return []  # depth need not be read, let alone registered
     try:
         depth, model = camera.views.view(moment.instant)
-        return measure_apart(seen.objects, View(depth, seen.header.frame_id, model, moment.frames), camera.criteria)
+        return measure_apart(
+            seen.objects, DepthView(depth, seen.header.frame_id, model, moment.frames), camera.criteria
+        )
     except GeometryError as error:
         return unknown(seen.objects, str(error))

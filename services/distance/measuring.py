@@ -44,7 +44,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class DepthView:
     """Depth as the colour camera sees it.
 
     frame_id: the camera's optical frame. camera: its model, or why there is none.
@@ -56,7 +56,7 @@ class View:
     frames: Sequence[Frame] = ()
 
 
-def measure(objects: Sequence[Detection], view: View, criteria: Criteria) -> list[ObjectDistance]:
+def measure(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -> list[ObjectDistance]:
     """Measure each object of an image of the view's size.
 
     Raises:
@@ -70,7 +70,7 @@ def measure(objects: Sequence[Detection], view: View, criteria: Criteria) -> lis
     return [measured[index] for index in range(len(objects))]
 
 
-def measure_apart(objects: Sequence[Detection], view: View, criteria: Criteria) -> list[ObjectDistance]:
+def measure_apart(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -> list[ObjectDistance]:
     """Measure as `measure` does it, but if one object makes that fail, in whatever way, it alone is unknown.
 
     Raises:
@@ -84,7 +84,7 @@ def measure_apart(objects: Sequence[Detection], view: View, criteria: Criteria) 
         return [_alone(index, found, view, criteria) for index, found in enumerate(objects)]
 
 
-def _alone(index: int, found: Detection, view: View, criteria: Criteria) -> ObjectDistance:
+def _alone(index: int, found: Detection, view: DepthView, criteria: Criteria) -> ObjectDistance:
     try:
         (only,) = measure([found], view, criteria)
     except Exception as error:  # noqa: BLE001 - said of the object
@@ -122,7 +122,7 @@ def _groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance])
 
 
 def _measured(
-    objects: Sequence[Detection], windows: Mapping[int, Window], view: View, criteria: Criteria
+    objects: Sequence[Detection], windows: Mapping[int, Window], view: DepthView, criteria: Criteria
 ) -> Iterator[ObjectDistance]:
     picked = pick(list(windows.values()), view.depth, criteria)
     known = dict(zip(picked.rows.tolist(), _known(picked, view), strict=True)) if len(picked.rows) else {}
@@ -140,7 +140,7 @@ def _measured(
             yield _unknown(index, objects[index], share, reason)
 
 
-def _known(picked: Picked, view: View) -> Iterator[Measured]:
+def _known(picked: Picked, view: DepthView) -> Iterator[Measured]:
     z = picked.z
     own = foreground(z, picked.around)
     axial = _medians(z, own)
@@ -177,7 +177,7 @@ def _medians(values: NDArray[Any], own: Bools) -> NDArray[Any]:
 
 
 def _placed(
-    z: Floats, at: Indices, own: Bools, solid: Bools, view: View
+    z: Floats, at: Indices, own: Bools, solid: Bools, view: DepthView
 ) -> tuple[list[float | None], list[list[Place]]]:
     """Return each object's straight distance, and the middle of its solid readings in each frame."""
     names = [view.frame_id, *(frame.frame_id for frame in view.frames)]

@@ -18,9 +18,9 @@ from schemas.distances import Distances
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
 from schemas.worker_keys import worker_status
-from services.distance.camera import Camera, work
-from services.distance.sensor_history import DEPTH_IMAGE, Sensed
-from services.distance.sensor_input import Account
+from services.distance.camera import DistanceCamera, work
+from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
+from services.distance.sensor_input import DetectionCounts
 from services.distance.settings import DistanceSettings
 from services.distance.views import Views
 from services.geometry.memory_budget import MIB, MemoryBudget
@@ -31,7 +31,7 @@ from services.worker.thread import worker_thread
 SERVICE: Final = "distance"
 
 
-class Worker:
+class DistanceWorker:
     """Serves the cameras that fall to it. executor: where the arithmetic runs, off the event loop."""
 
     def __init__(self, bus: Bus, settings: DistanceSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
@@ -39,7 +39,7 @@ class Worker:
         self._settings = settings
         self._executor = executor
         self._budget = MemoryBudget(settings.memory_mib * MIB)
-        self._accounts = Tallies(Account)
+        self._accounts = Tallies(DetectionCounts)
         tokens = settings.tokens(SERVICE)
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
 
@@ -65,10 +65,10 @@ class Worker:
                 group.create_task(say_unwanted(demand, took_over))
                 await while_wanted(demand, lambda: work(self._bus, self._camera(account), publisher, took_over))
 
-    def _camera(self, account: Account) -> Camera:
-        return Camera(
+    def _camera(self, account: DetectionCounts) -> DistanceCamera:
+        return DistanceCamera(
             account=account,
-            sensed=Sensed(
+            sensed=SensorHistory(
                 self._settings.frames,
                 Joiner(DEPTH_IMAGE, tolerance_ns=self._settings.tolerance_ns, budget=self._budget),
                 TransformTree(budget=self._budget),
@@ -98,4 +98,4 @@ async def run(settings: DistanceSettings) -> None:
     with worker_thread("distance") as executor:
         async with open_bus(settings) as bus:
             log.info("distance worker %s is ready", settings.worker)
-            await Worker(bus, settings, executor).run()
+            await DistanceWorker(bus, settings, executor).run()

@@ -19,7 +19,7 @@ NO_STAMP: Final = "the image has no stamp"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment:
+class ImageContext:
     """What is known when an image was taken. instant: or why there is no depth of it. open: more may become known."""
 
     instant: Instant | str
@@ -28,7 +28,7 @@ class Moment:
 
 
 @dataclass(slots=True)
-class Sensed:
+class SensorHistory:
     """Messages of one camera and its robot, joined with detections by stamp. frames: where objects are to be placed."""
 
     frames: Sequence[str]
@@ -42,21 +42,21 @@ class Sensed:
         self.depths.flush()
         self.transforms.flush()
 
-    def at(self, detections: Detections) -> Moment:
+    def at(self, detections: Detections) -> ImageContext:
         """Return what is known of the instant of an image."""
         header = detections.header
         frames, frames_open = self._frames(header.frame_id, header.stamp_ns)
         if not header.stamp_ns:
-            return Moment(NO_STAMP, frames, open=False)
+            return ImageContext(NO_STAMP, frames, open=False)
         found = self.depths.find(header.stamp_ns)
         if isinstance(found, NoPartner):
-            return Moment(found.reason, frames, open=not found.final)
+            return ImageContext(found.reason, frames, open=not found.final)
         depth = found.item
         from_depth, early = self._lookup(header.frame_id, depth.header.frame_id, found.stamp_ns)
         if not isinstance(from_depth, str):
             from_depth = self._moved(from_depth, header, depth.header)
         instant = Instant(detections, depth, self.info, self.depth_info, from_depth)
-        return Moment(instant, frames, open=frames_open or early or not found.final)
+        return ImageContext(instant, frames, open=frames_open or early or not found.final)
 
     def _frames(self, camera: str, stamp_ns: int) -> tuple[tuple[Frame, ...], bool]:
         found = [(name, *self._lookup(name, camera, stamp_ns)) for name in self.frames]

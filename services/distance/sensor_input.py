@@ -16,7 +16,7 @@ from schemas.header import Header, is_newer
 from schemas.image import ImageFrame
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream
 from schemas.transforms import Transforms
-from services.distance.sensor_history import DEPTH_IMAGE, Sensed
+from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
 
 DOUBLE: Final = "the same detections again, or older ones"
 REPLACED: Final = "replaced by newer detections"
@@ -26,7 +26,7 @@ STAMPLESS: Final = "without a stamp"
 TOO_MANY: Final = "too many at once"
 
 
-class Account(Tally):
+class DetectionCounts(Tally):
     """Counts every image whose objects were detected once: measured, or dropped for a reason, which is said too."""
 
     def __init__(self, camera: CameraKey) -> None:
@@ -57,10 +57,10 @@ TRANSFORMS_WAITING: Final = 1_000
 H = TypeVar("H", ImageFrame, CameraInfo)
 
 
-class Taking:
+class SensorInput:
     """Fills `sensed` with what one camera's robot sends. news: set whenever there is more."""
 
-    def __init__(self, account: Account, sensed: Sensed) -> None:
+    def __init__(self, account: DetectionCounts, sensed: SensorHistory) -> None:
         self._key = account.camera
         self._account = account
         self._sensed = sensed

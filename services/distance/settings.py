@@ -9,7 +9,7 @@ from bus.sharing.settings import SharingSettings
 from schemas.distances import MAX_PLACES
 from schemas.header import MAX_LABEL
 from services.distance.depth_readings import Criteria
-from services.distance.views import Limits
+from services.distance.views import DepthLimits
 from services.geometry.memory_budget import MEMORY_BYTES, MIB
 
 
@@ -59,9 +59,9 @@ class DistanceSettings(SharingSettings, BusSettings):
         return Criteria(min_pixels=self.min_pixels, edge=self.edge_pixels)
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> DepthLimits:
         """What is a reading."""
-        return Limits(nearest_m=self.nearest_m, farthest_m=self.farthest_m)
+        return DepthLimits(nearest_m=self.nearest_m, farthest_m=self.farthest_m)
 
     @property
     def tolerance_ns(self) -> int | None:

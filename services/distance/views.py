@@ -24,7 +24,7 @@ _ANY: Final = Header(robot="any", boot_id="", seq=0, stamp_ns=0, frame_id="", re
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class DepthLimits:
     """What is a reading, in metres."""
 
     nearest_m: float = 0.1
@@ -49,7 +49,7 @@ class Instant:
 class Views:
     """Makes views of one camera; what takes long, like registering depth, is prepared once for each calibration."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: DepthLimits) -> None:
         self._limits = limits
         self._models: dict[bytes, CameraModel] = {}
         self._key: tuple[CameraModel, CameraModel, bytes] | None = None

@@ -28,7 +28,7 @@ class Arrival(NamedTuple):
     received_ns: int
 
 
-class Undated:
+class ClockHoldback:
     """Has kept lists wait for their robot's clock, and those that come after them.
 
     is_dated: whether it is known how old something of a frame was that arrived at a time (epoch, nanoseconds).

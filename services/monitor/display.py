@@ -24,7 +24,7 @@ from schemas.printing import printable
 from services.monitor.event_loop import aside, in_turns
 from services.monitor.fleet import Age, Fleet, Row
 from services.monitor.fleet_problems import shortened, troubles
-from services.monitor.inventory.camera_liveness import Speaking
+from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import Inventory
 
 STYLES: Final = {"online": "green", "silent": "yellow", "offline": "bold red"}
@@ -200,7 +200,7 @@ class Silence:
 
     def __init__(self, inventory: Inventory) -> None:
         self._inventory = inventory
-        self._speaking = Speaking(inventory, inventory.speaks, speaks=False)
+        self._speaking = SpeakingCameras(inventory, inventory.speaks, speaks=False)
         self._silent: set[CameraKey] = set()
 
     def advance(self, now_ns: int) -> list[CameraKey]:

@@ -13,11 +13,11 @@ from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.clocks import Clocks
-from services.monitor.fleet_problems import NAMESAKES, THIN_LINK, Namesakes, problems_of
+from services.monitor.fleet_problems import NAMESAKES, THIN_LINK, DuplicateGateways, problems_of
 from services.monitor.formats import cameras_in_order, natural_camera
-from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, Limits, make_room
+from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, TrustLimits, make_room
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.map.sighting_places import Places
+from services.monitor.map.sighting_places import SightingMap
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0
@@ -92,11 +92,11 @@ class Fleet:
     heard_ns, worker_heard_ns: when the newest status of a gateway, or worker, arrived.
     """
 
-    def __init__(self, clock_id: str, limits: Limits | None = None) -> None:
+    def __init__(self, clock_id: str, limits: TrustLimits | None = None) -> None:
         self._clock_id = clock_id
         self.clocks = Clocks()
         self.inventory = Inventory(limits)
-        self.places = Places()
+        self.places = SightingMap()
         self._cameras: dict[CameraKey, _Camera] = {}
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}
@@ -107,7 +107,7 @@ class Fleet:
         self.class_lists = 0
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
-        self._namesakes = Namesakes()
+        self._namesakes = DuplicateGateways()
         self._late: dict[str, dict[CameraKey, tuple[int, int]]] = {}
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:

@@ -14,7 +14,7 @@ KNOWN_ACCOUNTS: Final = 5
 """After how many accounts of which none shows that there are several it is over; each gateway has one every second."""
 
 
-class Namesakes:
+class DuplicateGateways:
     """Hears from which process each account of a robot's gateway comes: one that was restarted never comes back."""
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ GAP_S: Final = 1.0
 """By how much later than that everybody is gone a monitor may notice that its link is."""
 
 
-class Hearing:
+class Heartbeat:
     """Follows what the monitor hears. Seconds are of the steady clock.
 
     heard: when the monitor heard a message of its own last, None while it knows that it cannot hear the fleet.

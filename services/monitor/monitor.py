@@ -15,16 +15,16 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.event_loop import in_turns
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.operator_actions import Act
 from services.monitor.inventory.inventory import Entry
 from services.monitor.map.floor_plan import FloorPlan
-from services.monitor.recent import Recent
+from services.monitor.recent import CachedValue
 from services.monitor.rules.model import RuleBook
 from services.monitor.rules.unknown_names import remarks
 from services.monitor.settings import MonitorSettings
-from services.monitor.snapshot import Glance, Snapshot, SnapshotMaker, Workers, known_until_ns
+from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers, known_until_ns
 
 log = logging.getLogger(__name__)
 
@@ -71,18 +71,18 @@ class Monitor:
     started_ns: int = field(default_factory=time.time_ns)
     _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
     _remarks: tuple[float, RuleBook, list[str]] | None = field(default=None, init=False, repr=False)
-    _snapshot: Recent[Snapshot] = field(init=False, repr=False)
-    _inventory: Recent[tuple[Entry, ...]] = field(init=False, repr=False)
-    _others: Recent[Sequence[Alert]] = field(init=False, repr=False)
+    _snapshot: CachedValue[Snapshot] = field(init=False, repr=False)
+    _inventory: CachedValue[tuple[Entry, ...]] = field(init=False, repr=False)
+    _others: CachedValue[Sequence[Alert]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._snapshot = Recent(self._make_snapshot, MAX_AGE_S)
-        self._inventory = Recent(self._list, MAX_AGE_S)
-        self._others = Recent(self._read_alerts, MAX_READ_AGE_S)
+        self._snapshot = CachedValue(self._make_snapshot, MAX_AGE_S)
+        self._inventory = CachedValue(self._list, MAX_AGE_S)
+        self._others = CachedValue(self._read_alerts, MAX_READ_AGE_S)
 
-    def glance(self) -> Glance:
+    def glance(self) -> FleetView:
         """Return the fleet as it is now, for who wants some of it."""
-        return Glance(self.fleet, self.workers(), time.time_ns(), time.monotonic())
+        return FleetView(self.fleet, self.workers(), time.time_ns(), time.monotonic())
 
     def workers(self) -> Workers:
         """Return the workers as they are now, or were at most MAX_AGE_S ago."""
@@ -194,6 +194,6 @@ class Monitor:
         return tuple([entry async for entry in in_turns(self.fleet.inventory.entries(time.time_ns()))])
 
     async def _read_alerts(self) -> Sequence[Alert]:
-        found = await self.archive.alerts(Asked(), MAX_ALERTS, states=NOT_RESOLVED)
+        found = await self.archive.alerts(HistoryQuery(), MAX_ALERTS, states=NOT_RESOLVED)
         self.history.acts.take(await self.archive.acts([alert.id for alert in found]))
         return found

@@ -18,11 +18,11 @@ from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.clock_holdback import Arrival, Undated
+from services.monitor.clock_holdback import Arrival, ClockHoldback
 from services.monitor.display import Problems, show
 from services.monitor.event_loop import AT_ONCE, arrivals_in_turns, in_turns, keep_collections_short
 from services.monitor.fleet import Fleet
-from services.monitor.health import Health, Hearing
+from services.monitor.health import Health, Heartbeat
 from services.monitor.history.archive import Archive
 from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.keeper import HistoryKeeper
@@ -48,7 +48,7 @@ LISTS_DEPTH = 200_000
 TICK_S = 1.0
 
 
-Told = Callable[[Sequence[Change]], None]
+OnChanges = Callable[[Sequence[Change]], None]
 """Is told what changed in the inventory."""
 
 
@@ -101,7 +101,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     await rules.load()
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
     health = Health(bus, hub=settings.mode != "client")
-    alerting = Alerting(rules, fleet.inventory, Hearing(health.heard_s, settings.lease_s))
+    alerting = Alerting(rules, fleet.inventory, Heartbeat(health.heard_s, settings.lease_s))
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
 
@@ -132,7 +132,7 @@ def _nobody(_: object) -> None:
 async def watch_fleet(
     bus: Bus,
     fleet: Fleet,
-    told: Told = _nobody,
+    told: OnChanges = _nobody,
     measured: Callable[[CameraKey], None] = _nobody,
     problems: Problems = tuple,
 ) -> None:
@@ -140,7 +140,7 @@ async def watch_fleet(
 
     measured: is told of each camera whose distances came. problems: what programs are told beside the inventory.
     """
-    undated = Undated(fleet.is_dated)
+    undated = ClockHoldback(fleet.is_dated)
 
     def take_list(sample: Sample) -> None:
         arrival = Arrival(_seen(sample), time.monotonic(), sample.received_ns)
@@ -169,7 +169,7 @@ async def watch_fleet(
         group.create_task(_tick(fleet, undated, told))
 
 
-async def _tick(fleet: Fleet, undated: Undated, told: Told) -> None:
+async def _tick(fleet: Fleet, undated: ClockHoldback, told: OnChanges) -> None:
     while True:
         await asyncio.sleep(TICK_S)
         now_ns = time.time_ns()

@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class Recent(Generic[T]):
+class CachedValue(Generic[T]):
     """Something that takes a while to make: whoever asks gets what is no older than `max_age_s`, or waits for it.
 
     share: of the time, that making it may take. What takes less is made anew sooner than after `max_age_s`.

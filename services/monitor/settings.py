@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, Field, HttpUrl, field_validator,
 from bus.session.links import host_of, is_name
 from bus.settings import BusSettings, Endpoint, port_of
 from services.monitor.history.settings import HistorySettings
-from services.monitor.inventory.inventory import Limits
+from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.inventory.sighting import NS, Debounce
 
 Lists = Annotated[int, Field(ge=1, le=100)]
@@ -37,10 +37,10 @@ class InventorySettings(BaseModel):
             raise ValueError(f"stale_s {self.stale_s:g} is more than lost_s {self.lost_s:g}: a camera is stale first")
         return self
 
-    def limits(self) -> Limits:
+    def limits(self) -> TrustLimits:
         """Return them as the inventory takes them."""
         debounce = Debounce(self.appear_lists, _ns(self.appear_s), self.vanish_lists, _ns(self.vanish_s))
-        return Limits(debounce, stale_ns=_ns(self.stale_s), lost_ns=_ns(self.lost_s))
+        return TrustLimits(debounce, stale_ns=_ns(self.stale_s), lost_ns=_ns(self.lost_s))
 
 
 def _ns(seconds: float) -> int:

@@ -112,7 +112,7 @@ class Workers:
         return tuple(line.name for line, load in self.loads(key) if load.serving and line.online)
 
 
-class Glance:
+class FleetView:
     """The fleet at `now_ns` (epoch), which is `now_s` on a steady clock. What is made later shows what came later.
 
     robots: all that were ever heard of and not forgotten, by name. cameras: theirs, by robot and name.
@@ -192,7 +192,7 @@ class Glance:
 class SnapshotMaker:
     """Makes a snapshot of everything step by step, so that others get their turn in between."""
 
-    def __init__(self, glance: Glance) -> None:
+    def __init__(self, glance: FleetView) -> None:
         self._glance = glance
         self._cameras: list[CameraLine] = []
         self._robots: list[RobotLine] = []

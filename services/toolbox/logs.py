@@ -129,7 +129,7 @@ class StderrHandler(logging.StreamHandler[TextIO]):
         """Ignore it: the base class remembers the stream of the beginning."""
 
 
-class Beside(QueueHandler):
+class WriterThread(QueueHandler):
     """Has records written by a thread of its own: whoever reads stderr may stop reading, and nobody waits for it.
 
     What is logged while MAX_WAITING wait is left out, and counted.
@@ -177,7 +177,7 @@ def configure(level: str) -> None:
     """Write records of `level` and above to stderr."""
     writer = StderrHandler()
     writer.setFormatter(OneLine(FORMAT))
-    handler = Beside(writer)
+    handler = WriterThread(writer)
     handler.addFilter(RateLimitFilter(RateLimit()))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
     # else it writes a line for each post, with an address that may be secret

@@ -88,7 +88,7 @@ ENV_PREFIX: Final = "FLEETSIGHT_"
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class SettingOrigins:
     """Where settings came from."""
 
     argv: Sequence[str]

@@ -24,7 +24,7 @@ from pydantic_settings import (
 
 from services.toolbox.errors import UsageError, meant
 from services.toolbox.help import Usage, help_text, usage_line
-from services.toolbox.setting_sources import ENV_PREFIX, Given, SettingsFile, option_of
+from services.toolbox.setting_sources import ENV_PREFIX, SettingOrigins, SettingsFile, option_of
 
 MAX_HELP_WIDTH = 100
 MAX_VALUE = 80
@@ -83,7 +83,7 @@ def load(
         sys.stdout.write(help_text(model, _Common, usage, env_prefix=ENV_PREFIX, width=width))
         raise SystemExit(0)
     file = SettingsFile()
-    given = Given(argv, os.environ, file, model)
+    given = SettingOrigins(argv, os.environ, file, model)
     _check_pairs(model, argv)
     file.named_by = given.place_of("config")
     try:
@@ -194,7 +194,7 @@ def _unparsed(message: str, model: type[BaseModel], usage: str) -> str:
     return f"--{unreadable[1].replace('_', '-')}: write it like name=value"
 
 
-def _first_mistake(error: ValidationError, given: Given) -> str:
+def _first_mistake(error: ValidationError, given: SettingOrigins) -> str:
     mistakes = sorted(error.errors(include_url=False), key=lambda mistake: mistake["type"] != "extra_forbidden")
     mistake = mistakes[0]  # a misspelt name first: it explains why another setting is missing
     reason = mistake["msg"].removeprefix("Value error, ")

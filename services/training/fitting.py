@@ -8,7 +8,7 @@ from typing import Any, Final
 from services.training.checkpoints import ARCHITECTURE, Checkpoint
 from services.training.parallel import Progress
 from services.training.settings import TrainingSettings
-from services.training.stages import Stage, stages_of
+from services.training.stages import TrainingStage, stages_of
 from services.training.trainer import load_ultralytics, quick_arithmetic, trainer_class
 
 AUGMENTATION: Final = {
@@ -50,7 +50,13 @@ def device_name(settings: TrainingSettings) -> str:
 
 
 def _fit_stage(
-    stage: Stage, begin: Path | None, settings: TrainingSettings, dataset: Path, progress: Progress, *, resume: bool
+    stage: TrainingStage,
+    begin: Path | None,
+    settings: TrainingSettings,
+    dataset: Path,
+    progress: Progress,
+    *,
+    resume: bool,
 ) -> None:
     """Train a stage from the state or, unless it is to `resume`, the weights in the checkpoint `begin`, or nothing."""
     from ultralytics.models import YOLO  # noqa: PLC0415 - after load_ultralytics
@@ -74,7 +80,7 @@ def _remove(folder: Path) -> None:
         shutil.rmtree(folder)
 
 
-def _arguments(stage: Stage, settings: TrainingSettings, dataset: Path) -> dict[str, Any]:
+def _arguments(stage: TrainingStage, settings: TrainingSettings, dataset: Path) -> dict[str, Any]:
     device = device_name(settings)
     return {
         "data": str(dataset),
@@ -103,7 +109,7 @@ def _arguments(stage: Stage, settings: TrainingSettings, dataset: Path) -> dict[
     }
 
 
-def _watch(model: Any, stage: Stage, settings: TrainingSettings, progress: Progress) -> None:
+def _watch(model: Any, stage: TrainingStage, settings: TrainingSettings, progress: Progress) -> None:
     """Report every batch, keep every epoch, and undo what Ultralytics sets: it takes all threads but one."""
     import torch  # noqa: PLC0415 - only the training needs it
 

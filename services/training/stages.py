@@ -12,7 +12,7 @@ from services.training.settings import TrainingSettings
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class TrainingStage:
     """Epochs at one size of the model's input; the learning rate falls from `first_rate` to `last_rate`.
 
     hold: epochs before the rate begins to fall, then with every batch; None has Ultralytics let it fall once an epoch.
@@ -36,10 +36,10 @@ class Stage:
         return last + (1 - last) * (1 + math.cos(math.pi * gone)) / 2
 
 
-def stages_of(settings: TrainingSettings) -> tuple[Stage, ...]:
+def stages_of(settings: TrainingSettings) -> tuple[TrainingStage, ...]:
     """The stages in their order; the last one's checkpoint is the run's."""
     half = -(-settings.imgsz // 64) * 32
-    coarse = Stage("coarse", half, settings.coarse_epochs, 2e-3, 5e-4)
-    fine = Stage("fine", settings.imgsz, settings.epochs, 1.5e-3, 3e-5, hold=1)
-    polish = Stage("polish", settings.imgsz, settings.polish_epochs, 8e-4, 1e-5, hold=0)
+    coarse = TrainingStage("coarse", half, settings.coarse_epochs, 2e-3, 5e-4)
+    fine = TrainingStage("fine", settings.imgsz, settings.epochs, 1.5e-3, 3e-5, hold=1)
+    polish = TrainingStage("polish", settings.imgsz, settings.polish_epochs, 8e-4, 1e-5, hold=0)
     return tuple(stage for stage in (coarse, fine, polish) if stage.epochs)

@@ -64,7 +64,7 @@ MAX_TRIES: Final = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class CameraView:
     """What a camera sees from where it is."""
 
     pose: Pose
@@ -72,7 +72,7 @@ class View:
     rendering: Rendering
 
 
-def draw_view(scene: Scene, clearance: Clearance, rng: Generator) -> View:
+def draw_view(scene: Scene, clearance: Clearance, rng: Generator) -> CameraView:
     """Draw views until one shows objects and no wall fills it; after a few the last one must do."""
     view = _any_view(scene, clearance, rng)
     for _ in range(MAX_TRIES - 1):
@@ -87,6 +87,6 @@ def shows_enough(rendering: Rendering) -> bool:
     return bool(np.mean(rendering.instances > 0) > MIN_OBJECT_AREA and np.median(rendering.depth) > MIN_MEDIAN_DEPTH)
 
 
-def _any_view(scene: Scene, clearance: Clearance, rng: Generator) -> View:
+def _any_view(scene: Scene, clearance: Clearance, rng: Generator) -> CameraView:
     pose, camera = draw_pose(scene, clearance, rng), draw_camera(rng)
-    return View(pose, camera, render(scene, pose, camera))
+    return CameraView(pose, camera, render(scene, pose, camera))

@@ -8,7 +8,7 @@ EARLY: Final = 0.3
 """By how much of a turn a frame may come too early: they are not evenly spaced."""
 
 
-class Thinning:
+class RateLimiter:
     """Passes as many frames a second as were asked for, when they were asked for, as far as there are so many."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from pycocotools import mask as coco
 from schemas.detections import Detection
 from schemas.tuning import Tuning
 from services.detector.frame_counts import MALFORMED
-from services.detector.model import Failed, Found, Model, Outcome, Request, TuningError
+from services.detector.model import DetectedObjects, Failed, Model, Outcome, Request, TuningError
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
 from tests.schemas.pictures import compressed
@@ -46,7 +46,7 @@ async def found(
     model: Model, image: NDArray[np.uint8], encoding: str = "bgr8", *, masks: bool = False
 ) -> list[Detection]:
     (outcome,) = await model.infer([request(image, encoding, masks=masks)])
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     return outcome.objects
 
 
@@ -108,7 +108,7 @@ async def test_a_batch_is_answered_in_order_and_a_bad_image_fails_alone(model: M
 
 
 def _objects(outcome: Outcome) -> list[Detection]:
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     return outcome.objects
 
 
@@ -127,7 +127,7 @@ async def test_calls_end_in_the_order_in_which_they_began(model: Model, view: ND
 
 async def test_it_says_what_time_went_where(model: Model, view: NDArray[np.uint8]) -> None:
     (outcome,) = await model.infer([request(view)])
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     assert outcome.spans["model"] > 0
 
 

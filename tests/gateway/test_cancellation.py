@@ -7,7 +7,7 @@ import pytest
 
 from bus import QUEUE
 from bus.fake import FakeNetwork
-from gateway.discovery import Wishes, plan
+from gateway.discovery import DiscoverySettings, plan
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.to_bus.forward import offering
@@ -29,7 +29,7 @@ TOPIC = "/front/color/image_raw"
 
 async def test_streams_that_come_and_go() -> None:
     network = FakeNetwork()
-    planned = plan(graph({IMAGE: f"{TOPIC} /rear/image_raw"}), Wishes("r1"))
+    planned = plan(graph({IMAGE: f"{TOPIC} /rear/image_raw"}), DiscoverySettings("r1"))
     async with (
         RosMaster() as master,
         Node("/watch", master_uri=master.uri) as watch,

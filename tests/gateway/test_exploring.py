@@ -7,8 +7,8 @@ from contextlib import AsyncExitStack, asynccontextmanager
 import pytest
 
 from bus.fake import FakeNetwork
-from gateway.discovery import Wishes
-from gateway.discovery.published_topics import Sightings
+from gateway.discovery import DiscoverySettings
+from gateway.discovery.published_topics import TopicHistory
 from gateway.exploring import Explorer
 from gateway.node_names import node_name
 from gateway.offers import Offers
@@ -49,7 +49,7 @@ async def exploring(
     ):
         offers = new_offers(group, bus, node)
         settings = GatewaySettings(robot="r1", rectified=["rear/color"])
-        explorer = Explorer(node, Wishes("r1", named or {}, discover), settings.unused, Sightings(hold_s))
+        explorer = Explorer(node, DiscoverySettings("r1", named or {}, discover), settings.unused, TopicHistory(hold_s))
         await explorer.begin(offers)
         task = group.create_task(explorer.run(offers))
         yield Rig(node, explorer, offers)

@@ -1,9 +1,9 @@
-from gateway.discovery import Wishes, plan
+from gateway.discovery import DiscoverySettings, plan
 from gateway.discovery.published_topics import Topic
 from gateway.exploring import changes
 from tests.gateway.discovery.graphs import IMAGE, POINTS, TF, graph, heard
 
-R1 = Wishes("r1")
+R1 = DiscoverySettings("r1")
 BEFORE = plan(graph({IMAGE: "/front/image_raw /rear/image_raw", TF: "/tf", "std_msgs/String": "/mode"}), R1)
 
 
@@ -47,7 +47,9 @@ def test_a_topic_that_is_taken_for_another_stream_is_not_gone() -> None:
 
 
 def test_a_named_topic_is_said_before_it_is_known_and_once_it_is() -> None:
-    wishes = Wishes("r1", dict.fromkeys(plan(graph({IMAGE: "/front/image_raw"}), R1).streams, "/x"), discover=False)
+    wishes = DiscoverySettings(
+        "r1", dict.fromkeys(plan(graph({IMAGE: "/front/image_raw"}), R1).streams, "/x"), discover=False
+    )
     before = plan([], wishes)
     assert changes(before) == ["front/color: /x (not known to the ROS master yet)"]
     now = plan(graph({IMAGE: "/x"}), wishes, before)

@@ -14,7 +14,7 @@ from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
 from services.monitor.fleet import Fleet
-from services.monitor.inventory.inventory import Limits
+from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from services.monitor.requests import answer_inventory
 from tests.contract.conftest import free_endpoint
@@ -74,7 +74,7 @@ async def test_a_program_hears_class_lists_and_leaves_out_what_it_does_not_know(
 
 async def test_a_program_asks_for_the_inventory() -> None:
     endpoint = free_endpoint()
-    fleet = Fleet("clock", Limits(Debounce(1, 0, 1, 0)))
+    fleet = Fleet("clock", TrustLimits(Debounce(1, 0, 1, 0)))
     fleet.see(SEEN, 1.0, 1_000_000_000)
     async with (
         open_bus(central(endpoint)) as bus,

@@ -15,7 +15,7 @@ from schemas.detections import Box, ClassList, Detection
 from schemas.keys import CameraKey, Stream
 from schemas.status import BEYOND_USE, CameraLoad, WorkerStatus
 from services.detector.frame_counts import SPARED
-from services.detector.model import Found, Outcome, Request
+from services.detector.model import DetectedObjects, Outcome, Request
 from services.detector.process import work
 from services.detector.settings import DetectorSettings
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig, receive
@@ -43,7 +43,7 @@ class CountingModel(FakeModel):
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""
         await asyncio.sleep(self._call_s)
-        return [Found(self._boxes) for _ in batch]
+        return [DetectedObjects(self._boxes) for _ in batch]
 
 
 @pytest.fixture

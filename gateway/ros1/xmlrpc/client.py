@@ -25,7 +25,7 @@ AT_A_HOST: Final = 64
 IN_ALL: Final = 256
 
 
-class Places:
+class CallSlots:
     """Has places for AT_A_HOST calls to each host, and for IN_ALL calls."""
 
     def __init__(self) -> None:
@@ -53,11 +53,11 @@ class XmlRpcClient:
     def __init__(self, *, timeout: float = 5.0, max_body_bytes: int = DEFAULT_MAX_BODY_BYTES) -> None:
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
-        self._places: Places | None = None
+        self._places: CallSlots | None = None
         self.resolver = Resolver()
 
     async def __aenter__(self) -> Self:
-        self._places = Places()
+        self._places = CallSlots()
         return self
 
     async def __aexit__(

@@ -25,7 +25,7 @@ class Shaped:
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class EncodeJob:
     """A frame, what is to be done to it, and what it shares with frames of other streams."""
 
     frame: Frame
@@ -46,7 +46,7 @@ class Job:
         return Shaped(codec.encode(made), method, self.moment)
 
 
-class Customer(Hashable, Protocol):
+class EncoderClient(Hashable, Protocol):
     """Who brings frames and is told what became of them, on the event loop."""
 
     def shaped(self, made: Shaped) -> None:
@@ -56,24 +56,24 @@ class Customer(Hashable, Protocol):
         """Learn that a frame could not be shaped, and why."""
 
 
-class Workshop:
+class EncoderPool:
     """Keeps of each customer the newest frame that waits, serves them in turn, and keeps each one's order."""
 
     def __init__(self) -> None:
-        self._jobs: PerKey[Customer, Job] = PerKey()
+        self._jobs: PerKey[EncoderClient, EncodeJob] = PerKey()
         self._brought = asyncio.Event()
-        self._serving: Customer | None = None
+        self._serving: EncoderClient | None = None
 
-    def bring(self, customer: Customer, job: Job) -> int:
+    def bring(self, customer: EncoderClient, job: EncodeJob) -> int:
         """Let a frame wait; return how many it replaced."""
         self._brought.set()
         return self._jobs.offer(customer, job)
 
-    def is_busy_for(self, customer: Customer) -> bool:
+    def is_busy_for(self, customer: EncoderClient) -> bool:
         """Return whether a frame of the customer waits or is being shaped."""
         return customer is self._serving or customer in self._jobs
 
-    def leave(self, customer: Customer) -> int:
+    def leave(self, customer: EncoderClient) -> int:
         """Forget a customer, who is told nothing more; return how many frames of it were waiting or being shaped."""
         left = len(self._jobs.discard(customer))
         if customer is self._serving:
@@ -91,7 +91,7 @@ class Workshop:
                 self._serving = taken.key
                 await self._serve(taken.key, taken.item.do, executor)
 
-    async def _serve(self, customer: Customer, do: Callable[[], Shaped], executor: Executor) -> None:
+    async def _serve(self, customer: EncoderClient, do: Callable[[], Shaped], executor: Executor) -> None:
         made: Shaped | Exception
         try:
             made = await asyncio.get_running_loop().run_in_executor(executor, do)

@@ -295,7 +295,7 @@ class Instants:
         ]
 
 
-class Thinning:
+class StreamRate:
     """The share of one stream in its camera's instants. max_hz may be changed at any time; None sends all.
 
     instants: returns the camera's, which may be others when the stream was away.

@@ -9,7 +9,7 @@ from typing import Final, Self
 
 from bus import Payload, Pieces, Publisher
 from gateway.to_bus.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
-from gateway.to_bus.shaping.encoder_pool import Job, Shaped, Workshop
+from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
 from gateway.to_bus.shaping.paced_queue import PacedQueue
 from gateway.to_bus.shaping.scaling import scale_info
 from gateway.to_bus.shaping.uplink import Moment
@@ -47,7 +47,7 @@ LARGEST: Final = max(codec.MAX_BYTES.values())
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class OutletPlan:
     """What is to be done to a stream.
 
     all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget. moment_of:
@@ -74,8 +74,8 @@ class Outlet:
         self,
         key: SensorKey,
         publisher: Publisher,
-        plan: Plan,
-        workshop: Workshop | None = None,
+        plan: OutletPlan,
+        workshop: EncoderPool | None = None,
         pacer: Pacer | None = None,
     ) -> None:
         self._key = key
@@ -114,15 +114,15 @@ class Outlet:
             self._compression = frame.format
             self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)
             return
-        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, Job(frame, factor, method, moment))
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, EncodeJob(frame, factor, method, moment))
 
     def shaped(self, made: Shaped) -> None:
-        """See `Customer`."""
+        """See `EncoderClient`."""
         self._compression = str(made.method)
         self._pass_on(made.payload, made.moment)
 
     def spoilt(self, error: Exception) -> None:
-        """See `Customer`."""
+        """See `EncoderClient`."""
         self._dropped[UNSHAPED] += 1
         log.warning("%s: frame left out: %s", self._key, error)
 
@@ -189,4 +189,4 @@ OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]
 @contextmanager
 def unshaped(key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
     """Send a stream's messages as they are."""
-    yield Outlet(key, publisher, Plan())
+    yield Outlet(key, publisher, OutletPlan())

@@ -10,9 +10,9 @@ from functools import partial
 from bus import Bus, Publisher
 from gateway.to_bus.shaping.compression import NONE
 from gateway.to_bus.shaping.consumers import Consumers
-from gateway.to_bus.shaping.encoder_pool import Workshop
-from gateway.to_bus.shaping.frame_rates import Instants, Thinning
-from gateway.to_bus.shaping.outlet import Outlet, Plan
+from gateway.to_bus.shaping.encoder_pool import EncoderPool
+from gateway.to_bus.shaping.frame_rates import Instants, StreamRate
+from gateway.to_bus.shaping.outlet import Outlet, OutletPlan
 from gateway.to_bus.shaping.settings import FRAMES, ShapingSettings
 from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
@@ -45,15 +45,15 @@ class Shaping:
         self._settings = settings
         self._consumers = consumers
         self._shared: defaultdict[CameraKey | RobotStreamKey, _Shared] = defaultdict(_Shared)
-        self._workshop = Workshop()
+        self._workshop = EncoderPool()
         self._pacer = None if settings.uplink_mbit is None else Pacer(settings.uplink_mbit)
 
-    def thinning(self, key: SensorKey) -> Thinning | None:
+    def thinning(self, key: SensorKey) -> StreamRate | None:
         """Return what leaves out a stream's frames beyond its rate; None where nothing ever may be."""
         if not kind_of(key).is_droppable:
             return None
         sharing = _sharing(key)
-        return Thinning(lambda: self._shared[sharing].picked, key.stream, self._settings.max_hz_of(key.name))
+        return StreamRate(lambda: self._shared[sharing].picked, key.stream, self._settings.max_hz_of(key.name))
 
     def useful(self, key: SensorKey) -> Callable[[int], bool]:
         """Return what tells whether a stream's frame that is here at a time, in ns since the epoch, can be used."""
@@ -80,11 +80,11 @@ class Shaping:
         if self._pacer is not None:
             self._pacer.forget_moments(shared.paced)
 
-    def _plan(self, key: SensorKey) -> Plan:
+    def _plan(self, key: SensorKey) -> OutletPlan:
         if not isinstance(key, StreamKey):
-            return Plan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
+            return OutletPlan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
-        return Plan(
+        return OutletPlan(
             factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),
             method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
             all_here=partial(self._consumers.all_here, key),

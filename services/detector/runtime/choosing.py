@@ -44,7 +44,7 @@ KEPT_S: Final = 7 * 24 * 3600
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RuntimeTarget:
     """Where a model is to run. digest: of its weights; longest: its input's longer side in pixels.
 
     spare: where what is made goes if the cache cannot be written. gpu: what kind the device is, empty if it is none.
@@ -65,7 +65,7 @@ def check_installed(runtime: Runtime) -> None:
         raise ModelError(f"--runtime {runtime}: {missing[0]} is not installed; {REMEDIES[runtime]}")
 
 
-def choose(make: Callable[[Runtime], Engine], place: Place, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
+def choose(make: Callable[[Runtime], Engine], place: RuntimeTarget, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
     """Return the fastest runtime for a device and the model under it. What was measured is kept for a week.
 
     What was the fastest and no longer works is left out, with a warning.
@@ -122,7 +122,7 @@ def _made(make: Callable[[Runtime], Engine], candidates: list[Runtime]) -> list[
     return made
 
 
-def _memory(place: Place, candidates: list[Runtime]) -> Path:
+def _memory(place: RuntimeTarget, candidates: list[Runtime]) -> Path:
     """Return the file that the choice is kept in: another machine, device, GPU or version may choose otherwise."""
     packages = {"torch", "ultralytics"}.union(*(NEEDS[each] for each in candidates))
     here = [place.device, place.gpu, place.threads, platform.node()]

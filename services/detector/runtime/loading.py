@@ -17,7 +17,7 @@ from schemas.printing import printable
 from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
-from services.detector.runtime.choosing import Place, Runtime, check_installed, choose
+from services.detector.runtime.choosing import Runtime, RuntimeTarget, check_installed, choose
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine
 from services.detector.runtime.exporting import discard, exported
@@ -162,7 +162,9 @@ def _engines(
     reference = TorchEngine(weights.model, device)
     torch.set_num_threads(threads)  # Ultralytics leaves it at cores - 1
     gpu = "" if device.type != "cuda" else torch.cuda.get_device_name(device)
-    place = Place(weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported", gpu=gpu)
+    place = RuntimeTarget(
+        weights.digest, longest, device.type, threads, settings.cache, spare=folder / "exported", gpu=gpu
+    )
     blank = _blank(weights, longest)
 
     def make(runtime: Runtime) -> Engine:
@@ -219,7 +221,9 @@ def _gpu(device: "torch.device") -> int | None:
     return device.index or 0 if device.type == "cuda" else None
 
 
-def _make(runtime: Runtime, *, weights: "Weights", device: "torch.device", place: Place, reference: Engine) -> Engine:
+def _make(
+    runtime: Runtime, *, weights: "Weights", device: "torch.device", place: RuntimeTarget, reference: Engine
+) -> Engine:
     export = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest)
     file = partial(export, gpu=place.gpu, spare=place.spare)
     match runtime:

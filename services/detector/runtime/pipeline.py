@@ -17,7 +17,7 @@ from schemas.header import MAX_LABEL
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED, MALFORMED
-from services.detector.model import SILENT, Failed, Found, ModelError, Outcome, Request, first_line
+from services.detector.model import SILENT, DetectedObjects, Failed, ModelError, Outcome, Request, first_line
 from services.detector.pixels import PictureError, to_bgr
 from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
@@ -251,7 +251,7 @@ class Pipeline:
         except Exception as error:  # noqa: BLE001 - it fails alone, as above
             return Failed(FAILED, error)
         after_ns = time.perf_counter_ns() - began_ns
-        return Found(found, {"prepare": prepared.took_ns, "model": model_ns, "postprocess": after_ns})
+        return DetectedObjects(found, {"prepare": prepared.took_ns, "model": model_ns, "postprocess": after_ns})
 
     def _refined(
         self, refiner: Refiner, image: NDArray[np.uint8], found: Candidates, prototypes: NDArray[np.float32]

@@ -34,7 +34,7 @@ MAX_TRACKS: Final = 10_000
 """Tracks remembered; those seen longest ago are forgotten first."""
 
 
-class Evidence:
+class ConfirmedTracks:
     """Numbers, from 1 on without gaps, for those of a tracker's tracks that have earned one.
 
     neutral: the score, between 0 and 1, that speaks neither for a thing nor against it.

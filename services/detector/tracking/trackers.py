@@ -17,7 +17,7 @@ from schemas.image import ImageFrame
 from services.detector.pixels import glance
 from services.detector.runtime.overlap import at_border, boxes_of, overlaps
 from services.detector.tracking.camera_motion import Motion, moved
-from services.detector.tracking.confirmed_tracks import NEUTRAL, Evidence
+from services.detector.tracking.confirmed_tracks import NEUTRAL, ConfirmedTracks
 
 Kind = Literal["bytetrack", "botsort"]
 
@@ -108,7 +108,7 @@ CLASSES: Final[dict[Kind, type[Any]]] = {"bytetrack": BYTETracker, "botsort": Mo
 class UltralyticsTracker:
     """Follows the objects of one camera.
 
-    neutral: returns the score that speaks neither for a thing nor against it now; see `Evidence`.
+    neutral: returns the score that speaks neither for a thing nor against it now; see `ConfirmedTracks`.
     """
 
     def __init__(self, kind: Kind, neutral: Callable[[], float] = lambda: NEUTRAL) -> None:
@@ -116,7 +116,7 @@ class UltralyticsTracker:
         self._tracker = CLASSES[kind](IterableSimpleNamespace(**settings))
         self._motion = Motion() if kind == "botsort" else None
         self._neutral = neutral
-        self._evidence = Evidence(neutral())
+        self._evidence = ConfirmedTracks(neutral())
         self._times_ns: deque[int] = deque(maxlen=MAX_FRAMES_LOST)
 
     def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:

@@ -16,7 +16,7 @@ from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.status import MAX_STREAMS
-from services.detector.model import Found, Request
+from services.detector.model import DetectedObjects, Request
 
 log = logging.getLogger(__name__)
 
@@ -83,14 +83,14 @@ class Tracking:
         """Follow nothing more; what is under way is not waited for."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
-    async def follow(self, request: Request, found: Found) -> Found:
+    async def follow(self, request: Request, found: DetectedObjects) -> DetectedObjects:
         """Return what was found with the numbers of its tracks. Frames are taken in the order of the calls.
 
         What cannot be followed has none, and its camera begins anew.
         """
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._followed, request, found)
 
-    def _followed(self, request: Request, found: Found) -> Found:
+    def _followed(self, request: Request, found: DetectedObjects) -> DetectedObjects:
         began_ns = time.perf_counter_ns()
         try:
             objects = self._tracks(request.camera).follow(found.objects, request.frame)
@@ -98,7 +98,7 @@ class Tracking:
             log.exception("%s: objects of frame %d are not followed", request.camera, request.frame.header.seq)
             self._cameras.pop(request.camera, None)
             return found
-        return Found(objects, {**found.spans, "track": time.perf_counter_ns() - began_ns})
+        return DetectedObjects(objects, {**found.spans, "track": time.perf_counter_ns() - began_ns})
 
     def _tracks(self, camera: CameraKey) -> CameraTracks:
         tracks = self._cameras.get(camera) or CameraTracks(self._make)

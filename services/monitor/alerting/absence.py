@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from schemas.keys import CameraKey
-from services.monitor.health import GAP_S, Hearing
+from services.monitor.health import GAP_S, Heartbeat
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS
@@ -55,7 +55,7 @@ class Absence(Generic[K]):
 class Absentees:
     """The robots and cameras of an inventory that are surely not there. now_s: of the steady clock; now_ns: epoch."""
 
-    def __init__(self, inventory: Inventory, hearing: Hearing) -> None:
+    def __init__(self, inventory: Inventory, hearing: Heartbeat) -> None:
         self._inventory = inventory
         self._hearing = hearing
         self._robots = Absence[str]()

@@ -16,14 +16,14 @@ from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome, Webhooks
 from services.monitor.event_loop import in_turns
-from services.monitor.health import Hearing
+from services.monitor.health import Heartbeat
 from services.monitor.history.operator_actions import Act
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.camera_liveness import Speaking
+from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules.engine import MAX_SUBJECTS, Effect, RuleEngine, UnknownAlertError
-from services.monitor.rules.findings import Look
+from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import PLACEHOLDERS, RobotAction
 
 TICK_S: Final = 0.1
@@ -41,7 +41,7 @@ class Alerting:
         self,
         rules: RuleFile,
         inventory: Inventory,
-        hearing: Hearing,
+        hearing: Heartbeat,
         *,
         settle_s: float = SETTLE_NS / NS,
         offer_s: float = OFFER_S,
@@ -57,7 +57,7 @@ class Alerting:
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
         self._news = inventory.follow()
-        self._speaking = Speaking(inventory, inventory.speaks, speaks=False)
+        self._speaking = SpeakingCameras(inventory, inventory.speaks, speaks=False)
         self._absentees = Absentees(inventory, self._hearing)
         self._look_at_all = True
         self._unsteady: set[CameraKey] = set()
@@ -213,10 +213,10 @@ class Alerting:
             if look.nearest or (look.speaks and not look.settled):  # which may grow old, or settle, without any news
                 self._unsteady.add(camera.key)
 
-    def _look_of(self, camera: CameraView, now_ns: int) -> Look:
+    def _look_of(self, camera: CameraView, now_ns: int) -> CameraState:
         unknown = self._hearing.deaf or self._inventory.is_forgotten(camera.key.robot)
         if unknown and not self._inventory.speaks(camera, now_ns):
-            return Look(camera.key, speaks=False)
+            return CameraState(camera.key, speaks=False)
         silent_ns = self._absentees.silent_ns(camera.key)
         return look_at(self._inventory, camera, now_ns, silent_ns, complete=self._hearing.settled)
 
@@ -240,11 +240,11 @@ class Alerting:
 
 def look_at(
     inventory: Inventory, camera: CameraView, now_ns: int, silent_ns: int | None = None, *, complete: bool = True
-) -> Look:
-    """Return what is known of a camera now. silent_ns, complete: see `Look`."""
+) -> CameraState:
+    """Return what is known of a camera now. silent_ns, complete: see `CameraState`."""
     since_ns = now_ns - inventory.limits.stale_ns
     sighted = list(camera.sighted())
-    return Look(
+    return CameraState(
         key=camera.key,
         speaks=inventory.speaks(camera, now_ns),
         silent_ns=silent_ns,

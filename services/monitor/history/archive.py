@@ -81,7 +81,7 @@ AlertPlace = tuple[int, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class HistoryQuery:
     """What is asked for: what was so between two times (epoch nanoseconds), of one robot, camera or class if named.
 
     text: what sightings have in one of their names, in capitals or not.
@@ -102,7 +102,7 @@ class Archive:
         self._url = url
         self._room = asyncio.Semaphore(AT_ONCE)
 
-    async def sightings(self, asked: Asked, limit: int, after: SightingPlace | None = None) -> list[Interval]:
+    async def sightings(self, asked: HistoryQuery, limit: int, after: SightingPlace | None = None) -> list[Interval]:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
         query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
@@ -121,7 +121,7 @@ class Archive:
                 rows = (await connection.execute(query.where(lasted(intervals, asked.since_ns)))).all()
         return [lasting_of_row(Interval, row, at_ns) for row in rows]
 
-    async def counts(self, asked: Asked) -> Counts:
+    async def counts(self, asked: HistoryQuery) -> Counts:
         """Return how many were in view over the time that is asked for, by class."""
         async with self._connected() as connection:
             if connection.dialect.name == "postgresql":  # its compiler takes longer than the query
@@ -136,7 +136,7 @@ class Archive:
             return await count_over_time(connection, seen, spoken, asked.since_ns, asked.until_ns)
 
     async def alerts(
-        self, asked: Asked, limit: int, after: AlertPlace | None = None, *, states: Sequence[AlertState] = ()
+        self, asked: HistoryQuery, limit: int, after: AlertPlace | None = None, *, states: Sequence[AlertState] = ()
     ) -> list[Alert]:
         """Return the alerts that changed last, in one of the states if any are named."""
         query = alerts.select().where(
@@ -201,6 +201,6 @@ async def _with_text(connection: AsyncConnection, text: str) -> list[ColumnEleme
     return [await contains(connection, [intervals.c[each] for each in SAID], text)]
 
 
-def _named(asked: Asked, table: Table) -> list[ColumnElement[bool]]:
+def _named(asked: HistoryQuery, table: Table) -> list[ColumnElement[bool]]:
     given = {"robot": asked.robot, "camera": asked.camera, "name": asked.name}
     return [table.c[column] == value for column, value in given.items() if value]

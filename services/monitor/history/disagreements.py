@@ -4,14 +4,14 @@ from collections.abc import Iterator, Mapping
 from typing import Self
 
 from schemas.keys import CameraKey
-from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory
 
 Place = tuple[CameraKey, str]
 
 
-class Disagreement(Lasting, frozen=True, gc=False):
+class Disagreement(StoredInterval, frozen=True, gc=False):
     """As long as two models counted a class differently: the one that spoke for the camera, and the other one."""
 
     key: CameraKey

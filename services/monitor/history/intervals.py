@@ -6,13 +6,13 @@ from typing import Self
 from msgspec.structs import replace
 
 from schemas.keys import CameraKey
-from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 
 Place = tuple[CameraKey, str]
 
 
-class Interval(Lasting, frozen=True, gc=False):
+class Interval(StoredInterval, frozen=True, gc=False):
     """As long as one class was in view of one camera with one count.
 
     first_ns: when the class came into view, with whatever count.

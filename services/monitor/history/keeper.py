@@ -16,7 +16,7 @@ from services.monitor.history.disagreements import Disagreements
 from services.monitor.history.engine import translating
 from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.intervals import Sightings
-from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.history.operator_actions import Act, Acts, at_other_times, resolved
 from services.monitor.history.pausing import Silence
 from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
@@ -27,7 +27,7 @@ from services.monitor.history.upkeep import Upkeep
 from services.monitor.history.webhook_backlog import Nothing, Owed, Owing
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.map.sighting_places import FORGET_NS, Places
+from services.monitor.map.sighting_places import FORGET_NS, SightingMap
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ class HistoryKeeper:
         settings: HistorySettings,
         inventory: Inventory,
         on_lead: Callable[[Sequence[Alert], Sequence[Act]], None] = lambda *_: None,
-        places: Places | None = None,
+        places: SightingMap | None = None,
         owing: Owing | None = None,
     ) -> None:
         self._settings = settings
@@ -76,7 +76,7 @@ class HistoryKeeper:
         self._sightings = Sightings(self._ledger)
         self._attendance = Attendance(inventory, self._ledger)
         self._disagreements = Disagreements(inventory, self._ledger)
-        self._poses = KnownPoses(places or Places())
+        self._poses = KnownPoses(places or SightingMap())
         self._poses_due_s = time.monotonic() + WRITE_S
         self._alerts: dict[str, Alert] = {}
         self.acts = Acts()
@@ -309,7 +309,7 @@ class HistoryKeeper:
             await store.forget(forgotten)
             self._forgotten = dict(self._forgotten.items() - forgotten.items())
 
-    def _written(self, some: Iterable[Lasting], changed: dict[str, Alert], acts: AbstractSet[Act]) -> None:
+    def _written(self, some: Iterable[StoredInterval], changed: dict[str, Alert], acts: AbstractSet[Act]) -> None:
         self._ledger.written(some)
         for name, alert in changed.items():
             if self._alerts.get(name) is alert:

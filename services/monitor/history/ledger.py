@@ -10,7 +10,7 @@ MAX_PENDING: Final = 200_000
 """How many intervals wait for a database that is gone; the oldest are given up for newer ones."""
 
 
-class Lasting(msgspec.Struct, frozen=True, gc=False, kw_only=True):
+class StoredInterval(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """What was so at one place without a gap. Times are epoch nanoseconds, ours. open: it goes on."""
 
     since_ns: int
@@ -31,9 +31,9 @@ class Lasting(msgspec.Struct, frozen=True, gc=False, kw_only=True):
         return replace(self, since_ns=before.since_ns)
 
 
-L = TypeVar("L", bound=Lasting)
+L = TypeVar("L", bound=StoredInterval)
 
-_At = tuple[type[Lasting], Hashable]
+_At = tuple[type[StoredInterval], Hashable]
 _Key = tuple[_At, int]
 
 
@@ -41,8 +41,8 @@ class Ledger:
     """What is open of each kind, and what is to be written. lost: intervals given up because too many waited."""
 
     def __init__(self) -> None:
-        self._open: dict[_At, Lasting] = {}
-        self._pending: dict[_Key, Lasting] = {}
+        self._open: dict[_At, StoredInterval] = {}
+        self._pending: dict[_Key, StoredInterval] = {}
         self.lost = 0
 
     def __len__(self) -> int:
@@ -52,23 +52,23 @@ class Ledger:
         """Return what is open at a place."""
         return cast("L | None", self._open.get((kind, place)))
 
-    def begin(self, new: Lasting) -> None:
+    def begin(self, new: StoredInterval) -> None:
         """Take what begins, and goes on; what was open there ends."""
         self.end(type(new), new.place, new.since_ns)
         self._open[_at(new)] = new
         self.note([new])
 
-    def end(self, kind: type[Lasting], place: Hashable, until_ns: int, **changes: Any) -> None:
+    def end(self, kind: type[StoredInterval], place: Hashable, until_ns: int, **changes: Any) -> None:
         """Have what is open at a place end, if anything is. changes: fields that are otherwise in the end."""
         old = self._open.pop((kind, place), None)
         if old is not None:
             self.note([replace(old, until_ns=max(old.since_ns, until_ns), open=False, **changes)])
 
-    def drop(self, kind: type[Lasting], place: Hashable) -> None:
+    def drop(self, kind: type[StoredInterval], place: Hashable) -> None:
         """Forget what is open at a place: another monitor says how it goes on."""
         self._open.pop((kind, place), None)
 
-    def note(self, some: Iterable[Lasting]) -> None:
+    def note(self, some: Iterable[StoredInterval]) -> None:
         """Have intervals written as they stand."""
         for each in some:
             at = _key(each)
@@ -77,22 +77,22 @@ class Ledger:
                 self.lost += 1
             self._pending[at] = each
 
-    def adopt(self, stored: Iterable[Lasting]) -> None:
+    def adopt(self, stored: Iterable[StoredInterval]) -> None:
         """Go on with open intervals of the database, whose sightings the inventory was given back."""
         self._open.update((_at(each), each) for each in stored if each.open)
 
-    def merge(self, stored: Sequence[Lasting], heartbeat_ns: int, gap_ns: int, *, followed: bool) -> None:
+    def merge(self, stored: Sequence[StoredInterval], heartbeat_ns: int, gap_ns: int, *, followed: bool) -> None:
         """Begin to write where another monitor, or this one, stopped at `heartbeat_ns`.
 
         stored: what is open there or ended lately. What is there and here at the same time and says the same is one
         interval, also after a gap no longer than `gap_ns`; what is open there alone ended at the heartbeat.
         followed: another one wrote until then, and so what ended by then, or came before what is open there.
         """
-        ours: dict[_At, list[Lasting]] = {_at(old): [] for old in stored}
+        ours: dict[_At, list[StoredInterval]] = {_at(old): [] for old in stored}
         for (at, _), each in ({_key(of): of for of in self._open.values()} | self._pending).items():
             if at in ours:
                 ours[at].append(each)
-        merged: list[Lasting] = []
+        merged: list[StoredInterval] = []
         for old in stored:
             here = ours[_at(old)]
             same = _going_on(old, here, heartbeat_ns, gap_ns)
@@ -116,11 +116,11 @@ class Ledger:
         self.note(merged)
         self.note(self._open.values())
 
-    def pending(self, at_most: int) -> Sequence[Lasting]:
+    def pending(self, at_most: int) -> Sequence[StoredInterval]:
         """Return the oldest of what is to be written."""
         return [each for each, _ in zip(self._pending.values(), range(at_most), strict=False)]
 
-    def written(self, some: Iterable[Lasting]) -> None:
+    def written(self, some: Iterable[StoredInterval]) -> None:
         """Forget what was written, unless it changed meanwhile."""
         for each in some:
             at = _key(each)
@@ -140,24 +140,26 @@ class Ledger:
         }
 
 
-def _corrected(of: Lasting, corrected: Callable[[int], int]) -> Lasting:
+def _corrected(of: StoredInterval, corrected: Callable[[int], int]) -> StoredInterval:
     names = [name for name in of.__struct_fields__ if name.endswith("_ns") and getattr(of, name) is not None]
     return replace(of, **{name: corrected(getattr(of, name)) for name in names})
 
 
-def _at(of: Lasting) -> _At:
+def _at(of: StoredInterval) -> _At:
     return (type(of), of.place)
 
 
-def _since(of: Lasting) -> int:
+def _since(of: StoredInterval) -> int:
     return of.since_ns
 
 
-def _key(of: Lasting) -> _Key:
+def _key(of: StoredInterval) -> _Key:
     return (_at(of), of.since_ns)
 
 
-def _going_on(old: Lasting, here: Sequence[Lasting], heartbeat_ns: int, gap_ns: int) -> Lasting | None:
+def _going_on(
+    old: StoredInterval, here: Sequence[StoredInterval], heartbeat_ns: int, gap_ns: int
+) -> StoredInterval | None:
     """Return which of those that are known here one of the database is, unless something else came in between."""
     found = min((each for each in here if _goes_on(each, old, heartbeat_ns, gap_ns)), key=_since, default=None)
     if found is None:
@@ -166,7 +168,7 @@ def _going_on(old: Lasting, here: Sequence[Lasting], heartbeat_ns: int, gap_ns: 
     return None if any(each.until_ns > heartbeat_ns for each in between) else found
 
 
-def _goes_on(new: Lasting, old: Lasting, heartbeat_ns: int, gap_ns: int) -> bool:
+def _goes_on(new: StoredInterval, old: StoredInterval, heartbeat_ns: int, gap_ns: int) -> bool:
     """Whether one that is known here is one of the database, as a monitor entered it that stopped at the heartbeat."""
     if new.since_ns == old.since_ns:
         return True

@@ -36,7 +36,7 @@ ALONE: Final = 0x666C656575
 
 BEGIN_ALONE: Final = {"sqlite": "BEGIN IMMEDIATE", "postgresql": f"SELECT pg_advisory_xact_lock({ALONE})"}
 
-PATIENCE_S: Final = 2.0
+OPEN_TIMEOUT_S: Final = 2.0
 """How long a file may be busy at once, without SQLite's own wait."""
 
 RETRY_S: Final = 0.05
@@ -76,7 +76,7 @@ async def _connected(engine: AsyncEngine) -> AsyncConnection:
             return await engine.connect()
         except OperationalError as error:
             busy = getattr(error.orig, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
-            if not busy or time.monotonic() - began > PATIENCE_S:
+            if not busy or time.monotonic() - began > OPEN_TIMEOUT_S:
                 raise
             await asyncio.sleep(RETRY_S)
 

@@ -2,7 +2,7 @@
 
 from services.monitor.history.intervals import Sightings
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.camera_liveness import Speaking
+from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import Inventory
 
 
@@ -16,7 +16,7 @@ class Silence:
 
     def begin_anew(self) -> None:
         """Find the cameras that are silent in a database that has all as going on."""
-        self._speaking = Speaking(self._inventory, self._speaks, speaks=True)
+        self._speaking = SpeakingCameras(self._inventory, self._speaks, speaks=True)
 
     def note(self, now_ns: int) -> None:
         """End what cameras had in view that went silent, and resume it when they speak again."""

@@ -4,12 +4,12 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, Self
 
-from services.monitor.history.ledger import Lasting, Ledger
-from services.monitor.inventory.camera_liveness import Speaking
+from services.monitor.history.ledger import Ledger, StoredInterval
+from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import SETTLE_NS, Inventory
 from services.monitor.inventory.sighting import NS
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import Places
+from services.monitor.map.sighting_places import SightingMap
 
 Place = tuple[str, str]
 """A robot and its camera; the latter is empty for the robot itself."""
@@ -21,7 +21,7 @@ RESTORED_NS: Final = 86_400 * NS
 """How long ago somebody may have been there, or something in view, for a monitor that begins to miss them."""
 
 
-class Presence(Lasting, frozen=True, gc=False):
+class Presence(StoredInterval, frozen=True, gc=False):
     """As long as a robot's gateway was there, a camera was spoken for, or one monitor raised alerts (neither named).
 
     heard_ns: when the last class list of a camera came before it was thought silent.
@@ -53,7 +53,7 @@ class Attendance:
         self._inventory = inventory
         self._ledger = ledger
         self._news = inventory.follow()
-        self._speaking = Speaking(inventory, inventory.speaks, speaks=False)
+        self._speaking = SpeakingCameras(inventory, inventory.speaks, speaks=False)
         self._before: dict[Place, int] = {}
         self._settled_ns = 0
 
@@ -105,7 +105,7 @@ WRITE_S: Final = 30.0
 class KnownPoses:
     """The poses of a map, and those of them that are not written yet."""
 
-    def __init__(self, places: Places) -> None:
+    def __init__(self, places: SightingMap) -> None:
         self._places = places
         self._written: dict[str, Pose] = {}
 

@@ -10,15 +10,15 @@ from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey, check_name
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import Lasting
+from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.operator_actions import Act
 from services.monitor.history.presence import Presence
 from services.monitor.history.tables import disagreements, intervals, presence
 from services.monitor.map.pose import Pose
 
-L = TypeVar("L", bound=Lasting)
+L = TypeVar("L", bound=StoredInterval)
 
-TABLES: Final[Mapping[type[Lasting], Table]] = {
+TABLES: Final[Mapping[type[StoredInterval], Table]] = {
     Interval: intervals,
     Presence: presence,
     Disagreement: disagreements,
@@ -26,7 +26,7 @@ TABLES: Final[Mapping[type[Lasting], Table]] = {
 """Where each kind of intervals is kept; its columns are their fields, and those of a key."""
 
 
-def row_of_lasting(of: Lasting) -> dict[str, Any]:
+def row_of_lasting(of: StoredInterval) -> dict[str, Any]:
     """Return an interval's columns."""
     columns = _storable(msgspec.structs.asdict(of))
     if (key := columns.pop("key", None)) is not None:

@@ -28,7 +28,7 @@ from services.monitor.history.engine import (
 )
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import Lasting
+from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.opening import connect
 from services.monitor.history.operator_actions import Act
 from services.monitor.history.presence import Place, Presence
@@ -76,7 +76,7 @@ END_UNHEARD: Final = text(
 
 MAX_LOADED: Final = 200_000
 
-L = TypeVar("L", bound=Lasting)
+L = TypeVar("L", bound=StoredInterval)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Kept:
     intervals: Sequence[Interval]
     alerts: Sequence[Alert]
     acts: Sequence[Act]
-    going_on: Sequence[Lasting]
+    going_on: Sequence[StoredInterval]
     owed: Sequence[tuple[str, Alert]] = ()
 
 
@@ -145,7 +145,7 @@ class Store:
     async def load(self, since_ns: int) -> Kept:
         """Return what goes on, and what ended since then."""
         at_ns = await self.heartbeat_ns()
-        going_on: list[Lasting] = []
+        going_on: list[StoredInterval] = []
         async with self._at_hand():
             for kind, table in TABLES.items():
                 are_open = table.select().where(table.c.open).order_by(table.c.since_ns).limit(MAX_LOADED)
@@ -243,13 +243,13 @@ class Store:
 
     async def write(
         self,
-        some: Iterable[Lasting],
+        some: Iterable[StoredInterval],
         changed: Iterable[Alert] = (),
         at_ns: int | None = None,
         done: Iterable[Act] = (),
     ) -> None:
         """Write intervals, alerts and acts, all of them or none, and that everything open goes on at `at_ns`."""
-        of_kind: dict[type[Lasting], list[Lasting]] = defaultdict(list)
+        of_kind: dict[type[StoredInterval], list[StoredInterval]] = defaultdict(list)
         for each in some:
             of_kind[type(each)].append(each)
         async with self._at_hand(), self._connection.begin():

@@ -10,7 +10,7 @@ from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change, ChangeKind, Debounce, Sighting
-from services.monitor.inventory.view import MAX_CLASSES, FrameOrder, Tracked, View, Vocabularies
+from services.monitor.inventory.view import MAX_CLASSES, FrameOrder, ModelView, Tracked, Vocabularies
 
 MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
@@ -34,9 +34,9 @@ class CameraView:
     def __init__(self, key: CameraKey, vocabularies: Vocabularies | None = None) -> None:
         self.key = key
         self._vocabularies = {} if vocabularies is None else vocabularies
-        self.views: dict[str, View] = {}
-        self.opinions: dict[str, View] = {}
-        self.speaker: View | None = None
+        self.views: dict[str, ModelView] = {}
+        self.opinions: dict[str, ModelView] = {}
+        self.speaker: ModelView | None = None
         self.lost = False
         self._opined_ns = 0
         self._distance_order = FrameOrder()
@@ -87,7 +87,7 @@ class CameraView:
         if view is None:
             if len(self.opinions) >= MAX_MODELS:
                 del self.opinions[min(self.opinions.values(), key=lambda view: view.last_ns).model]
-            view = self.opinions[seen.model] = View(seen.model, at_ns, worker_keys.OPINION)
+            view = self.opinions[seen.model] = ModelView(seen.model, at_ns, worker_keys.OPINION)
         if not view.order.take(seen.header, at_ns):
             return False
         if at_ns - view.last_ns > silent_ns:
@@ -162,7 +162,7 @@ class CameraView:
         counted.sort(key=_NAME)
         return tuple(counted) if counted or self.speaker.settled else None
 
-    def others(self, since_ns: int) -> Iterator[View]:
+    def others(self, since_ns: int) -> Iterator[ModelView]:
         """Yield the models that spoke since then, often enough, other than the one that speaks for the camera."""
         for view in chain(self.views.values(), self.opinions.values()):
             if view is not self.speaker and view.last_ns >= since_ns and view.settled:
@@ -171,7 +171,7 @@ class CameraView:
     def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
         """Return the classes of which two models that spoke since then settled on different counts: speaker's, other's.
 
-        A class that one of them does not know is none: see `View.knows`.
+        A class that one of them does not know is none: see `CameraView.knows`.
         """
         found: dict[str, tuple[int, int]] = {}
         if self.speaker is None or not self.speaker.settled:
@@ -183,16 +183,16 @@ class CameraView:
                     found[name] = (ours, theirs)
         return found
 
-    def _add(self, model: str, at_ns: int) -> View:
+    def _add(self, model: str, at_ns: int) -> ModelView:
         if len(self.views) >= MAX_MODELS:
             silent = [view for view in self.views.values() if view is not self.speaker]
             del self.views[min(silent, key=lambda view: view.last_ns).model]
-        view = self.views[model] = View(model, at_ns)
+        view = self.views[model] = ModelView(model, at_ns)
         if self.speaker is None:
             self.speaker = view
         return view
 
-    def _hand_over(self, old: View | None, new: View) -> list[Change]:
+    def _hand_over(self, old: ModelView | None, new: ModelView) -> list[Change]:
         """Have another model speak, which goes on with the sightings of the old one; return what changes by that."""
         self.speaker = new
         before = {} if old is None else {name: tracked for name, tracked in old.classes.items() if tracked.first_ns}
@@ -218,7 +218,7 @@ class CameraView:
             self.views.pop(old.model, None)
         return [self._change(name, new) for name in moved]
 
-    def _change(self, name: str, view: View) -> Change:
+    def _change(self, name: str, view: ModelView) -> Change:
         tracked = view.classes[name]
         sighting = tracked.sighting(self.key, name, view.model)
         if sighting.count == 0:

@@ -16,7 +16,7 @@ Speaks = Callable[[CameraView, int], bool]
 """Whether a camera speaks at a time; one that does goes on until `stale_ns` after its newest list, unless told of."""
 
 
-class Speaking:
+class SpeakingCameras:
     """Follows which cameras of an inventory speak. One that does is looked at again when it could have fallen silent.
 
     speaks: whether a new one counts as speaking before it was looked at.

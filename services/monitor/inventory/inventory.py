@@ -29,7 +29,7 @@ class InventoryFullError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class TrustLimits:
     """When what cameras see is believed, in nanoseconds.
 
     stale_ns: how old a camera's newest list may be for what it shows to be available, and for its model to speak.
@@ -67,8 +67,8 @@ class Inventory:
     Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already.
     """
 
-    def __init__(self, limits: Limits | None = None) -> None:
-        self.limits = limits or Limits()
+    def __init__(self, limits: TrustLimits | None = None) -> None:
+        self.limits = limits or TrustLimits()
         self._vocabularies: dict[tuple[str, str], frozenset[str]] = {}
         self._cameras: dict[CameraKey, CameraView] = {}
         self._in_order: list[CameraKey] = []

@@ -143,7 +143,7 @@ class Tracked:
         )
 
 
-class View:
+class ModelView:
     """The classes that one model has in view.
 
     began_ns: since when it looks without a gap; of one that was restored, a moment later. lists: how many were taken

@@ -11,7 +11,7 @@ from services.monitor.formats import natural
 
 WAITING: Final = "Nothing has come yet"
 PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
-PATIENCE_S: Final = 20.0
+FIRST_FRAME_TIMEOUT_S: Final = 20.0
 """After how long a model is warm, and something else keeps the stream from coming."""
 
 LATE: Final = "Nothing newer comes"
@@ -112,7 +112,7 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
         return Reason("This model cannot do that", "; ".join(remarks))
     if facts.came:
         return Reason(LATE, OVERLOADED)
-    return Reason(WAITING, PATIENCE if facts.waited_s < PATIENCE_S else _lasting(key, service, facts))
+    return Reason(WAITING, PATIENCE if facts.waited_s < FIRST_FRAME_TIMEOUT_S else _lasting(key, service, facts))
 
 
 def _lasting(key: CameraKey, service: str, facts: Facts) -> str:

@@ -32,7 +32,7 @@ SEED: Final = 645
 
 
 @dataclass(frozen=True, slots=True)
-class Robot:
+class DrawnRobot:
     """A robot that is drawn. live: its pose is of now."""
 
     name: str
@@ -100,7 +100,7 @@ def colour_of(name: str) -> str:
 def svg_of(
     bounds: Bounds,
     marks: Sequence[Mark],
-    robots: Sequence[Robot],
+    robots: Sequence[DrawnRobot],
     now_ns: int,
     plan: tuple[FloorPlan, str] | None = None,
 ) -> str:
@@ -148,7 +148,7 @@ def _mark(mark: Mark, scale: _Scale, now_ns: int) -> str:
     return f'<circle class="seen {state}" cx="{x}" cy="{y}" r="10" fill="{fill}"><title>{escape(seen)}</title></circle>'
 
 
-def _robot(robot: Robot, scale: _Scale, now_ns: int) -> str:
+def _robot(robot: DrawnRobot, scale: _Scale, now_ns: int) -> str:
     x, y = scale.at(robot.pose.x, robot.pose.y)
     turn = round(-math.degrees(robot.pose.yaw), 1)
     state = "live" if robot.live else "lost"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from services.monitor.inventory.inventory import MAX_MEMBERS
-from services.monitor.map.drawing import Robot
+from services.monitor.map.drawing import DrawnRobot
 from services.monitor.map.pose import Pose
 from services.monitor.map.sighting_places import FORGET_NS
 
@@ -53,11 +53,11 @@ class LastPoses:
         lately = {name for name, known in self._known.items() if now_ns - known.known_ns <= FORGET_NS}
         return {name for name in lately if not self._is_forgotten(name)}
 
-    def robots(self, now_ns: int, online: Collection[str], *, robot: str = "") -> list[Robot]:
+    def robots(self, now_ns: int, online: Collection[str], *, robot: str = "") -> list[DrawnRobot]:
         """Return the robots that are not forgotten, by name; one of them if it is named.
 
         Live are those that are online and were heard just now.
         """
         wanted = sorted(name for name in self.names(now_ns) if robot in ("", name))
         poses = ((name, self._known[name].pose) for name in wanted)
-        return [Robot(name, pose, live=name in online and now_ns - pose.at_ns <= LOST_NS) for name, pose in poses]
+        return [DrawnRobot(name, pose, live=name in online and now_ns - pose.at_ns <= LOST_NS) for name, pose in poses]

@@ -38,7 +38,7 @@ _Place = tuple[str, str, str, int, int]
 """Robot, camera, class and cell."""
 
 
-class Places:
+class SightingMap:
     """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one.
 
     Of what a camera sees in a cell of SAME_M the newest image counts: an object that is followed anew is no second one.

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Final
 from nicegui import events, ui
 
 from schemas.alerts import Alert, AlertState, Severity
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.operator_actions import Act
 from services.monitor.monitor import Monitor
@@ -18,7 +18,7 @@ from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import ALERTS, Confirmation, Tile
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.page.rows.alerts import (
     CARD,
     ENDED_BODY,
@@ -34,7 +34,7 @@ from services.monitor.page.rows.alerts import (
     unattended_figure,
     wanted_alerts,
 )
-from services.monitor.recent import Recent
+from services.monitor.recent import CachedValue
 from services.monitor.rules.engine import UnknownAlertError
 from services.monitor.web.auth.users import Visitor
 
@@ -42,7 +42,7 @@ MAX_KEPT: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class AlertList:
     """Alerts with what people did with each; problem: why there are none, in words."""
 
     alerts: Sequence[Alert] = ()
@@ -57,21 +57,21 @@ class KeptAlerts:
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
-        self._ended = Recent(self._read, self.MAX_AGE_S)
+        self._ended = CachedValue(self._read, self.MAX_AGE_S)
 
-    async def ended(self) -> Found:
+    async def ended(self) -> AlertList:
         """Return the newest alerts that ended."""
         return await self._ended.get()
 
-    async def _read(self) -> Found:
+    async def _read(self) -> AlertList:
         acts = defaultdict[str, list[Act]](list)
         try:
-            alerts = await self._archive.alerts(Asked(), MAX_KEPT, states=[AlertState.RESOLVED])
+            alerts = await self._archive.alerts(HistoryQuery(), MAX_KEPT, states=[AlertState.RESOLVED])
             for act in await self._archive.acts([alert.id for alert in alerts]) if alerts else ():
                 acts[act.alert_id].append(act)
         except HistoryError as error:
-            return Found(problem=str(error))
-        return Found(alerts, acts)
+            return AlertList(problem=str(error))
+        return AlertList(alerts, acts)
 
 
 OPEN_COLUMNS: Final = (
@@ -175,7 +175,7 @@ class _Alerts:
         """Show the alerts that ended."""
         await self._ended.refresh()
 
-    async def _load_open(self, window: Window) -> Loaded:
+    async def _load_open(self, window: RowWindow) -> Loaded:
         leads = self._monitor.history.status.leads
         self._elsewhere.set_visibility(not leads)  # before a database is waited for, which may be slow
         self._elsewhere_text.set_text(raised_by(self._monitor.history.status.leader))
@@ -196,14 +196,14 @@ class _Alerts:
         doubt = doubt_of(alert, self._monitor.fleet.inventory, now_ns)
         return alert_row(alert, self._monitor.acts_of(alert.id), now_ns, may_act=may_act, doubt=doubt)
 
-    async def _load_ended(self, window: Window) -> Loaded:
+    async def _load_ended(self, window: RowWindow) -> Loaded:
         ended = await self._kept.ended()
         now_ns = time.time_ns()
         shown = sorted_alerts(ended.alerts, window.sort, descending=window.descending)[window.begin : window.end]
         rows = [alert_row(each, ended.acts.get(each.id, ()), now_ns, may_act=False) for each in shown]
         return Loaded(rows, len(ended.alerts), partial(self._count_ended, ended))
 
-    def _count_ended(self, ended: Found) -> None:
+    def _count_ended(self, ended: AlertList) -> None:
         self._no_history.set_text(ended.problem or "No alert has been resolved yet.")
         self._no_history.set_visibility(not ended.alerts)
 

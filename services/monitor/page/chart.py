@@ -7,11 +7,11 @@ from typing import Any, Final
 
 from nicegui import ui
 
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.counting import Counts
 from services.monitor.history.errors import HistoryError
 from services.monitor.page.formatting import NS
-from services.monitor.recent import Recent
+from services.monitor.recent import CachedValue
 
 MAX_LINES: Final = 8
 """Classes in one chart; those with the most in view are shown."""
@@ -80,11 +80,11 @@ class Charts:
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
-        self._kept: dict[Subject, Recent[Drawn]] = {}
+        self._kept: dict[Subject, CachedValue[Drawn]] = {}
 
     async def of(self, subject: Subject) -> Drawn:
         """Return a chart that is no older than MAX_AGE_S."""
-        kept = self._kept.pop(subject, None) or Recent(lambda: self._draw(subject), MAX_AGE_S)
+        kept = self._kept.pop(subject, None) or CachedValue(lambda: self._draw(subject), MAX_AGE_S)
         self._kept[subject] = kept
         while len(self._kept) > MAX_KEPT:
             del self._kept[next(iter(self._kept))]
@@ -93,7 +93,7 @@ class Charts:
     async def _draw(self, subject: Subject) -> Drawn:
         until_ns = time.time_ns()
         since_ns = until_ns - subject.seconds * NS
-        asked = Asked(since_ns, until_ns, subject.robot, subject.camera, subject.name, subject.text)
+        asked = HistoryQuery(since_ns, until_ns, subject.robot, subject.camera, subject.name, subject.text)
         try:
             counts = await self._archive.counts(asked)
         except HistoryError as error:

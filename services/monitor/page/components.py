@@ -58,7 +58,7 @@ class Tile:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PageLink:
     """A page that one can go to from everywhere."""
 
     name: str
@@ -66,11 +66,11 @@ class Place:
     icon: str
 
 
-FLEET: Final = Place("Fleet", "/", "smart_toy")
-INVENTORY: Final = Place("Inventory", "/inventory", "inventory_2")
-ALERTS: Final = Place("Alerts", "/alerts", "notifications")
-MAP: Final = Place("Map", "/map", "map")
-HEALTH: Final = Place("Health", "/health", "monitor_heart")
+FLEET: Final = PageLink("Fleet", "/", "smart_toy")
+INVENTORY: Final = PageLink("Inventory", "/inventory", "inventory_2")
+ALERTS: Final = PageLink("Alerts", "/alerts", "notifications")
+MAP: Final = PageLink("Map", "/map", "map")
+HEALTH: Final = PageLink("Health", "/health", "monitor_heart")
 WALL: Final = "/wall"
 PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
 
@@ -78,7 +78,7 @@ PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
 class Links:
     """The links to every place; that to the alerts says how many are open, in the colour of the most severe."""
 
-    def __init__(self, here: Place | None) -> None:
+    def __init__(self, here: PageLink | None) -> None:
         self._here = here
         self._nav = still(self._html((), Severity.INFO), tag="nav").classes("fs-nav").props('aria-label="Pages"')
 

@@ -14,12 +14,12 @@ from services.monitor.event_loop import pause
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.settings import NONE
 from services.monitor.monitor import Monitor
-from services.monitor.page.components import Links, Place, icon_of, still
+from services.monitor.page.components import Links, PageLink, icon_of, still
 from services.monitor.page.open_pages import TooManyPagesError, Visits
 from services.monitor.web.auth.users import Visitor, visitor_of
 
 REFRESH_S: Final = 1.0
-PATIENCE_S: Final = 30.0
+RECONNECT_TIMEOUT_S: Final = 30.0
 """How long a page may take to be made on a machine that is busy."""
 
 STYLE: Final = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
@@ -61,12 +61,12 @@ def page_at(path: str) -> ui.page:
         if not VISITS.make_room(visitor_of(request).name):
             raise TooManyPagesError
 
-    return ui.page(path, response_timeout=PATIENCE_S, dependencies=[Depends(make_room)])
+    return ui.page(path, response_timeout=RECONNECT_TIMEOUT_S, dependencies=[Depends(make_room)])
 
 
 @asynccontextmanager
 async def page_frame(
-    monitor: Monitor, title: str, here: Place | None = None, *, bars: bool = True
+    monitor: Monitor, title: str, here: PageLink | None = None, *, bars: bool = True
 ) -> AsyncIterator[Visitor]:
     """Fill a page: what is made inside is below the header. Gives who looks.
 
@@ -156,7 +156,7 @@ def export_link(monitor: Monitor, what: str) -> None:
         link.classes("fs-link fs-small").props("download")
 
 
-def _bar(visitor: Visitor, here: Place | None) -> Links:
+def _bar(visitor: Visitor, here: PageLink | None) -> Links:
     with ui.header(elevated=False).classes("fs-header"):
         with ui.link(target="/").classes("fs-brand"):
             still("fleet<b>sight</b>", tag="span")

@@ -18,7 +18,7 @@ from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import HEALTH
 from services.monitor.page.formatting import NS, lasting
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.page.rows.health import (
     GATEWAY_BODY,
     GATEWAY_CARD,
@@ -27,7 +27,7 @@ from services.monitor.page.rows.health import (
     gateway_row,
     worker_row,
 )
-from services.monitor.page.rows.robots import Wanted
+from services.monitor.page.rows.robots import RobotFilter
 from services.monitor.page.shared import Shared
 
 
@@ -113,7 +113,7 @@ class _Health:
     def __init__(self, shared: Shared, monitor: Monitor) -> None:
         self._monitor, self._shared = monitor, shared
         self._choices = Choices()
-        self._wanted = Wanted(text=self._choices[SEARCH])
+        self._wanted = RobotFilter(text=self._choices[SEARCH])
         self._unserved = ui.element("div")
         with self._unserved:
             self._unserved_text = banner("")
@@ -160,7 +160,7 @@ class _Health:
             rest = f" and {len(alone) - MAX_NAMED:,} more" if len(alone) > MAX_NAMED else ""
             self._unserved_text.set_text(f"No detector looks after {named}{rest}. Start one to know what they see.")
 
-    async def _load_workers(self, window: Window) -> Loaded:
+    async def _load_workers(self, window: RowWindow) -> Loaded:
         await self._shared.survey()  # takes the rates
         workers = sorted(
             self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, natural(worker.name))
@@ -182,7 +182,7 @@ class _Health:
         rows = [worker_row(worker, rates.get(worker.name, 0.0), now_ns) for worker in shown]
         return Loaded(rows, len(workers), partial(self._no_worker.set_visibility, not workers))
 
-    async def _load_gateways(self, window: Window) -> Loaded:
+    async def _load_gateways(self, window: RowWindow) -> Loaded:
         survey = await self._shared.survey()
         robots = await survey.robots(replace(self._wanted, sort=window.sort, descending=window.descending))
         shown = robots[window.begin : window.end]

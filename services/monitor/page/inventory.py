@@ -17,7 +17,7 @@ from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import INVENTORY, Tile
 from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.page.rows.inventory import SIGHTING_BODY, SIGHTING_CARD, Filters, Stock, as_csv, sighting_row
 from services.monitor.page.shared import Shared
 
@@ -128,7 +128,7 @@ class _Inventory:
         self._chart.options.clear()
         self._chart.options.update(options(drawn))
 
-    async def _load(self, window: Window) -> Loaded:
+    async def _load(self, window: RowWindow) -> Loaded:
         stock = await self._shared.stock()
         found = stock.wanted(replace(self._filters, sort=window.sort, descending=window.descending))
         now_ns = time.time_ns()

@@ -26,7 +26,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class RowWindow:
     """What of a table is looked at."""
 
     sort: str
@@ -44,7 +44,7 @@ class Loaded:
     tell: Callable[[], object]
 
 
-Load = Callable[[Window], Awaitable[Loaded]]
+Load = Callable[[RowWindow], Awaitable[Loaded]]
 """Returns what is in a window. It says nothing itself: by then another window, or other rows, may be wanted."""
 
 
@@ -88,7 +88,7 @@ class LiveTable:
         begun = self._begun
         size, page = self._pagination["rowsPerPage"], self._pagination["page"]
         sort, descending = self._pagination["sortBy"] or "", self._pagination["descending"]
-        loaded = await self._load(Window(sort, descending, (page - 1) * size, page * size))
+        loaded = await self._load(RowWindow(sort, descending, (page - 1) * size, page * size))
         await pause()
         if begun != self._begun:
             return None

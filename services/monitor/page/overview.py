@@ -13,9 +13,9 @@ from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
 from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import FLEET, WALL, Confirmation, Tile
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, Window, search_field
+from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.page.rows.overview import robot_row
-from services.monitor.page.rows.robots import RobotState, Survey, Wanted
+from services.monitor.page.rows.robots import RobotFilter, RobotState, Survey
 from services.monitor.page.rows.templates import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.shared import Shared
 from services.monitor.web.auth.users import Visitor
@@ -80,7 +80,7 @@ class _Overview:
         self._monitor, self._shared, self._figures, self._visitor = monitor, shared, figures, visitor
         self._choices = Choices()
         state = next((each for each in RobotState if each == self._choices["state"]), None)
-        self._wanted = Wanted(text=self._choices[SEARCH], state=state)
+        self._wanted = RobotFilter(text=self._choices[SEARCH], state=state)
         figures.chosen = self._only
         with ui.element("div").classes("fs-panel"):
             with ui.element("div").classes("fs-panel-head"):
@@ -108,7 +108,7 @@ class _Overview:
         """Show the fleet as it is now."""
         await self._table.refresh()
 
-    async def _load(self, window: Window) -> Loaded:
+    async def _load(self, window: RowWindow) -> Loaded:
         survey = await self._shared.survey()
         wanted = replace(self._wanted, sort=window.sort, descending=window.descending)
         robots = await survey.robots(wanted)

@@ -8,7 +8,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.page.rows.health import WorkerRates
 from services.monitor.page.rows.inventory import Stock
 from services.monitor.page.rows.robots import Survey, standings_of
-from services.monitor.recent import Recent
+from services.monitor.recent import CachedValue
 
 MAX_AGE_S: Final = 1.9
 """How old what is said of all robots, or of all that is in view, may be."""
@@ -25,8 +25,8 @@ class Shared:
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
-        self._survey = Recent(self._take_survey, MAX_AGE_S, share=SHARE)
-        self._stock = Recent(self._take_stock, MAX_AGE_S, share=SHARE)
+        self._survey = CachedValue(self._take_survey, MAX_AGE_S, share=SHARE)
+        self._stock = CachedValue(self._take_stock, MAX_AGE_S, share=SHARE)
         self._rates = WorkerRates()
         self.rates: Mapping[str, float] = {}
 

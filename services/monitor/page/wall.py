@@ -17,7 +17,7 @@ from services.monitor.page.formatting import NOTHING
 from services.monitor.page.frame import REFRESH_S, page_at, page_frame
 from services.monitor.page.overview import nobody_yet
 from services.monitor.page.rows.alerts import doubt_of, severity_figures
-from services.monitor.page.rows.robots import RobotState, Survey, Wanted
+from services.monitor.page.rows.robots import RobotFilter, RobotState, Survey
 from services.monitor.page.rows.wall import alert_line, lost_line, pressing, robot_cell, turned
 from services.monitor.page.shared import Shared
 from services.monitor.web.auth.users import Visitor
@@ -93,8 +93,8 @@ class _Wall:
         alerts, unknown = await self._alerts()
         self._figures.set_content(figures(survey, alerts))
         turn = int(time.monotonic() / TURN_S)
-        lost = [name for state in LOST for name in await survey.robots(Wanted(state=state))]
-        there = [name for state in THERE for name in await survey.robots(Wanted(state=state))]
+        lost = [name for state in LOST for name in await survey.robots(RobotFilter(state=state))]
+        there = [name for state in THERE for name in await survey.robots(RobotFilter(state=state))]
         self._show_needs(survey, pressing(alerts or (), lost), unknown, turn)
         self._show_robots(survey, there, turn)
         self._robots.set_visibility(survey.size > 0)

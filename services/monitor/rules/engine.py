@@ -12,9 +12,9 @@ from schemas.alerts import MAX_TEXT, Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules.alert_times import had_escalated, set_back
-from services.monitor.rules.findings import Finding, Look, findings, found_in
+from services.monitor.rules.findings import CameraState, Finding, findings, found_in
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
-from services.monitor.rules.waiting import Place, Waiting
+from services.monitor.rules.waiting import PendingPlaces, Place
 
 MAX_SUBJECTS: Final = 100_000
 """How many robots, cameras and classes are followed over all rules together."""
@@ -61,7 +61,7 @@ class RuleEngine:
         self._most = most
         self._book = book
         self._subjects: dict[str, dict[Place, _Subject]] = {rule.name: {} for rule in book.rules}
-        self._waiting = Waiting()
+        self._waiting = PendingPlaces()
         self._alerts: dict[str, tuple[Alert, Place]] = {}
         self._escalated: set[str] = set()
         self._effects: list[Effect] = []
@@ -139,7 +139,7 @@ class RuleEngine:
         """Whether any rule is about a camera."""
         return bool(self._rules_of(key.robot, key.camera))
 
-    def look(self, look: Look, now_ns: int) -> None:
+    def look(self, look: CameraState, now_ns: int) -> None:
         """Take what is known of one camera now."""
         self._advance(now_ns)
         robot, camera = look.key.robot, look.key.camera

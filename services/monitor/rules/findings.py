@@ -19,7 +19,7 @@ from services.monitor.rules.model import (
 )
 
 
-class Look(msgspec.Struct, frozen=True, gc=False):
+class CameraState(msgspec.Struct, frozen=True, gc=False):
     """What is known of one camera. speaks: it is so now; else it was so when the camera was heard last.
 
     silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: what is missing is not
@@ -51,7 +51,7 @@ class Finding(msgspec.Struct, frozen=True, gc=False):
     since_ns: int | None = None
 
 
-def findings(rule: AnyRule, look: Look) -> Iterator[Finding]:
+def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
     """Yield what a rule finds in a look at a camera; of what is not known it says nothing.
 
     That something came or went is found in changes, see `found_in`. That it is over is found here too: of what went,
@@ -102,11 +102,11 @@ def found_in(change: Change, rule: AnyRule) -> Finding | None:
             assert_never(change.kind)
 
 
-def _counted(name: str, look: Look, bound: str) -> str:
+def _counted(name: str, look: CameraState, bound: str) -> str:
     return f"{look.counts.get(name, 0)} {name} in view of {look.key}, {bound}"
 
 
-def _silent(look: Look) -> Finding:
+def _silent(look: CameraState) -> Finding:
     if look.speaks:
         return Finding("", holds=False)
     if look.silent_ns is None:
@@ -114,7 +114,7 @@ def _silent(look: Look) -> Finding:
     return Finding("", holds=True, text=f"{look.key} is silent", since_ns=look.silent_ns)
 
 
-def _nearer(rule: NearerRule, look: Look) -> Finding:
+def _nearer(rule: NearerRule, look: CameraState) -> Finding:
     """Return whether it is near; what is not in view, or at no known distance, is not."""
     nearest = look.nearest.get(rule.of)
     to_come = not look.complete if look.counts.get(rule.of, 0) else not look.settled
@@ -126,7 +126,7 @@ def _nearer(rule: NearerRule, look: Look) -> Finding:
     return Finding(rule.of, holds=True, text=text)
 
 
-def _disagreements(rule: DisagreeRule, look: Look) -> Iterator[Finding]:
+def _disagreements(rule: DisagreeRule, look: CameraState) -> Iterator[Finding]:
     for name in [rule.of] if rule.of else look.counts:
         counts = look.disagreements.get(name)
         if counts is None:

@@ -18,7 +18,7 @@ from services.monitor.rules.loading import RuleFileError, load_rules, text_of
 from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
 from services.monitor.rules.replay import caveats, replay
 from services.monitor.rules.settings import RulesSettings
-from services.monitor.rules.timeline import FOREVER_NS, Past
+from services.monitor.rules.timeline import FOREVER_NS, Timeline
 
 
 async def run(settings: RulesSettings) -> None:
@@ -48,9 +48,9 @@ async def run(settings: RulesSettings) -> None:
     sys.stdout.writelines(f"{note}\n" for note in [*caveats(book), *_untold(book, past, since_ns)])
 
 
-async def _past(store: Store, since_ns: int) -> Past:
+async def _past(store: Store, since_ns: int) -> Timeline:
     runs, there = presence.c.robot == "", presence.c.robot != ""  # however many others there are, all of the runs
-    return Past(
+    return Timeline(
         await store.select(Interval, since_ns=since_ns),
         [
             *await store.select(Presence, runs, since_ns=since_ns),
@@ -60,7 +60,7 @@ async def _past(store: Store, since_ns: int) -> Past:
     )
 
 
-def _untold(book: RuleBook, past: Past, since_ns: int) -> Iterator[str]:
+def _untold(book: RuleBook, past: Timeline, since_ns: int) -> Iterator[str]:
     """Say for what part of history nobody kept who was there."""
     tried = any(isinstance(rule, SilentRule | DisagreeRule) for rule in book.rules)
     if tried and max(since_ns, past.first_ns) < past.told_ns:

@@ -14,9 +14,9 @@ from services.monitor.history.presence import RESTORED_NS, Presence
 from services.monitor.inventory.inventory import SETTLE_NS
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.rules.engine import Effect, RuleEngine
-from services.monitor.rules.findings import Look
+from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import NearerRule, RuleBook
-from services.monitor.rules.timeline import Past, Run, Step
+from services.monitor.rules.timeline import Run, Step, Timeline
 
 AT_MOST: Final = "is tried with the nearest distance of each interval, so it may have been raised less often"
 
@@ -77,7 +77,7 @@ def caveats(book: RuleBook) -> list[str]:
     return [f"{rule.name}: {AT_MOST}" for rule in book.rules if isinstance(rule, NearerRule)]
 
 
-def replay(book: RuleBook, past: Past) -> Iterator[Effect]:
+def replay(book: RuleBook, past: Timeline) -> Iterator[Effect]:
     """Yield what the rules would have made of the past, in order; while no monitor ran, nothing is made of anything."""
     numbers = count(1)
     memory, steps = _Memory(), deque(past.steps())
@@ -136,7 +136,7 @@ def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int
         speaks = of.speaks is not False or not told
         disagreements = of.disagreements if told else {}
         silent_ns = None if speaks else at_ns
-        look = Look(key, speaks, silent_ns, counts=of.counts, nearest=of.nearest, disagreements=disagreements)
+        look = CameraState(key, speaks, silent_ns, counts=of.counts, nearest=of.nearest, disagreements=disagreements)
         engine.look(look, at_ns)
     for name in {name for step in steps for name in _robots(step, memory)} if told else ():
         engine.robot(name, alive=memory.robots[name].there, now_ns=at_ns)

@@ -10,15 +10,15 @@ from typing import Final
 from schemas.keys import CameraKey
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import Lasting
+from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import MONITOR, Presence
-from services.monitor.inventory.inventory import Limits
+from services.monitor.inventory.inventory import TrustLimits
 
-LIMITS: Final = Limits()
+LIMITS: Final = TrustLimits()
 """Those of the monitor are not kept; it is taken to have had the usual ones."""
 
 
-class Spoken:
+class SpeakingTime:
     """When one camera was spoken for."""
 
     def __init__(self, presences: Iterable[Presence]) -> None:
@@ -42,16 +42,16 @@ class Spoken:
         return before.until_ns < interval.since_ns and after.since_ns - before.until_ns > LIMITS.lost_ns
 
 
-NEVER: Final = Spoken(())
+NEVER: Final = SpeakingTime(())
 
 
-def spoken_for(presences: Iterable[Presence]) -> Mapping[CameraKey, Spoken]:
+def spoken_for(presences: Iterable[Presence]) -> Mapping[CameraKey, SpeakingTime]:
     """Return when each camera was spoken for."""
     of_each = defaultdict[CameraKey, list[Presence]](list)
     for each in presences:
         if each.camera:
             of_each[CameraKey(each.robot, each.camera)].append(each)
-    return {key: Spoken(those) for key, those in of_each.items()}
+    return {key: SpeakingTime(those) for key, those in of_each.items()}
 
 
 FOREVER_NS: Final = 2**63 - 1
@@ -65,7 +65,7 @@ class Step:
     """
 
     at_ns: int
-    of: Lasting | None
+    of: StoredInterval | None
     begins: bool = False
     unseen: bool = False
 
@@ -80,7 +80,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Past:
+class Timeline:
     """What was in view, who was there and what models disagreed about."""
 
     intervals: Sequence[Interval] = ()

@@ -11,7 +11,7 @@ SLACK: Final = 64
 """Entries of what waits no more that are put up with, beside as many as there are others."""
 
 
-class Waiting:
+class PendingPlaces:
     """Places by rule, each until it is discarded; what one costs hardly depends on how many there are.
 
     Places whose time has come are `ripe`: a rule that does not apply at this time of the day takes them later.

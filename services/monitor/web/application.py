@@ -21,7 +21,7 @@ from services.monitor.web.api.history import history_routes
 from services.monitor.web.api.live import live_routes
 from services.monitor.web.api.models import ErrorAnswer
 from services.monitor.web.api.paging import refuse_unknown
-from services.monitor.web.auth.gate import Place
+from services.monitor.web.auth.gate import ServedAt
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.routes import access_routes
@@ -117,11 +117,11 @@ def guarded(app: FastAPI, access: Access, settings: WebSettings) -> AccessMiddle
     return AccessMiddleware(app, access, cookie=cookie_of(settings), place=place_of(settings))
 
 
-def place_of(settings: WebSettings) -> Place:
+def place_of(settings: WebSettings) -> ServedAt:
     """Return where we are served; on loopback under the names alone that this machine has for itself."""
     url = settings.web_url
     hosts = HERE if settings.web_host in HERE else frozenset()
-    return Place(
+    return ServedAt(
         origin="" if url is None else origin_of(url),
         hosts=hosts if url is None or not hosts else hosts | {url.host or ""},
         open_metrics=settings.web_open_metrics,

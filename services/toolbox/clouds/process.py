@@ -19,7 +19,7 @@ from services.toolbox.clouds.drawing import Drawing, drawing_of
 from services.toolbox.clouds.errors import ViewerError
 from services.toolbox.clouds.files import pcd, ply
 from services.toolbox.clouds.settings import CloudsSettings
-from services.toolbox.clouds.viewing import Window
+from services.toolbox.clouds.viewing import CloudWindow
 
 FAILED: Final = 1
 FRAME_S: Final = 1 / 30
@@ -147,8 +147,8 @@ def _write(seen: ObjectClouds, settings: CloudsSettings) -> list[Path]:
 
 
 @contextmanager
-def _window(title: str) -> Iterator[Window]:
-    window = Window(title)
+def _window(title: str) -> Iterator[CloudWindow]:
+    window = CloudWindow(title)
     try:
         yield window
     finally:

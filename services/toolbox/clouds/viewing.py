@@ -15,7 +15,7 @@ BOX_RGB: Final = (1.0, 0.6, 0.0)
 BACKGROUND_RGB: Final = (0.08, 0.08, 0.1)
 
 
-class Window:
+class CloudWindow:
     """An open window; the view stays as the user turns it when other clouds are shown.
 
     Raises:

@@ -14,7 +14,7 @@ from schemas.detections import Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from services.detector.model import Failed, Found, ModelError, Outcome, Request
+from services.detector.model import DetectedObjects, Failed, ModelError, Outcome, Request
 from services.detector.runtime.loading import load, tracking
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.refinement.refiner import Refiner
@@ -72,7 +72,7 @@ def open_follower(weights: Path, *, device: str | None, folder: Path, runtime: s
             header = msgspec.structs.replace(HEADER, seq=seq, received_ns=round(seq * 1e9 / hz))
             request = Request(camera, framed(image, header), masks=True)
             (outcome,) = await model.infer([request])
-            if following is not None and isinstance(outcome, Found):
+            if following is not None and isinstance(outcome, DetectedObjects):
                 outcome = await following.follow(request, outcome)
             found.append(objects_of(weights, outcome))
         return found

@@ -22,7 +22,7 @@ from services.detector.runtime.refinement.refiner import (
 )
 from services.detector.runtime.refinement.torch_refiner import kept
 from services.toolbox.train.inference import CAMERA, framed, objects_of, open_model
-from services.training.refining.refinement import Look, Looks, Refinement
+from services.training.refining.refinement import Looks, Refinement, RefinerLook
 
 CONFIDENCE: Final = 0.03
 """Score from which on objects are looked at: a refiner should know what is unsure, and most of that is nothing."""
@@ -50,7 +50,7 @@ class _Witness:
 
 
 @lru_cache(1)  # a process looks at many pictures with the same weights
-def open_look(weights: Path, device: str, folder: Path) -> Look:
+def open_look(weights: Path, device: str, folder: Path) -> RefinerLook:
     """Load weights as a detector does; see `Refinement.open`.
 
     Raises:

@@ -39,7 +39,7 @@ class NearFigures:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class LabelledBox:
     """A prediction or a true object: its class and its box (left, top, right, bottom)."""
 
     name: str
@@ -47,11 +47,11 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class LabelledView:
     """An RGB picture, the near objects in it, and the class index of every pixel (-1 for the background)."""
 
     image: NDArray[np.uint8]
-    near: list[Found]
+    near: list[LabelledBox]
     classes: NDArray[np.int32]
 
 
@@ -71,7 +71,7 @@ def near_figures(predict: Predictor, seeds: Sequence[int], frames: int, report: 
     return NearFigures(len(seeds) * frames, dict(objects), dict(named), dict(misnamed), dict(invented))
 
 
-def near_views(seed: int, frames: int) -> Iterator[View]:
+def near_views(seed: int, frames: int) -> Iterator[LabelledView]:
     """Pictures (640x480) on a drive through the scene of `seed`."""
     scene, camera, rng = generate(seed), Camera(), np.random.default_rng([seed, 4])
     drive, sensor = Drive.plan(scene), Sensor()
@@ -79,13 +79,13 @@ def near_views(seed: int, frames: int) -> Iterator[View]:
         pose = drive.pose(index / frames)
         rendering = render(scene, pose, camera)
         image, near = expose(rendering.color, sensor, rng), near_objects(truth_of(scene, rendering, pose, camera))
-        yield View(image, near, scene.instance_classes[rendering.instances])
+        yield LabelledView(image, near, scene.instance_classes[rendering.instances])
 
 
-def near_objects(objects: Iterable[SeenObject]) -> list[Found]:
+def near_objects(objects: Iterable[SeenObject]) -> list[LabelledBox]:
     """The objects whose visible part is large in the picture and within `NEAR_METRES`."""
     large = (each for each in objects if each.image_share >= NEAR_AREA)
-    return [Found(each.name, _box(each)) for each in large if each.depth_m <= NEAR_METRES]
+    return [LabelledBox(each.name, _box(each)) for each in large if each.depth_m <= NEAR_METRES]
 
 
 def _box(seen: SeenObject) -> Box:
@@ -93,18 +93,20 @@ def _box(seen: SeenObject) -> Box:
     return np.array([seen.left, seen.top, seen.left + width, seen.top + height], np.float64)
 
 
-def predicted(detections: Sequence[Detection]) -> list[Found]:
+def predicted(detections: Sequence[Detection]) -> list[LabelledBox]:
     """What a model found, as what is compared."""
-    return [Found(each.name, np.array([each.box.x1, each.box.y1, each.box.x2, each.box.y2])) for each in detections]
+    return [
+        LabelledBox(each.name, np.array([each.box.x1, each.box.y1, each.box.x2, each.box.y2])) for each in detections
+    ]
 
 
-def match(truth: Found, predictions: list[Found]) -> tuple[bool, bool]:
+def match(truth: LabelledBox, predictions: list[LabelledBox]) -> tuple[bool, bool]:
     """Whether some prediction lies on `truth` with the right name, and whether one does with a wrong name."""
     on_it = [p.name for p in predictions if _iou(truth.box, p.box) >= MATCHING_IOU]
     return truth.name in on_it, any(name != truth.name for name in on_it)
 
 
-def is_invented(prediction: Found, classes: NDArray[np.int32]) -> bool:
+def is_invented(prediction: LabelledBox, classes: NDArray[np.int32]) -> bool:
     """Whether a large prediction has next to nothing of its class inside its box."""
     left, top, right, bottom = np.rint(prediction.box).astype(int)
     window = classes[top:bottom, left:right]

@@ -8,7 +8,7 @@ from pycocotools import mask as coco
 
 from schemas.detections import Mask
 from services.simulator.world import Scene, SeenObject, truth_of
-from services.training.viewpoints import View
+from services.training.viewpoints import CameraView
 
 MIN_VISIBILITY: Final = 0.5
 
@@ -35,7 +35,7 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True):
         return self.area >= least_area and self.visibility >= MIN_VISIBILITY
 
 
-def truths_of(scene: Scene, view: View) -> list[Truth]:
+def truths_of(scene: Scene, view: CameraView) -> list[Truth]:
     """Every object of which at least a pixel is visible."""
     return [_truth(seen) for seen in truth_of(scene, view.rendering, view.pose, view.camera)]
 

@@ -31,7 +31,7 @@ class Looks:
     letterboxed: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
 
 
-Look = Callable[[NDArray[np.uint8]], Looks]
+RefinerLook = Callable[[NDArray[np.uint8]], Looks]
 """Looks at an RGB picture."""
 
 
@@ -45,7 +45,7 @@ class Refinement:
     a close-up has it. kept: what weights have of a network.
     """
 
-    open: Callable[[Path, str, Path], Look]
+    open: Callable[[Path, str, Path], RefinerLook]
     network: Callable[[int, int], "nn.Module"]
     stretched: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
     kept: Callable[["nn.Module"], dict[str, Any]]

@@ -17,14 +17,14 @@ from services.training.settings import TrainingSettings
 
 
 @dataclass(frozen=True, slots=True)
-class Refined:
+class TrainedRefiner:
     """A trained refiner as weights have it, and of how many objects it learned; nothing, and of none, without one."""
 
     kept: Mapping[str, Any]
     objects: int
 
 
-def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> Refined:
+def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> TrainedRefiner:
     """Train what refines the masks of `weights`, unless they find too little to learn from."""
     import torch  # noqa: PLC0415 - only the training needs it
 
@@ -36,8 +36,8 @@ def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, pr
     )
     samples = Samples(files)
     if len(samples.labels) < BATCH:
-        return Refined({}, 0)
+        return TrainedRefiner({}, 0)
     torch.manual_seed(settings.seed)
     network = refinement.network(len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
     fit_refiner(network, samples, settings=settings, progress=progress)
-    return Refined(refinement.kept(network), len(samples.labels))
+    return TrainedRefiner(refinement.kept(network), len(samples.labels))

@@ -1,5 +1,5 @@
 from bus.delivery.pieces import Pieces
-from bus.delivery.shared_memory import FRAMES, PATIENCE, PATIENCE_S, SMALLEST_BYTES, SharedFrames
+from bus.delivery.shared_memory import FRAMES, PATIENCE, READER_TIMEOUT_S, SMALLEST_BYTES, SharedFrames
 
 SIZE = 100_000
 
@@ -58,9 +58,9 @@ def test_a_stream_with_few_payloads_does_not_wait_for_thirty_of_them() -> None:
     frames = SharedFrames(lambda: now[0])
     held = [frames.place(bytes(SIZE)) for _ in range(FRAMES)]
     assert frames.place(bytes(SIZE)) is None
-    now[0] += 0.99 * PATIENCE_S
+    now[0] += 0.99 * READER_TIMEOUT_S
     assert frames.place(bytes(SIZE)) is None
-    now[0] = 10.0 + PATIENCE_S
+    now[0] = 10.0 + READER_TIMEOUT_S
     assert frames.place(bytes(SIZE)) is not None
     assert None not in held
 
@@ -71,7 +71,7 @@ def test_what_has_room_again_needs_no_other_memory_however_long_ago_it_had_none(
     held = [frames.place(bytes(SIZE)) for _ in range(FRAMES)]
     assert frames.place(bytes(SIZE)) is None
     held.pop()
-    now[0] += 2 * PATIENCE_S
+    now[0] += 2 * READER_TIMEOUT_S
     held.append(frames.place(bytes(SIZE)))
     assert None not in held
     assert frames.place(bytes(SIZE)) is None

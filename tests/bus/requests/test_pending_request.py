@@ -4,11 +4,11 @@ import threading
 import pytest
 
 from bus import BusClosedError, NotServedError, RefusedError, Reply
-from bus.requests.pending_request import Asking
+from bus.requests.pending_request import PendingRequest
 
 
-def asking() -> Asking:
-    return Asking("key", b"", "a/b", 10)
+def asking() -> PendingRequest:
+    return PendingRequest("key", b"", "a/b", 10)
 
 
 async def test_the_first_outcome_counts() -> None:

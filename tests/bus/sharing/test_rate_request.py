@@ -8,7 +8,7 @@ import pytest
 from bus import QUEUE, Subscription
 from bus.fake import FakeNetwork
 from bus.sharing import rate_request
-from bus.sharing.rate_request import Asked
+from bus.sharing.rate_request import RateRequest
 from schemas import codec, keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.keys import CameraKey, Stream, StreamKey
@@ -18,7 +18,7 @@ FRONT = CameraKey("r1", "front")
 
 
 @asynccontextmanager
-async def telling(asked: Asked) -> AsyncIterator[Subscription]:
+async def telling(asked: RateRequest) -> AsyncIterator[Subscription]:
     network = FakeNetwork()
     async with (
         network.open_bus() as ours,
@@ -43,7 +43,7 @@ def budget(hz: float | None, wait_s: float = 0.0) -> RateBudget:
 
 
 async def test_nothing_is_said_until_there_is_a_limit_and_then_each_change() -> None:
-    asked = Asked()
+    asked = RateRequest()
     async with telling(asked) as budgets:
         asked.ask(None)
         asked.ask(2.5, 0.4)
@@ -54,7 +54,7 @@ async def test_nothing_is_said_until_there_is_a_limit_and_then_each_change() -> 
 
 
 async def test_a_limit_that_was_there_before_is_said_at_once_and_without_its_wait() -> None:
-    asked = Asked()
+    asked = RateRequest()
     async with telling(asked) as budgets:
         asked.ask(2, 0.4)
         await told(budgets)
@@ -64,7 +64,7 @@ async def test_a_limit_that_was_there_before_is_said_at_once_and_without_its_wai
 
 async def test_a_limit_is_said_again_for_a_gateway_that_forgot_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rate_request, "REPEAT_S", 0.05)
-    asked = Asked()
+    asked = RateRequest()
     async with telling(asked) as budgets:
         asked.ask(2.5, 0.4)
         assert [await told(budgets) for _ in range(3)] == [budget(2.5, 0.4), budget(2.5), budget(2.5)]
@@ -77,14 +77,14 @@ async def test_a_limit_is_said_again_for_a_gateway_that_forgot_it(monkeypatch: p
 
 
 def test_it_is_known_when_the_next_one_is_wanted() -> None:
-    asked = Asked()
+    asked = RateRequest()
     before_ns = time.time_ns()
     asked.ask(2.0, 0.4)
     assert before_ns + 400_000_000 <= asked.from_ns <= time.time_ns() + 400_000_000
 
 
 async def test_what_is_asked_can_be_said() -> None:
-    asked = Asked()
+    asked = RateRequest()
     asked.ask(1e-9, 1e9)
     async with telling(asked) as budgets:
         assert await told(budgets) == budget(LEAST_HZ, MOST_WAIT_S)

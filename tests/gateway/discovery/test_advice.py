@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.discovery import Plan, Wishes, plan
+from gateway.discovery import DiscoverySettings, Plan, plan
 from gateway.discovery.published_topics import Topic
 from gateway.settings import GatewaySettings
 from services.toolbox.settings import load
@@ -37,7 +37,7 @@ def planned(topics: list[Topic], options: list[str]) -> Plan:
 @pytest.mark.parametrize("published", [*(each for each, _ in DRIVERS.values()), ODD], ids=[*DRIVERS, "odd"])
 def test_a_topic_that_is_left_out_is_taken_as_the_reason_says_beside_all_others(published: dict[str, str]) -> None:
     topics = graph(published)
-    before = plan(topics, Wishes("r1"))
+    before = plan(topics, DiscoverySettings("r1"))
     for topic in topics:
         reason = before.left_out.get(topic.name, "")
         followed = list(options_in(reason, topic))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.discovery import Plan, Wishes, plan
+from gateway.discovery import DiscoverySettings, Plan, plan
 from gateway.discovery.plan import NO_PLAN
 from gateway.discovery.published_topics import Topic
 from gateway.to_bus.translators import kind_of
@@ -24,7 +24,7 @@ from tests.gateway.discovery.graphs import (
     named,
 )
 
-R1 = Wishes("r1")
+R1 = DiscoverySettings("r1")
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
@@ -74,13 +74,13 @@ def test_what_a_gateway_and_a_sensor_publish_is_taken() -> None:
 )
 def test_patterns_choose_and_denial_wins(allow: str, deny: str, taken: set[str]) -> None:
     topics = graph({IMAGE: "/front/image_raw /rear/image_raw"})
-    made = plan(topics, Wishes("r1", allow=re.compile(allow), deny=re.compile(deny)))
+    made = plan(topics, DiscoverySettings("r1", allow=re.compile(allow), deny=re.compile(deny)))
     assert set(mapping(made)) == taken
     assert len(made.left_out) == 2 - len(taken)
 
 
 def test_what_the_settings_name_is_taken_as_named_though_nobody_publishes_it() -> None:
-    wishes = Wishes("r1", named(front__color="/somewhere", ros__battery="/battery"), discover=False)
+    wishes = DiscoverySettings("r1", named(front__color="/somewhere", ros__battery="/battery"), discover=False)
     made = plan(graph({IMAGE: "/rear/image_raw", "sensor_msgs/BatteryState": "/battery"}), wishes)
     assert mapping(made) == {"front/color": "/somewhere", "ros/battery": "/battery"}
     assert [source.type for source in made.streams.values()] == ["", "sensor_msgs/BatteryState"]
@@ -89,7 +89,7 @@ def test_what_the_settings_name_is_taken_as_named_though_nobody_publishes_it() -
 
 def test_a_named_topic_is_nothing_else_and_its_camera_is_called_as_named() -> None:
     topics = graph({IMAGE: "/front/color/image_raw /front/depth/image_raw", INFO: "/front/color/camera_info"})
-    made = plan(topics, Wishes("r1", named(bow__color="/front/color/image_raw")))
+    made = plan(topics, DiscoverySettings("r1", named(bow__color="/front/color/image_raw")))
     assert mapping(made) == {
         "bow/color": "/front/color/image_raw",
         "bow/depth": "/front/depth/image_raw",
@@ -99,7 +99,7 @@ def test_a_named_topic_is_nothing_else_and_its_camera_is_called_as_named() -> No
 
 def test_another_form_of_a_named_image_is_not_taken() -> None:
     topics = graph({IMAGE: "/front/image_raw", COMPRESSED: "/front/image_raw/compressed"})
-    made = plan(topics, Wishes("r1", named(ros__front="/front/image_raw/compressed")))
+    made = plan(topics, DiscoverySettings("r1", named(ros__front="/front/image_raw/compressed")))
     assert mapping(made) == {"ros/front": "/front/image_raw/compressed"}
     assert made.left_out == {"/front/image_raw": "the same image as a topic that the settings name"}
 
@@ -152,7 +152,9 @@ def test_the_first_camera_stays_the_first() -> None:
 
 
 def test_the_first_camera_that_the_settings_name_is_the_first() -> None:
-    made = plan(graph({IMAGE: "/a/image_raw"}), Wishes("r1", named(rear__color="/rear", front__color="/front")))
+    made = plan(
+        graph({IMAGE: "/a/image_raw"}), DiscoverySettings("r1", named(rear__color="/rear", front__color="/front"))
+    )
     assert [key.camera for key in made.cameras] == ["rear", "a", "front"]
 
 
@@ -244,7 +246,9 @@ def test_a_camera_with_a_colour_image_needs_none_from_its_points() -> None:
 
 
 def test_the_settings_can_name_a_cloud_for_both() -> None:
-    made = plan([], Wishes("r1", named(front__color="/p", front__points="/p", rear__color="/p"), discover=False))
+    made = plan(
+        [], DiscoverySettings("r1", named(front__color="/p", front__points="/p", rear__color="/p"), discover=False)
+    )
     assert [key.name for key in made.streams if made.of_points(key)] == ["front/color"]
 
 
@@ -261,7 +265,7 @@ def test_the_settings_can_name_a_cloud_for_both() -> None:
 )
 def test_the_calibration_of_a_rectified_picture_is_another_one(color: str, depth: str, rectified: set[str]) -> None:
     infos = {"front__info": "/front/camera_info", "front__depth_info": "/front/depth/camera_info", "tf": "/tf"}
-    made = plan([], Wishes("r1", named(front__color=color, front__depth=depth, **infos), discover=False))
+    made = plan([], DiscoverySettings("r1", named(front__color=color, front__depth=depth, **infos), discover=False))
     assert {key.name for key in made.streams if made.kind_of(key) is not kind_of(key)} == rectified
 
 
@@ -297,7 +301,7 @@ def test_depth_and_calibrations_that_the_settings_name_count_for_colour_that_is_
     depth, depth_info = named(front__depth="/front/depth/image_raw"), named(front__depth_info="/range_info")
     rectified = frozenset(depth)
     taken = [
-        mapping(plan(topics, Wishes("r1", wished, rectified=marked)))["front/color"]
+        mapping(plan(topics, DiscoverySettings("r1", wished, rectified=marked)))["front/color"]
         for wished, marked in ((depth, frozenset()), (depth, rectified), ({**depth, **depth_info}, rectified))
     ]
     assert taken == ["/front/image_color", "/front/image_rect_color", "/front/image_color"]
@@ -312,5 +316,5 @@ def test_a_stereo_cameras_calibration_is_that_of_its_rectified_pictures() -> Non
 def test_wishes_say_that_a_picture_is_rectified_which_is_not_named_so() -> None:
     streams = named(front__color="/a", front__info="/a/camera_info", rear__color="/b", rear__info="/b/camera_info")
     rectified = frozenset(named(front__color="", rear__depth=""))
-    made = plan([], Wishes("r1", streams, discover=False, rectified=rectified))
+    made = plan([], DiscoverySettings("r1", streams, discover=False, rectified=rectified))
     assert {key.name for key in made.streams if made.kind_of(key) is not kind_of(key)} == {"front/info"}

@@ -4,12 +4,12 @@ import re
 
 import pytest
 
-from gateway.discovery import Wishes, plan, unclear, unclear_clouds
+from gateway.discovery import DiscoverySettings, plan, unclear, unclear_clouds
 from gateway.exploring import changes
 from gateway.to_bus.translators.pixel_encoding import UNKNOWN
 from tests.gateway.discovery.graphs import COMPRESSED, IMAGE, INFO, POINTS, graph, heard, mapping, named
 
-R1 = Wishes("r1")
+R1 = DiscoverySettings("r1")
 OAK = {
     IMAGE: "/oak/rgb/image_raw /oak/stereo/image_raw /oak/left/image_raw",
     INFO: "/oak/rgb/camera_info /oak/stereo/camera_info",
@@ -37,7 +37,7 @@ def test_depth_that_is_not_named_so_is_depth_of_the_camera_beside_it(
     encoding: str, named_by_hand: dict[str, str]
 ) -> None:
     camera = "bow" if named_by_hand else "oak"
-    wishes = Wishes("r1", named(**{f"bow__{stream}": topic for stream, topic in named_by_hand.items()}))
+    wishes = DiscoverySettings("r1", named(**{f"bow__{stream}": topic for stream, topic in named_by_hand.items()}))
     made = plan(heard(graph(OAK), stereo=encoding, left="mono8"), wishes)
     assert mapping(made) == {f"{camera}/{stream}": topic for stream, topic in OAK_STREAMS.items()}
     assert made.left_out == {"/oak/left/image_raw": f"{camera}/color is /oak/rgb/image_raw"}
@@ -58,7 +58,7 @@ def test_an_image_alone_is_what_its_pixels_say(encoding: str, streams: dict[str,
 
 def test_a_named_topic_and_what_is_beside_it_are_one_camera_whatever_it_is_called() -> None:
     topics = graph({IMAGE: "/cam0/picture /cam0/depth/image_raw /picture /image_raw", INFO: "/cam0/camera_info"})
-    made = plan(topics, Wishes("r1", named(bow__color="/cam0/picture", stern__color="/picture")))
+    made = plan(topics, DiscoverySettings("r1", named(bow__color="/cam0/picture", stern__color="/picture")))
     assert mapping(made) == {
         "bow/color": "/cam0/picture",
         "bow/depth": "/cam0/depth/image_raw",
@@ -70,7 +70,9 @@ def test_a_named_topic_and_what_is_beside_it_are_one_camera_whatever_it_is_calle
 
 def test_two_sides_that_the_settings_name_stay_two_cameras() -> None:
     sides = named(a__color="/s/left/image_raw", b__color="/s/right/image_raw")
-    made = plan(graph({IMAGE: "/s/left/image_raw /s/right/image_raw /s/depth/image_raw"}), Wishes("r1", sides))
+    made = plan(
+        graph({IMAGE: "/s/left/image_raw /s/right/image_raw /s/depth/image_raw"}), DiscoverySettings("r1", sides)
+    )
     assert mapping(made) == {
         "a/color": "/s/left/image_raw",
         "b/color": "/s/right/image_raw",
@@ -104,8 +106,8 @@ def test_only_images_whose_names_do_not_tell_are_looked_at() -> None:
     topics = graph({IMAGE: f"{told} {asked}", COMPRESSED: "/a/image_raw/compressed /b/image/compressed", POINTS: "/p"})
     assert {topic.name for topic in unclear(topics, R1)} == {*asked.split(), "/b/image/compressed"}
     assert unclear(heard(topics, image="rgb8"), R1) == []
-    assert unclear(topics, Wishes("r1", discover=False)) == []
-    by_hand = Wishes("r1", named(front__color="/a/image_raw"), allow=re.compile("/a/.*"))
+    assert unclear(topics, DiscoverySettings("r1", discover=False)) == []
+    by_hand = DiscoverySettings("r1", named(front__color="/a/image_raw"), allow=re.compile("/a/.*"))
     assert {topic.name for topic in unclear(topics, by_hand)} == {"/a/stereo/image_raw", "/a/infra1/image_raw"}
 
 
@@ -120,7 +122,7 @@ def test_clouds_that_turned_out_to_be_no_pictures_give_no_colour(told: str) -> N
     assert changes(made, before) == [f"front/color: no longer offered, {points} has points and no picture"]
     assert mapping(plan(named_so, R1, made)) == mapping(before)
     assert mapping(plan(heard(named_so, points="rgb8"), R1, made)) == mapping(before)
-    named_both = Wishes("r1", named(front__color=points, front__points=points))
+    named_both = DiscoverySettings("r1", named(front__color=points, front__points=points))
     assert mapping(plan(none, named_both)) == mapping(before)
 
 
@@ -131,5 +133,5 @@ def test_clouds_are_looked_at_where_they_would_be_the_only_colour_of_a_camera() 
     assert [topic.name for topic in unclear_clouds(topics, R1, without)] == [points]
     assert unclear_clouds(heard(topics, points=UNKNOWN), R1, without) == []
     assert unclear_clouds(topics, R1, plan(topics, R1)) == []
-    by_hand = Wishes("r1", named(front__points=points), discover=False)
+    by_hand = DiscoverySettings("r1", named(front__points=points), discover=False)
     assert unclear_clouds(topics, by_hand, plan(topics, by_hand)) == []

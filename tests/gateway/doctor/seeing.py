@@ -6,9 +6,9 @@ from typing import Any, Final
 import msgspec
 
 from gateway.doctor.evidence import (
-    Account,
     BusLook,
     Evidence,
+    GatewayReport,
     Graph,
     Heard,
     HostLook,
@@ -124,8 +124,8 @@ def counted(name: str = "front/color", topic: str = "/front/color/image_raw", **
     return msgspec.structs.replace(made, **changes)
 
 
-def account(before: GatewayStatus, after: GatewayStatus, **changes: Any) -> Account:
-    return replace(Account(before, after, 3, since_s=0.0, until_s=2.0), **changes)
+def account(before: GatewayStatus, after: GatewayStatus, **changes: Any) -> GatewayReport:
+    return replace(GatewayReport(before, after, 3, since_s=0.0, until_s=2.0), **changes)
 
 
 def evidence(*streams: StreamLook, beside: tuple[StreamLook, ...] = (), **changes: Any) -> Evidence:

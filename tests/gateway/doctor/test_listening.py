@@ -1,4 +1,4 @@
-from gateway.doctor.topic_probe import KEPT, KEPT_BYTES, MAX_MESSAGES, Ear
+from gateway.doctor.topic_probe import KEPT, KEPT_BYTES, MAX_MESSAGES, TopicProbe
 from gateway.ros1.messages import message_type
 from gateway.ros1.wire.tcpros import PublisherAccepted
 from gateway.to_bus.translators import kind_of
@@ -13,7 +13,7 @@ DATA = memoryview(camera_info().data)
 
 
 def test_what_was_heard() -> None:
-    ear = Ear("http://robot:1/")
+    ear = TopicProbe("http://robot:1/")
     ear.accepted(ACCEPTED)
     ear.hear(DATA, 1.0, STAMP_NS + 5)
     ear.hear(DATA, 1.5, STAMP_NS + 7)
@@ -25,14 +25,14 @@ def test_what_was_heard() -> None:
 
 
 def test_stamps_are_found_where_the_publisher_sends_no_definition() -> None:
-    ear = Ear("http://robot:1/")
+    ear = TopicProbe("http://robot:1/")
     ear.accepted(PublisherAccepted("/camera", INFO.topic_type, "", latching=False))
     ear.hear(DATA, 1.0, STAMP_NS + 5)
     assert ear.heard(KEY, kind_of(KEY), 9).stamps_ns == (STAMP_NS,)
 
 
 def test_one_message_has_no_rate_and_none_is_nothing() -> None:
-    ear = Ear("http://robot:1/")
+    ear = TopicProbe("http://robot:1/")
     ear.accepted(ACCEPTED)
     assert ear.heard(KEY, kind_of(KEY), 0).message is None
     ear.hear(DATA, 1.0, STAMP_NS)
@@ -40,7 +40,7 @@ def test_one_message_has_no_rate_and_none_is_nothing() -> None:
 
 
 def test_what_is_kept_is_bounded() -> None:
-    ear = Ear("http://robot:1/")
+    ear = TopicProbe("http://robot:1/")
     ear.accepted(ACCEPTED)
     for n in range(MAX_MESSAGES + 5):
         assert ear.full == (n >= MAX_MESSAGES)
@@ -49,7 +49,7 @@ def test_what_is_kept_is_bounded() -> None:
 
 
 def test_the_first_few_messages_are_kept() -> None:
-    ear = Ear("http://robot:1/")
+    ear = TopicProbe("http://robot:1/")
     ear.accepted(ACCEPTED)
     for n in range(KEPT + 1):
         ear.hear(DATA, n / 10, STAMP_NS)
@@ -57,7 +57,7 @@ def test_the_first_few_messages_are_kept() -> None:
 
 
 def test_of_large_messages_only_the_first_is_kept() -> None:
-    ear = Ear("http://robot:1/")
+    ear = TopicProbe("http://robot:1/")
     ear.accepted(ACCEPTED)
     for n in range(2):
         ear.hear(memoryview(bytes(KEPT_BYTES)), n / 10, STAMP_NS)
@@ -65,7 +65,7 @@ def test_of_large_messages_only_the_first_is_kept() -> None:
 
 
 def test_a_message_too_short_for_its_stamp_is_heard_all_the_same() -> None:
-    ear = Ear("http://robot:1/")
+    ear = TopicProbe("http://robot:1/")
     ear.accepted(ACCEPTED)
     ear.hear(memoryview(bytes(3)), 0.0, 0)
     heard = ear.heard(KEY, kind_of(KEY), 0)

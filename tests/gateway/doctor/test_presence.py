@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from gateway.doctor.evidence import Account, BusLook, Failure, Router, Trouble
+from gateway.doctor.evidence import BusLook, Failure, GatewayReport, Router, Trouble
 from gateway.doctor.finding import Finding, Severity, Stage
 from gateway.doctor.presence import check_fleet, check_presence
 from tests.gateway.doctor.seeing import account, counted, evidence, status
@@ -14,12 +14,12 @@ def router(failure: Failure | None = None, endpoint: str = CENTRAL) -> Router:
     return Router(endpoint, Trouble(failure, "central", 7447) if failure else None)
 
 
-def one(**changes: Any) -> Account:
+def one(**changes: Any) -> GatewayReport:
     return account(status(), status(sent_s=2.0), **changes)
 
 
 def said(
-    *accounts: Account, robots: frozenset[str] = frozenset({"r1"}), routers: tuple[Router, ...] = (router(),)
+    *accounts: GatewayReport, robots: frozenset[str] = frozenset({"r1"}), routers: tuple[Router, ...] = (router(),)
 ) -> list[Finding]:
     found = list(check_presence(evidence(bus=BusLook(routers, robots, accounts))))
     assert {each.stage for each in found} <= {Stage.GATEWAY}
@@ -132,7 +132,7 @@ def test_clocks_that_differ(skew_s: float, what: str) -> None:
     assert all(what in each.what for each in notes)
 
 
-def of(robot: str, **changes: Any) -> Account:
+def of(robot: str, **changes: Any) -> GatewayReport:
     offered = [counted("front/color", wanted=True), counted("front/depth")]
     return account(*(status(*offered, robot=robot, version="1.2", sent_s=s) for s in (0.0, 2.0)), **changes)
 

@@ -7,7 +7,7 @@ from bus import QoS
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
-from gateway.to_bus.shaping.frame_rates import Instants, Thinning
+from gateway.to_bus.shaping.frame_rates import Instants, StreamRate
 from gateway.to_bus.shaping.outlet import OutletCounts
 from gateway.to_bus.stream import MALFORMED, MISMATCH, StreamForward
 from gateway.to_bus.translators import StreamKind, kind_of
@@ -142,7 +142,7 @@ def test_a_message_longer_than_its_kind_allows_is_not_looked_at(caplog: pytest.L
 
 def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
     instants = Instants()
-    forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", Thinning(lambda: instants, "color", 0.5))
+    forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", StreamRate(lambda: instants, "color", 0.5))
     taken = [forward.take(message(stamp_s=1_700_000_000 + n), n * 1_000_000_000) for n in range(5)]
     assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
     assert [made is None for made in taken] == [False, True, False, True, False]
@@ -152,7 +152,7 @@ def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
 
 def test_what_nobody_can_use_is_counted_as_that_and_takes_no_number() -> None:
     instants = Instants()
-    thinning = Thinning(lambda: instants, "color", None)
+    thinning = StreamRate(lambda: instants, "color", None)
     forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", thinning, useful=lambda now_ns: now_ns % 2 == 0)
     taken = [forward.take(message(stamp_s=1_700_000_000 + n), n) for n in range(5)]
     assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
@@ -163,7 +163,7 @@ def test_what_nobody_can_use_is_counted_as_that_and_takes_no_number() -> None:
 def test_messages_without_a_stamp_are_thinned_by_their_arrival() -> None:
     key = sensor_key("r1", "ros/mode")
     instants = Instants()
-    forward = StreamForward(key, "/mode", kind_of(key), "boot", Thinning(lambda: instants, "ros/mode", 10))
+    forward = StreamForward(key, "/mode", kind_of(key), "boot", StreamRate(lambda: instants, "ros/mode", 10))
     taken = [forward.take(text("ready"), 1_700_000_000_000_000_000 + n * 50_000_000) for n in range(6)]
     assert [made is not None for made in taken] == [True, False] * 3
 

@@ -14,7 +14,7 @@ from schemas.detections import Detections
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
-from services.cloud.process import Worker
+from services.cloud.process import CloudWorker
 from services.cloud.settings import CloudSettings
 from services.cloud.waiting import MALFORMED_POINTS
 from services.geometry.memory_budget import CROWDED
@@ -35,7 +35,7 @@ async def working(**settings: object) -> AsyncIterator[Rig]:
         theirs = await stack.enter_async_context(network.open_bus())
         ours = await stack.enter_async_context(network.open_bus())
         group = await stack.enter_async_context(asyncio.TaskGroup())
-        running = group.create_task(Worker(ours, made, executor, join_s=0).run())
+        running = group.create_task(CloudWorker(ours, made, executor, join_s=0).run())
         yield Rig(theirs, await stack.enter_async_context(AsyncExitStack()))
         running.cancel()
 

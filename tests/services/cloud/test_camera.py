@@ -14,8 +14,8 @@ from schemas import codec
 from schemas.keys import Stream
 from schemas.objects import ObjectClouds
 from schemas.status import UNWANTED
-from services.cloud.camera import POINTS_WAITING, Camera
-from services.cloud.measuring import Limits
+from services.cloud.camera import POINTS_WAITING, CloudCamera
+from services.cloud.measuring import CloudLimits
 from services.cloud.waiting import FAILED, TOO_MANY_POINTS
 from services.geometry.memory_budget import MemoryBudget
 from tests.gateway.ros1.waiting import until
@@ -47,13 +47,13 @@ async def at_work(publisher: Publisher, executor: Executor) -> AsyncIterator[tup
     async with AsyncExitStack() as stack:
         theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
         front = await Rig(theirs, stack).camera(FRONT, Stream.POINTS, Stream.DETECTIONS)
-        camera = Camera(
+        camera = CloudCamera(
             ours,
             FRONT,
             account,
             worker="w1",
             executor=executor,
-            limits=Limits(),
+            limits=CloudLimits(),
             target_frame="",
             tolerance_ns=None,
             budget=MemoryBudget(),

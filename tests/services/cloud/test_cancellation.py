@@ -8,7 +8,7 @@ from bus import QUEUE
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.keys import Stream
-from services.cloud.process import Worker
+from services.cloud.process import CloudWorker
 from services.cloud.settings import CloudSettings
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until
@@ -28,7 +28,7 @@ async def test_a_worker_with_a_wanted_camera() -> None:
         async def life() -> None:
             before = objects.counts.received
             async with network.open_bus() as ours, asyncio.TaskGroup() as group:
-                worker = Worker(ours, settings, executor, join_s=0)
+                worker = CloudWorker(ours, settings, executor, join_s=0)
                 working = group.create_task(worker.run())
                 sent = False
                 while objects.counts.received == before:  # each turn of the loop is a suspension

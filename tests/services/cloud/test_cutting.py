@@ -7,23 +7,23 @@ from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.objects import ObjectClouds
 from services.cloud.cutting import Job, apart, cut, nothing
-from services.cloud.measuring import Limits
-from services.cloud.waiting import Waiting
+from services.cloud.measuring import CloudLimits
+from services.cloud.waiting import CloudJoiner
 from tests.services.cloud.clouds import Layout, cloud_of, xyz_cloud
 from tests.services.cloud.scenes import Cuboid, camera_view, detection, detections
 
 BOXES = (Cuboid((4.0, 0.6), (0.6, 0.9, 0.7)),)
 
 
-def waiting() -> Waiting:
-    return Waiting(Tally(CameraKey("r1", "front")), target="base_link")
+def waiting() -> CloudJoiner:
+    return CloudJoiner(Tally(CameraKey("r1", "front")), target="base_link")
 
 
 def test_objects_are_cut_out_with_what_is_known_of_their_instant() -> None:
     points, owners = camera_view(BOXES)
     found = detections(msgspec.structs.replace(detection(owners == 1), track=7))
     cloud = xyz_cloud(points, header=found.header)
-    made = cut(Job.of(found, cloud, waiting(), "base_link"), Limits(), "w")
+    made = cut(Job.of(found, cloud, waiting(), "base_link"), CloudLimits(), "w")
     assert made.unknown == ""
     assert [(each.index, each.track) for each in made.clouds.objects] == [(0, 7)]
     assert made.clouds.unknown_target == "nothing is known of frame 'base_link'"
@@ -34,14 +34,14 @@ def test_one_point_of_garbage_costs_no_object() -> None:
     points = points.copy()
     points[*np.argwhere(owners == 1)[500]] = (0.1, 0.1, 1e-42)
     found = detections(detection(owners == 1))
-    made = cut(Job.of(found, xyz_cloud(points, header=found.header), waiting(), ""), Limits(), "w")
+    made = cut(Job.of(found, xyz_cloud(points, header=found.header), waiting(), ""), CloudLimits(), "w")
     assert [each.index for each in made.clouds.objects] == [0]
 
 
 def test_a_cloud_that_cannot_be_read_is_the_reason_for_every_object() -> None:
     found = detections(detection(None), detection(None))
     flat = cloud_of({"x": np.zeros((1, 3)), "y": np.zeros((1, 3))}, Layout([("x", "f4"), ("y", "f4")]))
-    made = cut(Job.of(found, flat, waiting(), ""), Limits(), "w")
+    made = cut(Job.of(found, flat, waiting(), ""), CloudLimits(), "w")
     assert made.unknown == "a cloud without z"
     assert made.clouds.unmeasured == {0: "a cloud without z", 1: "a cloud without z"}
     assert (made.clouds.header, made.clouds.worker) == (found.header, "w")
@@ -57,7 +57,7 @@ def test_nothing_is_said_of_each_object(count: int) -> None:
 def test_an_object_that_cannot_be_measured_costs_no_other() -> None:
     points, owners = camera_view(BOXES)
     found = detections(detection(owners == 1), detection(None), detection(owners == 1), detection(owners == 1))
-    whole = cut(Job.of(found, xyz_cloud(points, header=found.header), waiting(), ""), Limits(), "w").clouds
+    whole = cut(Job.of(found, xyz_cloud(points, header=found.header), waiting(), ""), CloudLimits(), "w").clouds
 
     def measured(of: Detections) -> ObjectClouds:
         masked = {index for index, each in enumerate(of.objects) if each.mask is not None}

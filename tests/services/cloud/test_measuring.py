@@ -11,7 +11,7 @@ from schemas import codec
 from schemas.detections import Detections, Mask
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
-from services.cloud.measuring import NO_MASK, Limits, measure
+from services.cloud.measuring import NO_MASK, CloudLimits, measure
 from services.cloud.objects import Target
 from services.cloud.outlines import RegisteredView
 from services.cloud.points import Points
@@ -27,7 +27,9 @@ COLOUR = (10, 200, 30)
 
 def measured(cloud: PointCloud, found: Detections, *, target: Target = BASE, **limits: Any) -> ObjectClouds:
     points = Points.of(cloud)
-    made = measure(found, RegisteredView(points), of=cloud.header, target=target, limits=Limits(**limits), worker="w")
+    made = measure(
+        found, RegisteredView(points), of=cloud.header, target=target, limits=CloudLimits(**limits), worker="w"
+    )
     return codec.decode(ObjectClouds, codec.encode(made), codec.encoding(ObjectClouds))
 
 
@@ -143,7 +145,7 @@ def black_box(factor: int) -> tuple[PointCloud, Detections]:
 def test_an_object_that_gives_no_points_has_none_of_what_is_around_it(factor: int) -> None:
     cloud, found = black_box(factor)
     view = RegisteredView(Points.of(cloud), factor)
-    made = measure(found, view, of=cloud.header, target=BASE, limits=Limits(), worker="w")
+    made = measure(found, view, of=cloud.header, target=BASE, limits=CloudLimits(), worker="w")
     assert [each.index for each in made.objects] == [1]
     assert made.unmeasured[0].endswith(" points within its mask, all of what is around it: it gives none itself")
 
@@ -151,7 +153,7 @@ def test_an_object_that_gives_no_points_has_none_of_what_is_around_it(factor: in
 def test_an_object_that_gives_no_points_has_none_of_an_unordered_cloud() -> None:
     cloud, found = black_box(1)
     view = ProjectedView(Points.of(cloud), CAMERA, np.identity(4))
-    made = measure(found, view, of=cloud.header, target=BASE, limits=Limits(), worker="w")
+    made = measure(found, view, of=cloud.header, target=BASE, limits=CloudLimits(), worker="w")
     assert [each.index for each in made.objects] == [1]
     assert made.unmeasured[0].endswith(" points within its mask, all of what is around it: it gives none itself")
 
@@ -193,7 +195,7 @@ def test_a_lidars_points_become_the_same_boxes() -> None:
     seen = Points.of(cloud)
     view = ProjectedView(seen, CAMERA, np.linalg.inv(OPTICAL_IN_BASE) @ in_base)
     made = measure(
-        of_boxes(shown), view, of=cloud.header, target=Target("base_link", in_base), limits=Limits(), worker="w"
+        of_boxes(shown), view, of=cloud.header, target=Target("base_link", in_base), limits=CloudLimits(), worker="w"
     )
     assert made.unmeasured == {}
     for number, (box, found) in enumerate(zip(BOXES, made.objects, strict=True), start=1):
@@ -222,7 +224,7 @@ def test_one_bad_object_fails_alone() -> None:
     alone = measured(cloud, good)
     seen = Points.of(broken)
     found = msgspec.structs.replace(good, objects=[bad[0], good.objects[0], *bad[1:], good.objects[1]])
-    made = measure(found, RegisteredView(seen), of=cloud.header, target=BASE, limits=Limits(), worker="w")
+    made = measure(found, RegisteredView(seen), of=cloud.header, target=BASE, limits=CloudLimits(), worker="w")
     assert [each.index for each in made.objects] == [1, 4]
     assert sorted(made.unmeasured) == [0, 2, 3]
     for one, same in zip(made.objects, alone.objects, strict=True):

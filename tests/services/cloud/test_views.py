@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from schemas.camera_info import CameraInfo
 from schemas.header import Header
 from schemas.transforms import Transform
-from services.cloud.outlines import RegisteredView, View
+from services.cloud.outlines import CloudView, RegisteredView
 from services.cloud.points import CloudError, Points
 from services.cloud.views import NO_INFO, Instant, ProjectedView, moves_of, target_of, view_of
 from services.geometry.errors import CalibrationError
@@ -117,7 +117,7 @@ def test_points_of_another_instant_are_seen_through_what_stands_still() -> None:
 
 
 @pytest.mark.parametrize(("moved_m", "kind"), [(0.9 * LITTLE, RegisteredView), (1.1 * LITTLE, ProjectedView)])
-def test_a_registered_cloud_stays_one_while_the_robot_hardly_moves(moved_m: float, kind: type[View]) -> None:
+def test_a_registered_cloud_stays_one_while_the_robot_hardly_moves(moved_m: float, kind: type[CloudView]) -> None:
     creeping = tree(("odom", "lens", 1000, 0.0), ("odom", "lens", 2000, moved_m))
     assert isinstance(view_of(instant(picture(), moves=moves_of(at(2000, "lens"), at(1000, "lens"), creeping))), kind)
 

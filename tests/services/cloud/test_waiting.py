@@ -7,7 +7,7 @@ from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.points import PointCloud
 from schemas.transforms import Transform, Transforms
-from services.cloud.waiting import DOUBLE, MAX_WAITING, NO_STAMP, PATIENCE_S, REPLACED, UNSTAMPED, Waiting
+from services.cloud.waiting import DOUBLE, MAX_WAITING, NO_STAMP, POINTS_WAIT_S, REPLACED, UNSTAMPED, CloudJoiner
 from services.geometry.errors import TooOldError
 from services.geometry.transforms import OF_ITSELF
 from services.worker.stamp_joiner import DOUBLE as DOUBLE_STAMP
@@ -24,7 +24,7 @@ class Rig:
     def __init__(self, target: str = "", tolerance_ms: int | None = None) -> None:
         self.account = Tally(CameraKey("r1", "front"))
         tolerance_ns = None if tolerance_ms is None else tolerance_ms * MS
-        self.waiting = Waiting(self.account, target=target, tolerance_ns=tolerance_ns)
+        self.waiting = CloudJoiner(self.account, target=target, tolerance_ns=tolerance_ns)
 
     def found(self, seq: int, at_ms: int, now_s: float = 0.0) -> None:
         self.waiting.detections(found(seq, at_ms), now_s)
@@ -90,11 +90,11 @@ def test_they_wait_for_points_that_may_still_come_but_not_for_ever() -> None:
     rig.points(1000, 1100)
     rig.found(1, 1200, now_s=5.0)
     assert rig.took(5.0) is None
-    assert rig.waiting.until_s == 5.0 + PATIENCE_S
+    assert rig.waiting.until_s == 5.0 + POINTS_WAIT_S
     rig.points(1200)
     assert rig.took(5.1) == (1, 1200)
     rig.found(2, 1300, now_s=6.0)
-    assert rig.took(6.0 + PATIENCE_S) == (2, None)
+    assert rig.took(6.0 + POINTS_WAIT_S) == (2, None)
     assert rig.waiting.until_s is None
 
 
@@ -108,8 +108,8 @@ def test_points_of_the_turn_before_are_taken_only_where_nearer_ones_do_not_come(
     rig.points(1200)
     assert rig.took() == (2, 1200)
     rig.found(3, 1300)
-    assert rig.took(PATIENCE_S - 0.01) is None
-    assert rig.took(PATIENCE_S) == (3, 1200)
+    assert rig.took(POINTS_WAIT_S - 0.01) is None
+    assert rig.took(POINTS_WAIT_S) == (3, 1200)
 
 
 def test_pictures_faster_than_points_each_get_some_within_the_patience() -> None:
@@ -119,8 +119,8 @@ def test_pictures_faster_than_points_each_get_some_within_the_patience() -> None
         rig.found(seq, at, now_s=at / 1000)
     assert rig.took(1.1) == (0, 1000)
     assert rig.took(1.1) is None
-    assert rig.took(1.066 + PATIENCE_S) == (1, 1000)
-    assert rig.took(1.1 + PATIENCE_S) == (2, 1000)
+    assert rig.took(1.066 + POINTS_WAIT_S) == (1, 1000)
+    assert rig.took(1.1 + POINTS_WAIT_S) == (2, 1000)
 
 
 def test_how_long_they_waited_is_said() -> None:
@@ -210,8 +210,8 @@ def test_a_transform_that_does_not_come_is_not_waited_for_for_ever() -> None:
     rig.waiting.transforms(moved("base_link", "lidar", 900), static=False)
     rig.points(1000)
     rig.found(1, 1000)
-    assert rig.took(PATIENCE_S - 0.01) is None
-    assert rig.took(PATIENCE_S) == (1, 1000)
+    assert rig.took(POINTS_WAIT_S - 0.01) is None
+    assert rig.took(POINTS_WAIT_S) == (1, 1000)
 
 
 @pytest.mark.parametrize("fixed", ["map", "odom"])

@@ -23,7 +23,7 @@ from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.status import CameraLoad, WorkerStatus
 from schemas.transforms import Transform, Transforms
-from services.cloud.process import SERVICE, Worker
+from services.cloud.process import SERVICE, CloudWorker
 from services.cloud.settings import CloudSettings
 from services.cloud.waiting import MALFORMED, MALFORMED_POINTS, UNJOINED, UNPLACED
 from tests.contract.waiting import receive, until
@@ -109,7 +109,7 @@ async def rig() -> AsyncIterator[Rig]:
         theirs = await stack.enter_async_context(network.open_bus())
         ours = await stack.enter_async_context(network.open_bus())
         group = await stack.enter_async_context(asyncio.TaskGroup())
-        worker = Worker(ours, settings, executor, join_s=0)
+        worker = CloudWorker(ours, settings, executor, join_s=0)
         working = group.create_task(worker.run())
         yield Rig(theirs, await stack.enter_async_context(AsyncExitStack()))
         working.cancel()

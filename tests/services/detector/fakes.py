@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from schemas.detections import Box, Detection
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED, MALFORMED
-from services.detector.model import Failed, Found, ModelError, Outcome, Request, TuningError
+from services.detector.model import DetectedObjects, Failed, ModelError, Outcome, Request, TuningError
 from services.detector.pixels import PictureError, to_bgr
 from services.detector.runtime.masks import encode_all
 from services.geometry.masks import Window
@@ -75,4 +75,4 @@ class FakeModel:
         (mask,) = encode_all([Window(0, 0, np.ones((height, width), np.bool_))], height, width)
         wanted = request.masks and self.segments
         found = Detection(name=BOX, score=0.75, box=Box(0, 0, width, height), mask=mask if wanted else None)
-        return Found([found], {"model": 1_000})
+        return DetectedObjects([found], {"model": 1_000})

@@ -14,8 +14,8 @@ from bus.fake import FakeNetwork
 from schemas.detections import Detections, Mask
 from schemas.image import ImageFrame
 from schemas.keys import Stream
-from services.detector.camera import Camera, serving
-from services.detector.frame_counts import Account
+from services.detector.camera import CameraOutputs, serving
+from services.detector.frame_counts import FrameCounts
 from tests.contract.waiting import receive, until
 from tests.services.detector.requests import FRONT, frame_of
 from tests.services.detector.test_overlay import HEIGHT, INSIDE, WIDTH, found, grey
@@ -25,12 +25,12 @@ NEEDS_MASKS = {Stream.CLASSES: False, DETECTION: False, Stream.DETECTIONS: True,
 
 
 @asynccontextmanager
-async def camera(*, segments: bool = True) -> AsyncIterator[tuple[Bus, Camera]]:
+async def camera(*, segments: bool = True) -> AsyncIterator[tuple[Bus, CameraOutputs]]:
     network = FakeNetwork()
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
-        serving(ours, FRONT, Account(FRONT), segments=segments) as made,
+        serving(ours, FRONT, FrameCounts(FRONT), segments=segments) as made,
     ):
         yield theirs, made
 

@@ -8,7 +8,7 @@ from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
-from services.detector.process import Worker
+from services.detector.process import DetectorWorker
 from tests.gateway.ros1.cancelling import cancel_everywhere
 from tests.gateway.ros1.waiting import until
 from tests.services.detector.fakes import FakeModel
@@ -30,7 +30,7 @@ async def test_a_worker_with_a_wanted_camera() -> None:
         async def life() -> None:
             before = classes.counts.received
             async with network.open_bus() as ours, asyncio.TaskGroup() as group:
-                working = group.create_task(Worker(ours, FakeModel(), [ME], max_age_s=60, join_s=0).run())
+                working = group.create_task(DetectorWorker(ours, FakeModel(), [ME], max_age_s=60, join_s=0).run())
                 while classes.counts.received == before:  # each turn of the loop is a suspension
                     if camera.wanted:
                         camera.put(codec.encode(frame(0)))

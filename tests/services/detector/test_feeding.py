@@ -4,21 +4,21 @@ import asyncio
 
 from bus import QUEUE, QoS
 from bus.fake import FakeNetwork
-from bus.sharing.rate_request import Asked
+from bus.sharing.rate_request import RateRequest
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import Stream
 from schemas.status import UNWANTED
 from services.detector.camera import feed, serving
-from services.detector.frame_counts import REPLACED, Account
-from services.detector.frame_queue import Board
+from services.detector.frame_counts import REPLACED, FrameCounts
+from services.detector.frame_queue import FrameQueue
 from services.detector.worker_role import DETECTOR
 from tests.contract.waiting import until
 from tests.services.detector.test_worker import FRONT, frame
 
 
 async def test_frames_that_wait_unread_or_on_the_board_when_it_ends_are_counted() -> None:
-    network, account, board = FakeNetwork(), Account(FRONT), Board()
+    network, account, board = FakeNetwork(), FrameCounts(FRONT), FrameQueue()
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
@@ -27,7 +27,7 @@ async def test_frames_that_wait_unread_or_on_the_board_when_it_ends_are_counted(
         serving(ours, FRONT, account) as camera,
         asyncio.TaskGroup() as group,
     ):
-        feeding = group.create_task(feed(ours, camera, board, Asked(), worker="w1", role=DETECTOR))
+        feeding = group.create_task(feed(ours, camera, board, RateRequest(), worker="w1", role=DETECTOR))
         await until(lambda: colors.wanted)
         for seq in range(2):
             colors.put(codec.encode(frame(seq)))

@@ -3,7 +3,7 @@ import msgspec
 from schemas.header import LONGEST_GAP, Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
-from services.detector.frame_counts import DOUBLE, FAILED, MALFORMED, REPLACED, SPARED, STALE, Account
+from services.detector.frame_counts import DOUBLE, FAILED, MALFORMED, REPLACED, SPARED, STALE, FrameCounts
 from tests.schemas.frames import header
 
 
@@ -11,8 +11,8 @@ def about(seq: int, boot_id: str = "boot") -> Header:
     return msgspec.structs.replace(header(seq=seq), boot_id=boot_id)
 
 
-def account(*arrivals: tuple[Header, int]) -> Account:
-    made = Account(CameraKey("r1", "front"))
+def account(*arrivals: tuple[Header, int]) -> FrameCounts:
+    made = FrameCounts(CameraKey("r1", "front"))
     for arrival in arrivals:
         made.arrived(*arrival)
     return made
@@ -72,7 +72,7 @@ def test_a_malformed_frame_is_counted_once_and_is_no_gap() -> None:
 
 
 def test_what_was_replaced_unread_may_have_another_reason() -> None:
-    made = Account(CameraKey("r1", "front"), unread=SPARED)
+    made = FrameCounts(CameraKey("r1", "front"), unread=SPARED)
     made.arrived(about(3), 0)
     made.arrived(about(6), 2)
     made.malformed(replaced=1)

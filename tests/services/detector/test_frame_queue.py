@@ -3,18 +3,18 @@ import asyncio
 import pytest
 
 from schemas.keys import CameraKey
-from services.detector.frame_queue import Board, Waiting
+from services.detector.frame_queue import FrameQueue, QueuedFrame
 from tests.schemas.frames import image
 
 FRONT, REAR, SIDE = (CameraKey("r1", name) for name in ("front", "rear", "side"))
 
 
-def waiting(seq: int, late_ns: int = 0) -> Waiting:
-    return Waiting(image(seq=seq), arrived_ns=seq, late_ns=late_ns)
+def waiting(seq: int, late_ns: int = 0) -> QueuedFrame:
+    return QueuedFrame(image(seq=seq), arrived_ns=seq, late_ns=late_ns)
 
 
 def test_the_newest_frame_of_a_camera_replaces_its_older_one() -> None:
-    board = Board()
+    board = FrameQueue()
     assert [board.post(FRONT, waiting(0)), board.post(FRONT, waiting(1)), board.post(REAR, waiting(2))] == [0, 1, 0]
     assert board.take(1) == [(FRONT, waiting(1))]
     assert board.take(1) == [(REAR, waiting(2))]
@@ -22,7 +22,7 @@ def test_the_newest_frame_of_a_camera_replaces_its_older_one() -> None:
 
 
 def test_a_fast_camera_does_not_starve_a_slow_one() -> None:
-    board = Board()
+    board = FrameQueue()
     board.post(REAR, waiting(0))
     served = []
     for seq in range(1, 7):
@@ -34,7 +34,7 @@ def test_a_fast_camera_does_not_starve_a_slow_one() -> None:
 
 
 def test_of_60_hz_and_5_hz_at_20_a_second_the_slow_one_loses_nothing() -> None:
-    board = Board()
+    board = FrameQueue()
     served = []
     for tick in range(600):
         board.post(FRONT, waiting(tick))
@@ -46,7 +46,7 @@ def test_of_60_hz_and_5_hz_at_20_a_second_the_slow_one_loses_nothing() -> None:
 
 
 def test_a_batch_is_of_different_cameras_those_served_longest_ago_first() -> None:
-    board = Board()
+    board = FrameQueue()
     for key in (FRONT, REAR, SIDE):
         board.post(key, waiting(0))
     assert [key for key, _ in board.take(2)] == [FRONT, REAR]
@@ -57,7 +57,7 @@ def test_a_batch_is_of_different_cameras_those_served_longest_ago_first() -> Non
 
 
 def test_what_is_too_old_is_taken_down_and_its_camera_keeps_its_turn() -> None:
-    board = Board()
+    board = FrameQueue()
     for key in (FRONT, REAR):
         board.post(key, waiting(0))
     board.take(1)
@@ -69,7 +69,7 @@ def test_what_is_too_old_is_taken_down_and_its_camera_keeps_its_turn() -> None:
 
 @pytest.mark.parametrize(("late_ns", "expired"), [(0, []), (4, []), (5, [FRONT])])
 def test_how_late_a_frame_came_counts_to_its_age(late_ns: int, expired: list[CameraKey]) -> None:
-    board = Board()
+    board = FrameQueue()
     board.post(FRONT, waiting(0, late_ns))
     assert board.expire(6, 10) == expired
 
@@ -79,7 +79,7 @@ def test_a_clock_that_is_set_back_makes_no_frame_younger() -> None:
 
 
 async def test_waiting_for_a_frame_survives_cancellation() -> None:
-    board = Board()
+    board = FrameQueue()
     cancelled = asyncio.create_task(board.filled(1, 0))
     await asyncio.sleep(0)
     cancelled.cancel()
@@ -93,7 +93,7 @@ async def test_waiting_for_a_frame_survives_cancellation() -> None:
 
 
 async def test_a_fuller_board_is_waited_for_until_it_is_full() -> None:
-    board = Board()
+    board = FrameQueue()
     board.post(FRONT, waiting(0))
     filled = asyncio.create_task(board.filled(2, 60))
     await asyncio.sleep(0)
@@ -105,14 +105,14 @@ async def test_a_fuller_board_is_waited_for_until_it_is_full() -> None:
 
 
 async def test_a_fuller_board_is_not_waited_for_longer_than_it_is_worth() -> None:
-    board = Board()
+    board = FrameQueue()
     board.post(FRONT, waiting(0))
     async with asyncio.timeout(60):
         await board.filled(2, 0.01)
 
 
 def test_a_discarded_camera_has_nothing_waiting() -> None:
-    board = Board()
+    board = FrameQueue()
     board.post(FRONT, waiting(0))
     assert [board.discard(FRONT), board.discard(FRONT)] == [1, 0]
     board.post(REAR, waiting(1))

@@ -16,10 +16,10 @@ from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.detector import watchdog
-from services.detector.camera import Camera, serving
-from services.detector.frame_counts import FAILED, LATE, MALFORMED, STALE, Account
-from services.detector.frame_queue import Board, Waiting
-from services.detector.inference import EXCUSED_S, Inference
+from services.detector.camera import CameraOutputs, serving
+from services.detector.frame_counts import FAILED, LATE, MALFORMED, STALE, FrameCounts
+from services.detector.frame_queue import FrameQueue, QueuedFrame
+from services.detector.inference import NETWORK_GRACE_S, Inference
 from services.detector.model import Failed, ModelError
 from services.detector.tracking.tracks import Tracking
 from services.toolbox.logs import RateLimit, RateLimitFilter
@@ -46,9 +46,9 @@ class Rig:
         keeps_up: bool = True,
     ) -> None:
         self.model = model
-        self.board = Board()
-        self.cameras: dict[CameraKey, Camera] = {}
-        self.accounts = {key: Account(key) for key in CAMERAS}
+        self.board = FrameQueue()
+        self.cameras: dict[CameraKey, CameraOutputs] = {}
+        self.accounts = {key: FrameCounts(key) for key in CAMERAS}
         self.told: list[CameraKey] = []
         self.inference = Inference(
             model,
@@ -75,7 +75,7 @@ class Rig:
                 task.cancel()
 
     def post(self, camera: CameraKey, seq: int, arrived_ns: int | None = None) -> None:
-        self.board.post(camera, Waiting(frame(camera, seq), arrived_ns or time.time_ns()))
+        self.board.post(camera, QueuedFrame(frame(camera, seq), arrived_ns or time.time_ns()))
 
     async def called(self, count: int) -> None:
         await until(lambda: len(self.model.calls) == count)
@@ -309,10 +309,10 @@ async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.
         (0.07, False, None, True),
         (0.1, False, None, False),
         (0.1, True, None, True),
-        (0.99 * EXCUSED_S, True, None, True),
-        (EXCUSED_S + 0.1, True, None, False),
+        (0.99 * NETWORK_GRACE_S, True, None, True),
+        (NETWORK_GRACE_S + 0.1, True, None, False),
         (0.02, True, 0.01, False),
-        (EXCUSED_S + 0.1, True, 3600, True),
+        (NETWORK_GRACE_S + 0.1, True, 3600, True),
     ],
 )
 async def test_frames_of_a_poor_link_are_used_while_there_is_time_for_them(
@@ -321,7 +321,7 @@ async def test_frames_of_a_poor_link_are_used_while_there_is_time_for_them(
     rig = Rig(ToldModel(), max_age_s, keeps_up=keeps_up)
     async with rig.running(bus):
         now_ns = time.time_ns() + 3_600_000_000_000  # it waits for nothing, however slow this machine is
-        rig.board.post(CAMERAS[0], Waiting(frame(CAMERAS[0], 1), now_ns, round(late_s * 1e9)))
+        rig.board.post(CAMERAS[0], QueuedFrame(frame(CAMERAS[0], 1), now_ns, round(late_s * 1e9)))
         await until(lambda: bool(rig.model.calls or rig.accounts[CAMERAS[0]].dropped))
         assert (len(rig.model.calls), rig.accounts[CAMERAS[0]].dropped) == ((1, {}) if used else (0, {LATE: 1}))
         assert rig.inference.totals().lost == 0

@@ -13,8 +13,8 @@ from bus.sharing.pace import Pace, Totals
 from gateway.to_bus.shaping.consumers import Allowance
 from schemas.budget import RateBudget
 from schemas.keys import CameraKey
-from services.detector.frame_queue import Board, Waiting
-from services.worker.rate_limiter import Thinning
+from services.detector.frame_queue import FrameQueue, QueuedFrame
+from services.worker.rate_limiter import RateLimiter
 from tests.schemas.frames import image
 
 CALL_S = 0.05
@@ -30,7 +30,7 @@ class Consumer:
     def __init__(self, spares: bool) -> None:  # noqa: FBT001 - one of two
         self._spares = spares
         self._allowance = Allowance()
-        self._sparing = Thinning()
+        self._sparing = RateLimiter()
         self._asked = (MOST_HZ, 0)
 
     def ask(self, hz: float | None, wait_s: float, now_ns: int) -> None:
@@ -59,7 +59,7 @@ class Simulation:
     lost: int = 0
     busy_s: float = 0.0
     oldest_ns: int = 0
-    board: Board = field(default_factory=Board)
+    board: FrameQueue = field(default_factory=FrameQueue)
     pace: Pace = field(default_factory=Pace)
 
     def run(self, seconds: float, measured_s: float) -> None:
@@ -78,7 +78,7 @@ class Simulation:
                 heapq.heappush(events, (now_s + 1 / CAMERA_HZ, 1, key))
                 if asked[key].passes(now_ns):
                     self.sent += 1
-                    self.lost += self.board.post(key, Waiting(image(), now_ns))
+                    self.lost += self.board.post(key, QueuedFrame(image(), now_ns))
             elif kind == 2:
                 heapq.heappush(events, (now_s + 0.25, 2, None))
                 if self.pace.look(Totals(self.done, self.lost, self.busy_s), self.count, now_s):

@@ -17,7 +17,7 @@ from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
-from services.detector.process import Worker
+from services.detector.process import DetectorWorker
 from tests.contract.waiting import next_of, until
 from tests.schemas.frames import header, image
 from tests.services.detector.told_model import ToldModel
@@ -44,7 +44,7 @@ class Rig:
     @asynccontextmanager
     async def worker(self, token: WorkerAlive, model: ToldModel) -> AsyncIterator[None]:
         async with self._network.open_bus() as bus, asyncio.TaskGroup() as group:
-            working = group.create_task(Worker(bus, model, [token], max_age_s=60, join_s=0.05).run())
+            working = group.create_task(DetectorWorker(bus, model, [token], max_age_s=60, join_s=0.05).run())
             yield
             working.cancel()
 

@@ -18,7 +18,7 @@ from schemas.keys import CameraKey, Stream, StreamKey, Wanted
 from schemas.status import UNWANTED, CameraLoad, WorkerStatus
 from schemas.worker_keys import WorkerAlive
 from services.detector.frame_counts import DEPTH, FAILED, MALFORMED, REPLACED
-from services.detector.process import Worker
+from services.detector.process import DetectorWorker
 from tests.contract.waiting import PATIENCE_S, receive, until
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
@@ -66,7 +66,7 @@ async def loads_after(statuses: Subscription, *, inferred: int) -> dict[str, Cam
 async def rig() -> AsyncIterator[Rig]:
     network, model = FakeNetwork(), FakeModel()
     async with network.open_bus() as theirs, network.open_bus() as ours, asyncio.TaskGroup() as group:
-        working = group.create_task(Worker(ours, model, [ME], max_age_s=60, join_s=0).run())
+        working = group.create_task(DetectorWorker(ours, model, [ME], max_age_s=60, join_s=0).run())
         yield Rig(theirs, model)
         model.may_answer.set()
         working.cancel()

@@ -16,7 +16,7 @@ from schemas.status import WorkerStatus
 from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
 from services.detector.frame_counts import SPARED
-from services.detector.process import Worker
+from services.detector.process import DetectorWorker
 from services.detector.requests import answering
 from services.detector.worker_role import DETECTOR, OPINION
 from tests.contract.waiting import next_of, receive, until
@@ -37,7 +37,7 @@ async def rig() -> AsyncIterator[Rig]:
         asyncio.TaskGroup() as group,
     ):
         tokens = [WorkerAlive(OPINION.service, "w1")]
-        working = group.create_task(Worker(ours, model, tokens, role=OPINION, max_age_s=60, join_s=0).run())
+        working = group.create_task(DetectorWorker(ours, model, tokens, role=OPINION, max_age_s=60, join_s=0).run())
         yield Rig(theirs, model)
         working.cancel()
 
@@ -114,7 +114,7 @@ async def test_one_that_has_more_time_asks_for_no_more() -> None:
         theirs.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
         asyncio.TaskGroup() as group,
     ):
-        worker = Worker(ours, model, [WorkerAlive(OPINION.service, "w1")], role=OPINION, join_s=0)
+        worker = DetectorWorker(ours, model, [WorkerAlive(OPINION.service, "w1")], role=OPINION, join_s=0)
         working = group.create_task(worker.run())
         await until(lambda: camera.wanted)
         said = [(await receive(budgets, RateBudget)).hz]
@@ -168,7 +168,7 @@ async def test_it_spares_what_it_did_not_ask_for_though_others_did() -> None:
         theirs.subscribe(worker_keys.EVERY_WORKER_STATUS, QUEUE(99)) as statuses,
         asyncio.TaskGroup() as group,
     ):
-        worker = Worker(ours, model, [WorkerAlive(OPINION.service, "w1")], role=OPINION, max_age_s=60, join_s=0)
+        worker = DetectorWorker(ours, model, [WorkerAlive(OPINION.service, "w1")], role=OPINION, max_age_s=60, join_s=0)
         working = group.create_task(worker.run())
         await until(lambda: camera.wanted)
         worker._pace.limit_hz = 0.001

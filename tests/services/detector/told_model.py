@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED
-from services.detector.model import Failed, Found, ModelError, Outcome, Request
+from services.detector.model import DetectedObjects, Failed, ModelError, Outcome, Request
 
 FATAL = 13
 
@@ -48,4 +48,4 @@ class ToldModel:
     def _look_at(self, request: Request) -> Outcome:
         if request.frame.header.seq == FATAL:
             return Failed(FAILED, RuntimeError("fatal"))
-        return Found([], {"model": 7})
+        return DetectedObjects([], {"model": 7})

@@ -17,7 +17,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
 from schemas.transforms import Transforms
-from services.distance.process import Worker
+from services.distance.process import DistanceWorker
 from services.distance.settings import DistanceSettings
 from tests.contract.waiting import receive
 from tests.gateway.ros1.waiting import until
@@ -70,7 +70,7 @@ async def working(bus: Bus, executor: Executor, **settings: object) -> AsyncIter
     """Run a worker called w1."""
     made = DistanceSettings.model_validate({"worker": "w1", **settings})
     async with asyncio.TaskGroup() as group:
-        task = group.create_task(Worker(bus, made, executor, join_s=0).run())
+        task = group.create_task(DistanceWorker(bus, made, executor, join_s=0).run())
         yield
         task.cancel()
 

@@ -1,11 +1,11 @@
 from collections import Counter
 
 from schemas.keys import CameraKey
-from services.distance.sensor_input import Account
+from services.distance.sensor_input import DetectionCounts
 
 
 def test_what_became_of_detections_and_of_what_was_kept_for_them() -> None:
-    account = Account(CameraKey("r1", "front"))
+    account = DetectionCounts(CameraKey("r1", "front"))
     account.done += 3
     account.malformed("detections")
     unused = Counter({"nothing of its instant was asked for": 2})

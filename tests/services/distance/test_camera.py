@@ -13,11 +13,11 @@ from schemas.detections import Detection
 from schemas.distances import Distances
 from schemas.keys import Stream
 from schemas.status import UNWANTED
-from services.distance.camera import Camera, work
+from services.distance.camera import DistanceCamera, work
 from services.distance.depth_readings import Criteria
-from services.distance.sensor_history import DEPTH_IMAGE, Sensed
-from services.distance.sensor_input import FAILED, Account
-from services.distance.views import Instant, Limits, Views
+from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
+from services.distance.sensor_input import FAILED, DetectionCounts
+from services.distance.views import DepthLimits, Instant, Views
 from services.worker.stamp_joiner import Joiner
 from tests.services.distance.rig import FRONT, only, robot
 from tests.services.distance.scenes import depth, detections, found, mask, wall
@@ -71,10 +71,12 @@ async def answers(
     views: type[Views] = Views,
     *,
     done: asyncio.Event | None = None,
-) -> Account:
+) -> DetectionCounts:
     """Return the account of a camera that is measured that often, until it is done."""
-    network, account, done = FakeNetwork(), Account(FRONT), done or asyncio.Event()
-    camera = Camera(account, Sensed((), Joiner(DEPTH_IMAGE)), views(Limits()), Criteria(), "w1", executor)
+    network, account, done = FakeNetwork(), DetectionCounts(FRONT), done or asyncio.Event()
+    camera = DistanceCamera(
+        account, SensorHistory((), Joiner(DEPTH_IMAGE)), views(DepthLimits()), Criteria(), "w1", executor
+    )
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
@@ -119,8 +121,10 @@ async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
 
 
 async def test_detections_that_nobody_has_read_when_it_ends_are_counted() -> None:
-    asked, account = asyncio.Event(), Account(FRONT)
-    camera = Camera(account, Sensed((), Joiner(DEPTH_IMAGE)), Views(Limits()), Criteria(), "w1", Stuck(asked))
+    asked, account = asyncio.Event(), DetectionCounts(FRONT)
+    camera = DistanceCamera(
+        account, SensorHistory((), Joiner(DEPTH_IMAGE)), Views(DepthLimits()), Criteria(), "w1", Stuck(asked)
+    )
     network = FakeNetwork()
     async with network.open_bus() as theirs, network.open_bus() as ours, robot(theirs) as front:
         working = asyncio.create_task(work(ours, camera, Faltering(), lambda: None))

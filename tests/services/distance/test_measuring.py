@@ -5,7 +5,7 @@ import pytest
 from schemas.detections import Mask
 from schemas.distances import Measured, ObjectDistance
 from services.distance.depth_readings import Criteria
-from services.distance.measuring import Frame, View, measure, measure_apart, unknown
+from services.distance.measuring import DepthView, Frame, measure, measure_apart, unknown
 from services.geometry.depth import Depth
 from services.geometry.errors import CalibrationError
 from services.simulator.world import Camera, Drive, generate, render
@@ -19,8 +19,8 @@ ROWS, COLUMNS = slice(10, 30), slice(20, 50)
 NAN = float("nan")
 
 
-def view(depth: object, lens: str = "none", *frames: Frame) -> View:
-    return View(Depth(np.asarray(depth, np.float32)), FRAME, camera(lens=LENSES[lens]), frames)
+def view(depth: object, lens: str = "none", *frames: Frame) -> DepthView:
+    return DepthView(Depth(np.asarray(depth, np.float32)), FRAME, camera(lens=LENSES[lens]), frames)
 
 
 def known(of: ObjectDistance) -> Measured:
@@ -139,7 +139,7 @@ def test_a_transform_to_nowhere_makes_no_result_that_nobody_can_read() -> None:
 
 
 def test_without_a_calibration_there_is_a_distance_and_no_place() -> None:
-    seen = View(Depth(wall(2.0)), FRAME, "no camera info arrived", (Frame("map", np.identity(4)),))
+    seen = DepthView(Depth(wall(2.0)), FRAME, "no camera info arrived", (Frame("map", np.identity(4)),))
     measured = known(measure(found(mask(ROWS, COLUMNS)), seen, Criteria())[0])
     assert (measured.axial_m, measured.euclidean_m) == (2.0, None)
     assert [(place.frame_id, place.unknown) for place in measured.places] == [
@@ -200,7 +200,7 @@ def test_nothing_in_view() -> None:
 
 def test_pixels_that_look_nowhere_have_a_depth_and_no_place() -> None:
     folded = camera(lens=("plumb_bob", [-0.9, 0.0, 0.0, 0.0, 0.0]))
-    seen = View(Depth(wall(2.0)), FRAME, folded)
+    seen = DepthView(Depth(wall(2.0)), FRAME, folded)
     measured = known(measure(found(mask(slice(0, 8), slice(0, 8))), seen, Criteria())[0])
     assert (measured.axial_m, measured.euclidean_m) == (2.0, None)
     assert "look nowhere" in measured.places[0].unknown
@@ -212,14 +212,14 @@ def test_where_only_scattered_readings_look_somewhere_the_place_is_of_these() ->
     depth[:8, :8] = 2.0
     depth[20:28, 30:35] = np.geomspace(3, 20, 40).reshape(8, 5)
     both = mask(slice(0, 8), slice(0, 8)) | mask(slice(20, 28), slice(30, 35))
-    measured = known(measure(found(both), View(Depth(depth), FRAME, folded), Criteria())[0])
+    measured = known(measure(found(both), DepthView(Depth(depth), FRAME, folded), Criteria())[0])
     (place,) = measured.places
     assert place.at is not None
     assert 7 < place.at[2] < 11
 
 
 def test_a_lens_that_sees_beyond_all_distances_makes_no_result_that_nobody_can_read() -> None:
-    seen = View(Depth(wall(5_000.0)), FRAME, camera(focal=1e-3))
+    seen = DepthView(Depth(wall(5_000.0)), FRAME, camera(focal=1e-3))
     measured = known(measure(found(mask(ROWS, slice(0, 20))), seen, Criteria())[0])
     assert (measured.axial_m, measured.euclidean_m) == (5_000, None)
     assert "look nowhere" in measured.places[0].unknown
@@ -227,7 +227,9 @@ def test_a_lens_that_sees_beyond_all_distances_makes_no_result_that_nobody_can_r
 
 def test_a_camera_of_another_size_is_refused() -> None:
     with pytest.raises(CalibrationError, match="calibrated for 64x48"):
-        measure(found(mask(ROWS, COLUMNS)), View(Depth(np.zeros((24, 32), np.float32)), FRAME, camera()), Criteria())
+        measure(
+            found(mask(ROWS, COLUMNS)), DepthView(Depth(np.zeros((24, 32), np.float32)), FRAME, camera()), Criteria()
+        )
 
 
 def test_a_reason_for_all() -> None:
@@ -249,7 +251,7 @@ def test_objects_of_the_rendered_warehouse(near: Near) -> None:
     noise = np.random.default_rng(1).normal(0, 0.001, seen.depth.shape) * seen.depth**2
     depth = np.where(seen.depth > 0, seen.depth + noise, NAN)
     lens = camera(height=480, width=640, focal=465.6)
-    measured = measure(found(*masks), View(Depth(depth.astype(np.float32)), FRAME, lens), Criteria())
+    measured = measure(found(*masks), DepthView(Depth(depth.astype(np.float32)), FRAME, lens), Criteria())
     axial = np.array([known(each).axial_m for each in measured])
     assert np.abs(axial / truth - 1).mean() < 0.005
 

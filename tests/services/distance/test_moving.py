@@ -13,9 +13,9 @@ from schemas.distances import Measured
 from schemas.image import ImageFrame
 from schemas.transforms import Transform, Transforms
 from services.distance.depth_readings import Criteria
-from services.distance.measuring import View, measure
-from services.distance.sensor_history import Moment, Sensed
-from services.distance.views import Instant, Limits, Views
+from services.distance.measuring import DepthView, measure
+from services.distance.sensor_history import ImageContext, SensorHistory
+from services.distance.views import DepthLimits, Instant, Views
 from services.geometry.rotation import inverse_of, matrix_of
 from services.geometry.transforms import LITTLE
 from services.worker.stamp_joiner import Joiner
@@ -73,9 +73,9 @@ def odometry(motion: Motion, after_ns: int) -> Transforms:
     return Transforms(header=head(frame_id="", camera=""), transforms=[said])
 
 
-def sensed(motion: Motion, after_ns: int, *, heard: tuple[int, ...]) -> Sensed:
+def sensed(motion: Motion, after_ns: int, *, heard: tuple[int, ...]) -> SensorHistory:
     """Return what a robot that moves like this has said. heard: when its odometry was, from the image on."""
-    made = Sensed((), Joiner("depth image", tolerance_ns=AT_ONCE), info=calibration(), depth_info=calibration())
+    made = SensorHistory((), Joiner("depth image", tolerance_ns=AT_ONCE), info=calibration(), depth_info=calibration())
     image = of_depth(motion, after_ns)
     for before_ns in (3 * AT_ONCE, 0):  # so that none is expected any nearer to the image
         made.depths.keep(image.header.stamp_ns - before_ns, image, image.data.nbytes)
@@ -84,10 +84,10 @@ def sensed(motion: Motion, after_ns: int, *, heard: tuple[int, ...]) -> Sensed:
     return made
 
 
-def measured(moment: Moment) -> Measured:
+def measured(moment: ImageContext) -> Measured:
     assert isinstance(moment.instant, Instant)
-    image, camera = Views(Limits()).view(moment.instant)
-    (only,) = measure(of_image().objects, View(image, FRAME, camera), Criteria())
+    image, camera = Views(DepthLimits()).view(moment.instant)
+    (only,) = measure(of_image().objects, DepthView(image, FRAME, camera), Criteria())
     assert only.measured is not None
     return only.measured
 

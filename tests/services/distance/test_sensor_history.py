@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
 
-from services.distance.sensor_history import Sensed
+from services.distance.sensor_history import SensorHistory
 from services.distance.views import Instant
 from services.worker.stamp_joiner import Joiner
 from tests.services.distance.scenes import FRAME, calibration, depth, detections, stamp_of, transforms, wall
 
 
-def sensed(*frames: str) -> Sensed:
-    return Sensed(frames, Joiner("depth image", tolerance_ns=10_000_000))
+def sensed(*frames: str) -> SensorHistory:
+    return SensorHistory(frames, Joiner("depth image", tolerance_ns=10_000_000))
 
 
-def keep(into: Sensed, seq: int, **more: str) -> None:
+def keep(into: SensorHistory, seq: int, **more: str) -> None:
     frame = depth(wall(), seq, **more)
     into.depths.keep(frame.header.stamp_ns, frame, frame.data.nbytes)
 
@@ -51,7 +51,7 @@ def test_no_depth_yet_or_none_of_the_instant() -> None:
 
 
 def test_depth_of_the_image_before_is_taken_only_where_its_own_does_not_come() -> None:
-    made = Sensed((), Joiner("depth image", tolerance_ns=70_000_000))
+    made = SensorHistory((), Joiner("depth image", tolerance_ns=70_000_000))
     for seq in (1, 2, 3):
         keep(made, seq)
     moment = made.at(detections([], 4))

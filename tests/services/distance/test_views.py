@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from schemas.camera_info import CameraInfo
-from services.distance.views import NO_INFO, Instant, Limits, Views
+from services.distance.views import NO_INFO, DepthLimits, Instant, Views
 from services.geometry.camera import CameraModel
 from services.geometry.errors import DepthError, GeometryError
 from tests.services.distance.scenes import FRAME, calibration, depth, detections, wall
@@ -24,7 +24,7 @@ def instant(of_depth: Any, color: CameraInfo | None, depth_info: CameraInfo | No
 
 
 def test_depth_of_the_colour_camera_is_taken_as_it_is() -> None:
-    views = Views(Limits())
+    views = Views(DepthLimits())
     image, camera = views.view(instant(depth(wall(2.0)), COLOR, COLOR))
     assert (image.metres() == 2).all()
     assert isinstance(camera, CameraModel)
@@ -36,13 +36,13 @@ def test_depth_of_the_colour_camera_is_taken_as_it_is() -> None:
 def test_one_calibration_is_enough_for_images_of_one_size_and_frame(
     color: CameraInfo | None, depth_info: CameraInfo | None, frame_id: str
 ) -> None:
-    image, camera = Views(Limits()).view(instant(depth(wall(2.0), frame_id=frame_id), color, depth_info))
+    image, camera = Views(DepthLimits()).view(instant(depth(wall(2.0), frame_id=frame_id), color, depth_info))
     assert (image.metres() == 2).all()
     assert isinstance(camera, CameraModel)
 
 
 def test_without_any_calibration_images_of_one_size_and_frame_are_taken_for_registered() -> None:
-    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), None, None))
+    image, camera = Views(DepthLimits()).view(instant(depth(wall(2.0)), None, None))
     assert (image.metres() == 2).all()
     assert camera == NO_INFO
 
@@ -51,13 +51,13 @@ def test_without_any_calibration_images_of_one_size_and_frame_are_taken_for_regi
 def test_a_camera_info_of_no_calibration_is_as_good_as_none(
     color: CameraInfo | None, depth_info: CameraInfo | None
 ) -> None:
-    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), color, depth_info))
+    image, camera = Views(DepthLimits()).view(instant(depth(wall(2.0)), color, depth_info))
     assert (image.metres() == 2).all()
     assert camera == "the camera is not calibrated: its camera info has no focal length"
 
 
 def test_depth_of_another_size_is_registered() -> None:
-    image, _ = Views(Limits()).view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
+    image, _ = Views(DepthLimits()).view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
     assert image.shape == (48, 64)
     assert np.nanmax(image.metres()) == np.nanmin(image.metres()) == 2
     assert np.isnan(image.metres()).mean() < 0.1
@@ -65,13 +65,13 @@ def test_depth_of_another_size_is_registered() -> None:
 
 def test_depth_from_beside_is_registered_by_the_transform() -> None:
     seen = instant(depth(wall(2.0), frame_id="camera_depth_optical_frame"), COLOR, COLOR, BESIDE)
-    image, _ = Views(Limits()).view(seen)
+    image, _ = Views(DepthLimits()).view(seen)
     assert np.isnan(image.metres()[:, -10:]).all()
     assert (image.metres()[:, :-10] == 2).all()
 
 
 def test_a_new_calibration_counts_from_then_on() -> None:
-    views = Views(Limits())
+    views = Views(DepthLimits())
     first = views.view(instant(depth(wall(2.0)[:24, :32]), COLOR, COARSE))
     narrow = msgspec.structs.replace(COARSE, k=info(height=24, width=32, focal=50.0).k)
     second = views.view(instant(depth(wall(2.0)[:24, :32]), COLOR, narrow))
@@ -81,7 +81,7 @@ def test_a_new_calibration_counts_from_then_on() -> None:
 
 
 def test_many_calibrations_are_not_all_kept() -> None:
-    views = Views(Limits())
+    views = Views(DepthLimits())
     for focal in range(40, 60):
         views.view(instant(depth(wall(2.0)), info(focal=focal), None))
     assert len(views._models) <= 4
@@ -114,19 +114,19 @@ def test_many_calibrations_are_not_all_kept() -> None:
 )
 def test_why_depth_cannot_be_brought_to_the_image(seen: Instant, reason: str) -> None:
     with pytest.raises(GeometryError, match=reason):
-        Views(Limits()).view(seen)
+        Views(DepthLimits()).view(seen)
 
 
 def test_a_calibration_of_another_picture_leaves_depth_of_the_same_camera_readable() -> None:
-    image, camera = Views(Limits()).view(instant(depth(wall(2.0)), COARSE, None))
+    image, camera = Views(DepthLimits()).view(instant(depth(wall(2.0)), COARSE, None))
     assert (image.metres() == 2).all()
     assert camera == "calibrated for 32x24 pixels, the image has 64x48"
 
 
 def test_limits_and_what_is_no_depth() -> None:
     sent = depth(np.where(np.arange(64) < 32, wall(0.5), wall(6.0)))
-    image, _ = Views(Limits(nearest_m=1.0, farthest_m=5.0)).view(instant(sent, COLOR, None))
+    image, _ = Views(DepthLimits(nearest_m=1.0, farthest_m=5.0)).view(instant(sent, COLOR, None))
     assert np.isnan(image.metres()).all()
     grey = msgspec.structs.replace(sent, encoding="mono16")
     with pytest.raises(DepthError, match="mono16"):
-        Views(Limits()).view(instant(grey, COLOR, None))
+        Views(DepthLimits()).view(instant(grey, COLOR, None))

@@ -9,14 +9,14 @@ from schemas.header import MAX_LABEL
 from schemas.inventory import MAX_PROBLEMS, InventoryAnswer, InventoryRequest
 from services.monitor import requests
 from services.monitor.fleet import Fleet
-from services.monitor.inventory.inventory import Limits
+from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from services.monitor.requests import answer_inventory, answer_to
 from tests.services.monitor.inventory.seeing import S, seen
 
 
 def fleet_of(counts: dict[str, int]) -> Fleet:
-    fleet = Fleet("clock", Limits(Debounce(1, 0, 1, 0)))
+    fleet = Fleet("clock", TrustLimits(Debounce(1, 0, 1, 0)))
     fleet.see(seen(0, counts), 1.0, S)
     return fleet
 

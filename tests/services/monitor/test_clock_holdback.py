@@ -6,7 +6,7 @@ import pytest
 from schemas.header import Header
 from schemas.keys import CameraKey
 from services.monitor import clock_holdback as module
-from services.monitor.clock_holdback import PATIENCE_NS, Arrival, Undated
+from services.monitor.clock_holdback import PATIENCE_NS, Arrival, ClockHoldback
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 AHEAD_NS: Final = -1_000_000 * S
@@ -33,7 +33,7 @@ def arrival(seq: int, taken_ns: int, received_ns: int = NOW_NS, key: CameraKey =
 
 def test_what_comes_live_or_from_a_robot_whose_clock_is_known_is_taken_at_once() -> None:
     live, dated = arrival(1, NOW_NS), arrival(2, NOW_NS - 9 * S, key=REAR)
-    undated = Undated(Robots("r2"))
+    undated = ClockHoldback(Robots("r2"))
     assert undated.arrive(live, kept=False) == [live]
     assert undated.arrive(dated, kept=True) == [dated]
     assert list(undated.due(NOW_NS)) == []
@@ -41,7 +41,7 @@ def test_what_comes_live_or_from_a_robot_whose_clock_is_known_is_taken_at_once()
 
 def test_kept_lists_and_what_follows_them_wait_until_their_robots_clock_is_known() -> None:
     robots = Robots()
-    undated = Undated(robots)
+    undated = ClockHoldback(robots)
     kept = [arrival(seq, NOW_NS - (9 - seq) * S) for seq in range(3)]
     live = arrival(3, NOW_NS + S, NOW_NS + S)
     other = arrival(1, NOW_NS, key=REAR)
@@ -56,7 +56,7 @@ def test_kept_lists_and_what_follows_them_wait_until_their_robots_clock_is_known
 
 @pytest.mark.parametrize("then_ns", [NOW_NS + PATIENCE_NS, NOW_NS - 1], ids=["in vain", "our clock was set back"])
 def test_where_nobody_says_what_the_clock_shows_lists_are_as_far_apart_as_their_frames(then_ns: int) -> None:
-    undated = Undated(Robots())
+    undated = ClockHoldback(Robots())
     ages_s = (9, 5, 3)
     for seq, age_s in enumerate(ages_s):
         undated.arrive(arrival(seq, NOW_NS - age_s * S), kept=True)
@@ -71,7 +71,7 @@ def test_where_nobody_says_what_the_clock_shows_lists_are_as_far_apart_as_their_
 
 def test_no_more_wait_than_there_is_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MOST_WAITING", 3)
-    undated = Undated(Robots())
+    undated = ClockHoldback(Robots())
     assert undated.arrive(arrival(1, NOW_NS, key=REAR), kept=True) == []
     for seq in (1, 2):
         assert undated.arrive(arrival(seq, NOW_NS - S), kept=True) == []
@@ -80,7 +80,7 @@ def test_no_more_wait_than_there_is_room_for(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_what_arrives_while_others_are_taken_in_is_behind_them() -> None:
-    undated = Undated(Robots())
+    undated = ClockHoldback(Robots())
     first, second = arrival(1, NOW_NS), arrival(2, NOW_NS)
     for key in (FRONT, REAR):
         undated.arrive(arrival(1, NOW_NS, key=key), kept=True)
@@ -93,7 +93,7 @@ def test_what_arrives_while_others_are_taken_in_is_behind_them() -> None:
 
 @pytest.mark.parametrize("set_by_ns", [3 * 86_400 * S, -3 * 86_400 * S])
 def test_lists_of_before_a_robots_clock_was_set_are_as_they_came(set_by_ns: int) -> None:
-    undated = Undated(Robots())
+    undated = ClockHoldback(Robots())
     before, after = arrival(1, NOW_NS - 2 * S - set_by_ns), arrival(2, NOW_NS - S)
     live = arrival(3, NOW_NS + S, NOW_NS + S)
     for each, kept in ((before, True), (after, True), (live, False)):

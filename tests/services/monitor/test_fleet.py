@@ -12,7 +12,7 @@ from services.monitor import fleet as fleet_module
 from services.monitor.fleet import LATE_FOR_NS, LATE_NS, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
 from services.monitor.fleet_problems import NAMESAKES, THIN_LINK
 from services.monitor.inventory import inventory as module
-from services.monitor.inventory.inventory import InventoryFullError, Limits
+from services.monitor.inventory.inventory import InventoryFullError, TrustLimits
 from services.monitor.inventory.sighting import Debounce, Sighting
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
@@ -123,7 +123,7 @@ def test_a_clock_that_was_measured_gives_the_age() -> None:
 
 
 def test_sightings_have_our_time_though_the_robots_clock_is_an_hour_ahead() -> None:
-    fleet = Fleet(CLOCK, Limits(Debounce(1, 0, 1, 0)))
+    fleet = Fleet(CLOCK, TrustLimits(Debounce(1, 0, 1, 0)))
     fleet.robot_presence("r1", alive=True)
     fleet.gateway_status(status("another machine"), 0)
     fleet.clocks.due(fleet.elsewhere(), 0)
@@ -244,7 +244,7 @@ def test_a_view_goes_stale(age_s: float, *, stale: bool) -> None:
 
 
 def test_how_old_a_view_may_be_is_what_the_inventory_says() -> None:
-    fleet = Fleet(CLOCK, Limits(stale_ns=10 * S))
+    fleet = Fleet(CLOCK, TrustLimits(stale_ns=10 * S))
     fleet.robot_presence("r1", alive=True)
     fleet.camera_presence(FRONT, alive=True)
     fleet.see(seen(), 0.0, 0)

@@ -1,11 +1,11 @@
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.snapshot import SILENT_NS, Glance, Snapshot, SnapshotMaker, Workers
+from services.monitor.snapshot import SILENT_NS, FleetView, Snapshot, SnapshotMaker, Workers
 from tests.services.monitor.web.api.seeing import ODD, fill
 
 
-def glance(fleet: Fleet, now_ns: int = 0) -> Glance:
-    return Glance(fleet, Workers(fleet, now_ns), now_ns, 0.0)
+def glance(fleet: Fleet, now_ns: int = 0) -> FleetView:
+    return FleetView(fleet, Workers(fleet, now_ns), now_ns, 0.0)
 
 
 def snapshot(fleet: Fleet, now_ns: int) -> Snapshot:

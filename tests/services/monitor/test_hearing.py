@@ -1,4 +1,4 @@
-from services.monitor.health import PULSE_S, Hearing
+from services.monitor.health import PULSE_S, Heartbeat
 
 LEASE_S = 2.0
 SETTLE_S = 3.0 + LEASE_S
@@ -9,7 +9,7 @@ class Ears:
 
     def __init__(self) -> None:
         self.heard_s: float | None = 0.0
-        self.hearing = Hearing(lambda: self.heard_s, LEASE_S)
+        self.hearing = Heartbeat(lambda: self.heard_s, LEASE_S)
 
     def at(self, now_s: float, heard_s: float | None) -> tuple[bool, bool, bool]:
         """Return whether anything turned, whether it is deaf, and whether it has settled."""

@@ -1,10 +1,10 @@
 import pytest
 
-from services.monitor.fleet_problems import KNOWN_ACCOUNTS, MOST_PROCESSES, Namesakes
+from services.monitor.fleet_problems import KNOWN_ACCOUNTS, MOST_PROCESSES, DuplicateGateways
 
 
 def heard(processes: str) -> bool:
-    namesakes = Namesakes()
+    namesakes = DuplicateGateways()
     for boot_id in processes:
         namesakes.take("r1", boot_id)
     assert not namesakes.has("r2")

@@ -1,6 +1,6 @@
 import pytest
 
-from gateway.discovery import Wishes, plan
+from gateway.discovery import DiscoverySettings, plan
 from gateway.discovery.published_topics import Topic as Published
 from services.simulator.topics import Stream, topics
 
@@ -14,7 +14,7 @@ def offered(streams: list[Stream], *, aligned: bool, namespace: str = "") -> dic
         Published(f"{namespace}/{topic.name}", topic.type, ("/simulated",))
         for topic in topics(streams, aligned=aligned)
     ]
-    return {key.name: source.topic for key, source in plan(found, Wishes("r1")).streams.items()}
+    return {key.name: source.topic for key, source in plan(found, DiscoverySettings("r1")).streams.items()}
 
 
 @pytest.mark.parametrize("aligned", [True, False])

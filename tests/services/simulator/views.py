@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.simulator.world import Camera, Drive, Sensor, expose, generate, render, truth_of
-from services.training.evaluation.near_objects import Found, near_objects
+from services.training.evaluation.near_objects import LabelledBox, near_objects
 
 UNSEEN_SEED = 700
 
@@ -14,7 +14,7 @@ def near_view(fraction: float = 0.0, seed: int = UNSEEN_SEED) -> NDArray[np.uint
     return np.ascontiguousarray(near_view_with_truth(fraction, seed)[0][..., ::-1])
 
 
-def near_view_with_truth(fraction: float, seed: int = UNSEEN_SEED) -> tuple[NDArray[np.uint8], list[Found]]:
+def near_view_with_truth(fraction: float, seed: int = UNSEEN_SEED) -> tuple[NDArray[np.uint8], list[LabelledBox]]:
     """Return the same picture in RGB, and the near objects in it."""
     scene = generate(seed)
     pose, camera = Drive.plan(scene).pose(fraction), Camera()

@@ -12,11 +12,11 @@ from services.toolbox.logs import (
     FORMAT,
     MAX_WAITING,
     Admitted,
-    Beside,
     OneLine,
     RateLimit,
     RateLimitFilter,
     StderrHandler,
+    WriterThread,
 )
 
 
@@ -124,7 +124,7 @@ class Stuck(logging.Handler):
 
 def test_nobody_waits_for_a_log_that_is_not_read_and_what_is_too_much_is_left_out() -> None:
     stuck = Stuck()
-    beside = Beside(stuck)
+    beside = WriterThread(stuck)
     counted = [0]
     for number in range(2 * MAX_WAITING):
         counted[0] = number

@@ -17,16 +17,16 @@ from services.toolbox.train.inference import open_weights
 from services.toolbox.train.refinement import REFINEMENT as OWN
 from services.training.checkpoints import Checkpoint, embedded_paths
 from services.training.files import TrainingError
-from services.training.refining.refinement import Look, Looks
+from services.training.refining.refinement import Looks, RefinerLook
 from services.training.run import train
 from services.training.settings import TrainingSettings
-from services.training.stages import Stage, stages_of
+from services.training.stages import TrainingStage, stages_of
 from services.training.trainer import load_ultralytics
 
 BATCHES = 2
 
 
-def open_everywhere(_weights: Path, _device: str, _folder: Path) -> Look:
+def open_everywhere(_weights: Path, _device: str, _folder: Path) -> RefinerLook:
     """Look at a picture as if the model had found something of each class in every part of it, however little it knows.
 
     The masks are full, and the features what is bright.
@@ -91,7 +91,7 @@ def small(folder: Path) -> TrainingSettings:
     )
 
 
-def fine(settings: TrainingSettings) -> Stage:
+def fine(settings: TrainingSettings) -> TrainingStage:
     return stages_of(settings)[-2]
 
 

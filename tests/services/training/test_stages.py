@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from services.training.settings import TrainingSettings
-from services.training.stages import Stage, stages_of
+from services.training.stages import TrainingStage, stages_of
 
 
 def test_small_pictures_come_first_unless_there_are_no_passes_for_them() -> None:
@@ -26,9 +26,9 @@ def test_each_stage_has_a_checkpoint_of_its_own() -> None:
 
 @pytest.mark.parametrize(("epochs", "share"), [(0, 1), (1, 1), (2, 0.51), (3, 0.02), (4, 0.02)])
 def test_the_rate_holds_and_then_falls_to_its_last(epochs: float, share: float) -> None:
-    stage = Stage("fine", 640, 3, first_rate=1e-3, last_rate=2e-5, hold=1)
+    stage = TrainingStage("fine", 640, 3, first_rate=1e-3, last_rate=2e-5, hold=1)
     assert stage.rate(epochs) == pytest.approx(share)
 
 
 def test_a_stage_that_is_all_hold_never_falls() -> None:
-    assert Stage("fine", 640, 1, first_rate=1e-3, last_rate=2e-5, hold=1).rate(1) == 1
+    assert TrainingStage("fine", 640, 1, first_rate=1e-3, last_rate=2e-5, hold=1).rate(1) == 1

@@ -8,7 +8,7 @@ from schemas.header import MAX_COUNT
 from schemas.status import StreamStatus, WorkerStatus
 from services.monitor.formats import natural
 from services.monitor.page.formatting import NOTHING, NS, ago, brief, iso, rate_text
-from services.monitor.page.rows.robots import Robot, RobotState
+from services.monitor.page.rows.robots import RobotRow, RobotState
 from services.monitor.page.rows.templates import DROPPED, STATE, WHEN
 from services.monitor.snapshot import WorkerLine
 
@@ -70,7 +70,7 @@ def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any
     }
 
 
-def gateway_row(robot: Robot, now_ns: int) -> dict[str, Any]:
+def gateway_row(robot: RobotRow, now_ns: int) -> dict[str, Any]:
     """Return a robot's gateway with its streams as the health page's template takes it."""
     live = robot.line.online
     served = {camera.key.camera: camera.served_by for camera in robot.cameras}

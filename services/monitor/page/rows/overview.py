@@ -4,14 +4,14 @@ from typing import Any, Final
 
 from services.monitor.page.formatting import age_text, ago, iso, plural, rate_text
 from services.monitor.page.rows.health import dropped_cells
-from services.monitor.page.rows.robots import Robot, RobotState
+from services.monitor.page.rows.robots import RobotRow, RobotState
 from services.monitor.snapshot import CameraLine
 
 MAX_CAMERAS: Final = 8
 """Cameras of one robot that are shown."""
 
 
-def robot_row(robot: Robot, now_ns: int, *, may_act: bool) -> dict[str, Any]:
+def robot_row(robot: RobotRow, now_ns: int, *, may_act: bool) -> dict[str, Any]:
     """Return a robot as the overview's templates take it. Tuples: nicegui would watch whatever is in a list."""
     line, more = robot.line, len(robot.cameras) - MAX_CAMERAS
     return {

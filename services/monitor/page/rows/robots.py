@@ -12,7 +12,7 @@ from services.monitor.event_loop import in_turns
 from services.monitor.fleet import Row
 from services.monitor.formats import cameras_in_order, natural, natural_camera
 from services.monitor.page.formatting import NS, lasting
-from services.monitor.snapshot import CameraLine, Glance, RobotLine
+from services.monitor.snapshot import CameraLine, FleetView, RobotLine
 
 QUIET_NS: Final = 5 * NS
 """A gateway says every second how it is; one that said nothing for so long is not relied on, though it is there."""
@@ -35,7 +35,7 @@ class RobotState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Robot:
+class RobotRow:
     """One robot. why: what keeps it from being online, in words."""
 
     line: RobotLine
@@ -60,7 +60,7 @@ class Standing(NamedTuple):
     live: int
 
 
-def standings_of(glance: Glance) -> Iterator[Standing]:
+def standings_of(glance: FleetView) -> Iterator[Standing]:
     """Yield how each robot is, by name as people sort names."""
     of_robot = by_robot(glance.cameras)
     for name in in_natural_order(glance.robots):
@@ -102,7 +102,7 @@ def state_of(rows: Sequence[Row], silent_ns: int, *, online: bool, wrong: bool) 
     return RobotState.TROUBLE if wrong else RobotState.ONLINE
 
 
-def robot_of(glance: Glance, of: Standing) -> Robot:
+def robot_of(glance: FleetView, of: Standing) -> RobotRow:
     """Return all that is shown of a robot, with the state that it is counted with."""
     cameras = tuple(glance.camera_of(row) for row in of.rows)
     line = replace(
@@ -111,7 +111,7 @@ def robot_of(glance: Glance, of: Standing) -> Robot:
         last_ns=of.last_ns,
         problems=of.problems,
     )
-    return Robot(line, cameras, *standing(line, cameras, glance.now_ns))
+    return RobotRow(line, cameras, *standing(line, cameras, glance.now_ns))
 
 
 def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tuple[RobotState, str]:
@@ -149,7 +149,7 @@ SORTS: Final[Mapping[str, Callable[[Standing], Any]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RobotFilter:
     """Which robots are to be shown: `text` is in their names or a camera's or class's; all states unless given."""
 
     text: str = ""
@@ -164,12 +164,12 @@ class Survey:
     now_ns: that moment, epoch. What was asked for once is kept, as many ask the same.
     """
 
-    def __init__(self, glance: Glance, standings: Sequence[Standing]) -> None:
+    def __init__(self, glance: FleetView, standings: Sequence[Standing]) -> None:
         self._glance = glance
         self._standings = standings
         self._by_name = {each.name: each for each in standings}
         self.now_ns = glance.now_ns
-        self._kept: dict[Wanted, Sequence[str]] = {}
+        self._kept: dict[RobotFilter, Sequence[str]] = {}
         self._unserved: Sequence[CameraKey] | None = None
         self.counts: Mapping[RobotState, int] = Counter(each.state for each in standings)
         self.cameras = len(glance.cameras)
@@ -181,11 +181,11 @@ class Survey:
         """How many robots there are."""
         return len(self._standings)
 
-    def robot(self, name: str) -> Robot:
+    def robot(self, name: str) -> RobotRow:
         """Return all that is shown of a robot."""
         return robot_of(self._glance, self._by_name[name])
 
-    async def robots(self, wanted: Wanted) -> Sequence[str]:
+    async def robots(self, wanted: RobotFilter) -> Sequence[str]:
         """Return the names of the robots that are wanted in the order that is."""
         if wanted not in self._kept:
             text = wanted.text.strip().casefold()
@@ -219,7 +219,7 @@ def _has(robot: Standing, text: str) -> bool:
     )
 
 
-def _is_unserved(glance: Glance, key: CameraKey) -> bool:
+def _is_unserved(glance: FleetView, key: CameraKey) -> bool:
     return glance.fleet.inventory.online(key) and not any(
         name.startswith(DETECTOR) for name in glance.workers.serving(key)
     )

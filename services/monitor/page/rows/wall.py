@@ -9,7 +9,7 @@ from typing import TypeVar
 from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.page.formatting import ago
 from services.monitor.page.rows.alerts import most_urgent_first
-from services.monitor.page.rows.robots import Robot
+from services.monitor.page.rows.robots import RobotRow
 
 T = TypeVar("T")
 
@@ -52,7 +52,7 @@ def alert_line(alert: Alert, doubt: str, now_ns: int) -> str:
     return _line(badge, said, f"{state}{ago(alert.raised_ns, now_ns)}", stale=bool(doubt))
 
 
-def lost_line(robot: Robot, now_ns: int) -> str:
+def lost_line(robot: RobotRow, now_ns: int) -> str:
     """Return a robot that is lost as a line."""
     badge = f'<span class="fs-state fs-{robot.state}"><span class="fs-dot fs-{robot.state}"></span>{robot.state}</span>'
     return _line(badge, f"{robot.line.name}: {robot.why}", f"last seen {ago(robot.line.last_ns, now_ns)}")
@@ -65,7 +65,7 @@ def _line(badge: str, said: str, when: str, *, stale: bool = False) -> str:
     )
 
 
-def robot_cell(robot: Robot) -> str:
+def robot_cell(robot: RobotRow) -> str:
     """Return a robot that is there as a cell: how it is, what is wrong, and what its cameras have in view now."""
     why = _cut(robot.why, "fs-why") if robot.why else ""
     return (
@@ -75,7 +75,7 @@ def robot_cell(robot: Robot) -> str:
     )
 
 
-def in_view(robot: Robot) -> str:
+def in_view(robot: RobotRow) -> str:
     """Say what all cameras of a robot that are live have in view, the most first, and if several are added up."""
     live = [each.row.classes for each in robot.cameras if not each.row.stale and each.row.classes is not None]
     if not live:

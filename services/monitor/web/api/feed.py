@@ -14,7 +14,7 @@ from services.monitor.history.errors import HistoryError
 from services.monitor.history.operator_actions import Act
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import MAX_AGE_S, Monitor
-from services.monitor.recent import Recent
+from services.monitor.recent import CachedValue
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 from services.monitor.web.api.bodies import camera_body, encoded, robot_body, sighting_body
 from services.monitor.web.api.models import alert_answer, gateway_answer, worker_answer
@@ -50,7 +50,7 @@ class Feed:
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
         self._items: dict[Topic, Items] = {}
-        self._recent = {topic: Recent(partial(self._make, topic), MAX_AGE_S) for topic in TOPICS}
+        self._recent = {topic: CachedValue(partial(self._make, topic), MAX_AGE_S) for topic in TOPICS}
 
     async def current(self, topics: Iterable[Topic]) -> tuple[str, Mapping[Topic, Items]]:
         """Return the time, and every item of these topics by name; nobody is to change them.

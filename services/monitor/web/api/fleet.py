@@ -34,7 +34,7 @@ Place = tuple[str, str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class SightingQuery:
     """Which sightings are asked for: each of a name unless it is empty; in_view: those that there are some of.
 
     available: those that can be relied on now, or those that cannot; None for both. after: those behind this place.
@@ -48,7 +48,7 @@ class Asked:
     after: Place | None = None
 
 
-async def some_entries(inventory: Inventory, asked: Asked, most: int, now_ns: int) -> list[Entry]:
+async def some_entries(inventory: Inventory, asked: SightingQuery, most: int, now_ns: int) -> list[Entry]:
     """Return the first so many by place; others get their turn meanwhile."""
     found: list[Entry] = []
     order = inventory.in_order(asked.robot)
@@ -59,7 +59,7 @@ async def some_entries(inventory: Inventory, asked: Asked, most: int, now_ns: in
     return found[:most]
 
 
-def _is_wanted(entry: Entry, asked: Asked) -> bool:
+def _is_wanted(entry: Entry, asked: SightingQuery) -> bool:
     of = entry.sighting
     follows = asked.after is None or (of.key.robot, of.key.camera, of.name) > asked.after
     is_like = asked.name in ("", of.name) and asked.available in (None, entry.available)
@@ -90,7 +90,7 @@ def fleet_routes(monitor: Monitor) -> APIRouter:
     ) -> Response:
         """What is or was in view, by robot, camera and class, settled from lists that flicker."""
         behind = None if after is None else place_of(after, (str, str, str))
-        asked = Asked(robot, camera, name, in_view, available, behind)
+        asked = SightingQuery(robot, camera, name, in_view, available, behind)
         now_ns = time.time_ns()
         found = await some_entries(monitor.fleet.inventory, asked, limit + 1, now_ns)
         items, mark = first_of(found, _entry_place, limit)

@@ -16,7 +16,7 @@ from starlette.background import BackgroundTask
 from schemas.alerts import Alert, AlertState
 from services.monitor.export.process import export
 from services.monitor.export.settings import LAST_NS, ExportSettings, epoch_ns, moment, written_like
-from services.monitor.history.archive import AlertPlace, Asked, SightingPlace
+from services.monitor.history.archive import AlertPlace, HistoryQuery, SightingPlace
 from services.monitor.history.intervals import Interval
 from services.monitor.history.operator_actions import Act
 from services.monitor.history.settings import NONE
@@ -37,7 +37,7 @@ Until = Annotated[Moment | None, Query(description="what began later is left out
 
 def asked(
     *, since: Since = None, until: Until = None, robot: Name = "", camera: Name = "", name: ClassName = ""
-) -> Asked:
+) -> HistoryQuery:
     """Return what the query of a URL asks for.
 
     Raises:
@@ -47,7 +47,7 @@ def asked(
     until_ns = 2**63 - 1 if until is None else _bounded_ns(until)
     if since_ns > until_ns:
         raise HTTPException(422, "since is later than until" if since else "since, a day ago, is later than until")
-    return Asked(
+    return HistoryQuery(
         since_ns=since_ns,
         until_ns=until_ns,
         robot=robot,
@@ -56,7 +56,7 @@ def asked(
     )
 
 
-FromQuery = Annotated[Asked, Depends(asked)]
+FromQuery = Annotated[HistoryQuery, Depends(asked)]
 
 
 def history_routes(monitor: Monitor) -> APIRouter:
@@ -128,7 +128,7 @@ def _alert_place(alert: Alert) -> AlertPlace:
     return alert.changed_ns, alert.id
 
 
-def _export_settings(history: str, wanted: Asked, what: str, file: Path) -> ExportSettings:
+def _export_settings(history: str, wanted: HistoryQuery, what: str, file: Path) -> ExportSettings:
     if history == NONE:
         raise HTTPException(503, "no history is kept: the monitor was started with --history none")
     given: dict[str, Any] = {"task": "export", "to": file, "history": history, "what": what}

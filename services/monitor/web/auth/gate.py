@@ -40,7 +40,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Asking:
+class RequestInfo:
     """A request as far as it says what it may do. method: of a WebSocket it is empty. query: of its URL, as it came."""
 
     method: str
@@ -60,7 +60,7 @@ class Asking:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ServedAt:
     """Where we are served. origin: where a proxy serves us, like https://fleet.example, or empty.
 
     hosts: what we are called, without ports; any name if it is empty. open_metrics: anybody may read them.
@@ -71,7 +71,7 @@ class Place:
     open_metrics: bool = False
 
 
-def judge(asking: Asking, visitor: Visitor | None, *, by: Kind | None, place: Place) -> Verdict:
+def judge(asking: RequestInfo, visitor: Visitor | None, *, by: Kind | None, place: ServedAt) -> Verdict:
     """Return what becomes of a request. by: what the visitor is known by."""
     if place.hosts and _host_of(asking.headers) not in place.hosts:
         return Verdict.MISDIRECTED

@@ -13,7 +13,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from services.monitor.web.answers import problem
-from services.monitor.web.auth.gate import LOG_IN, SET_UP, Asking, Place, Verdict, body_limit, judge
+from services.monitor.web.auth.gate import LOG_IN, SET_UP, RequestInfo, ServedAt, Verdict, body_limit, judge
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.users import STATE, Kind, Visitor
 
@@ -77,7 +77,7 @@ class AccessMiddleware:
         access: Access,
         *,
         cookie: str,
-        place: Place,
+        place: ServedAt,
         body_s: float = BODY_S,
         gone_s: float = GONE_S,
     ) -> None:
@@ -117,7 +117,7 @@ class AccessMiddleware:
         secret = cookie_parser(headers.get("cookie", "")).get(self._cookie, "")
         return self._access.visitor(secret, Kind.SESSION) if secret else None, Kind.SESSION
 
-    def _refusal(self, asking: Asking, verdict: Verdict) -> Response:
+    def _refusal(self, asking: RequestInfo, verdict: Verdict) -> Response:
         match verdict:
             case Verdict.MISDIRECTED:
                 return problem(421, "the monitor is not called so; --web-url says what else it is called")
@@ -208,10 +208,12 @@ def _announced(headers: Mapping[str, str]) -> int:
     return int(given) if given.isascii() and given.isdigit() and len(given) < 20 else 0
 
 
-def _asking(scope: Scope) -> Asking:
+def _asking(scope: Scope) -> RequestInfo:
     headers: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
         between = "; " if name == "cookie" else ", "  # one that is there twice is no longer what it should be
         headers[name] = f"{headers[name]}{between}{value}" if name in headers else value
-    return Asking(scope.get("method", ""), scope["path"], headers, scope.get("query_string", b"").decode("latin-1"))
+    return RequestInfo(
+        scope.get("method", ""), scope["path"], headers, scope.get("query_string", b"").decode("latin-1")
+    )

@@ -5,18 +5,18 @@ from contextlib import AsyncExitStack
 
 import pytest
 
-from gateway.ros1.xmlrpc.client import AT_A_HOST, IN_ALL, Places
+from gateway.ros1.xmlrpc.client import AT_A_HOST, IN_ALL, CallSlots
 from tests.gateway.ros1.waiting import until
 
 
-async def take(places: Places, taken: list[str], leave: asyncio.Event, host: str) -> None:
+async def take(places: CallSlots, taken: list[str], leave: asyncio.Event, host: str) -> None:
     async with places.at(host):
         taken.append(host)
         await leave.wait()
 
 
 async def test_one_host_takes_no_other_ones_places() -> None:
-    places, leave, taken = Places(), asyncio.Event(), list[str]()
+    places, leave, taken = CallSlots(), asyncio.Event(), list[str]()
     async with asyncio.TaskGroup() as group:
         for _ in range(AT_A_HOST + 5):
             group.create_task(take(places, taken, leave, "off"))
@@ -28,7 +28,7 @@ async def test_one_host_takes_no_other_ones_places() -> None:
 
 
 async def test_there_are_so_many_places_in_all() -> None:
-    places = Places()
+    places = CallSlots()
     async with AsyncExitStack() as held:
         for n in range(IN_ALL):
             await held.enter_async_context(places.at(f"host{n}"))

@@ -5,7 +5,7 @@ from contextlib import asynccontextmanager
 import numpy as np
 
 from gateway.to_bus.shaping.compression import LOSSY, NONE
-from gateway.to_bus.shaping.encoder_pool import Job, Shaped, Workshop
+from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
 from schemas import codec
 from schemas.image import ImageFrame
 from tests.gateway.ros1.waiting import until
@@ -27,8 +27,8 @@ class Recorder:
         self.errors.append(str(error))
 
 
-def job(value: int = 0) -> Job:
-    return Job(frame("rgb8", np.full((4, 6, 3), value, np.uint8)), 1, NONE)
+def job(value: int = 0) -> EncodeJob:
+    return EncodeJob(frame("rgb8", np.full((4, 6, 3), value, np.uint8)), 1, NONE)
 
 
 def value_of(made: Shaped) -> int:
@@ -36,8 +36,8 @@ def value_of(made: Shaped) -> int:
 
 
 @asynccontextmanager
-async def working() -> AsyncIterator[Workshop]:
-    workshop = Workshop()
+async def working() -> AsyncIterator[EncoderPool]:
+    workshop = EncoderPool()
     running = asyncio.create_task(workshop.run())
     yield workshop
     running.cancel()
@@ -45,10 +45,10 @@ async def working() -> AsyncIterator[Workshop]:
 
 
 def test_a_job_scales_and_compresses() -> None:
-    made = Job(frame("rgb8", picture()), 2, LOSSY).do()
+    made = EncodeJob(frame("rgb8", picture()), 2, LOSSY).do()
     arrived = codec.decode(ImageFrame, made.payload, codec.encoding(ImageFrame))
     assert (arrived.height, arrived.width, arrived.format, str(made.method)) == (24, 32, "jpeg", "jpeg:80")
-    assert str(Job(cloud(), 2, LOSSY).do().method) == "zstd:1"
+    assert str(EncodeJob(cloud(), 2, LOSSY).do().method) == "zstd:1"
 
 
 async def test_frames_come_back_in_order() -> None:
@@ -63,7 +63,7 @@ async def test_frames_come_back_in_order() -> None:
 
 async def test_of_each_customer_the_newest_waits_and_all_are_served_in_turn() -> None:
     one, other = Recorder(), Recorder()
-    workshop = Workshop()
+    workshop = EncoderPool()
     assert [workshop.bring(one, job(value)) for value in range(3)] == [0, 1, 1]
     assert workshop.bring(other, job(9)) == 0
     assert workshop.is_busy_for(one)
@@ -78,7 +78,7 @@ async def test_a_frame_that_cannot_be_shaped_spoils_itself_only() -> None:
     customer = Recorder()
     file = compressed(file_of(picture(4, 6), ".png"), "rgb8", 18)
     async with working() as workshop:
-        workshop.bring(customer, Job(file, 2, LOSSY))
+        workshop.bring(customer, EncodeJob(file, 2, LOSSY))
         await until(lambda: customer.errors, "it is spoilt")
         workshop.bring(customer, job(7))
         await until(lambda: customer.made, "the next one is shaped")
@@ -90,7 +90,7 @@ async def test_who_left_is_told_nothing() -> None:
     gone, other = Recorder(), Recorder()
     async with working() as workshop:
         for served in (False, True):
-            workshop.bring(gone, Job(frame("rgb8", picture(1000, 1000)), 1, LOSSY))
+            workshop.bring(gone, EncodeJob(frame("rgb8", picture(1000, 1000)), 1, LOSSY))
             if served:
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.to_bus.shaping.frame_rates import ALONE, SAME_NS, SECOND_NS, Instants, Thinning
+from gateway.to_bus.shaping.frame_rates import ALONE, SAME_NS, SECOND_NS, Instants, StreamRate
 
 MS = 1_000_000
 BEGIN = 1_700_000_000_000 * MS
@@ -236,7 +236,7 @@ def test_stamps_that_say_nothing_are_replaced_by_the_time_of_arrival(stamp: int)
 
 def test_a_limit_can_change_and_be_lifted() -> None:
     instants = Instants()
-    thinning = Thinning(lambda: instants, "color", 10)
+    thinning = StreamRate(lambda: instants, "color", 10)
     first, second, third = stamps(30, 1), stamps(30, 1, begin=BEGIN + 1000 * MS), stamps(30, 1, begin=BEGIN + 2000 * MS)
     assert sum(thinning.passes(stamp, stamp) for stamp in first) == 10
     thinning.max_hz = 5

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError
-from services.detector.runtime.choosing import KEPT_S, Place, Runtime, choose
+from services.detector.runtime.choosing import KEPT_S, Runtime, RuntimeTarget, choose
 from services.detector.runtime.engine import Engine
 from services.detector.runtime.postprocess import Output
 
@@ -30,9 +30,9 @@ class Slow:
         return [Output(np.zeros((6, 0), np.float32), None) for _ in images]
 
 
-def place(cache: Path, digest: str = "d1", gpu: str = "") -> Place:
+def place(cache: Path, digest: str = "d1", gpu: str = "") -> RuntimeTarget:
     cache.mkdir(exist_ok=True)
-    return Place(digest, 320, "cpu", 2, cache, spare=cache / "spare", gpu=gpu)
+    return RuntimeTarget(digest, 320, "cpu", 2, cache, spare=cache / "spare", gpu=gpu)
 
 
 def maker(asked: list[Runtime], *broken: Runtime) -> Callable[[Runtime], Engine]:

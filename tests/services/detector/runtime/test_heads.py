@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.detector.model import Found, ModelError
+from services.detector.model import DetectedObjects, ModelError
 from services.detector.runtime import postprocess
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
@@ -93,7 +93,7 @@ def ours(file: Path, image: NDArray[np.uint8], folder: Path, *, masks: bool = Fa
         (outcome,) = model.run([request(image, masks=masks)])
     finally:
         model.close()
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     rows = [(*vars_of(each.box), each.score, each.label) for each in outcome.objects]
     return np.array(rows, np.float64).reshape(-1, 6)
 

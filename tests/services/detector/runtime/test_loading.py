@@ -15,7 +15,7 @@ from pycocotools import mask as coco
 
 from schemas.detections import Detection, Mask
 from schemas.keys import CameraKey
-from services.detector.model import Found, ModelError, Request
+from services.detector.model import DetectedObjects, ModelError, Request
 from services.detector.runtime.loading import load, load_all
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.torch_engine import TorchEngine
@@ -243,7 +243,7 @@ def objects_in(model: Pipeline) -> list[Detection]:
     """Return what a model finds in a view that has something near in it."""
     (outcome,) = model.run([Request(CameraKey("r1", "front"), frame_of(near_view()), masks=True)])
     model.close()
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     assert outcome.objects
     return outcome.objects
 
@@ -267,7 +267,7 @@ async def test_a_detection_model_finds_boxes_and_says_what_will_be_silent(tmp_pa
     image = frame_of(np.zeros((48, 64, 3), np.uint8))
     (outcome,) = await model.infer([Request(CameraKey("r1", "front"), image, masks=True)])
     model.close()
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     assert all(each.mask is None for each in outcome.objects)
 
 

@@ -11,7 +11,7 @@ from schemas.detections import Detection
 from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED
-from services.detector.model import Failed, Found, ModelError, Outcome, Request
+from services.detector.model import DetectedObjects, Failed, ModelError, Outcome, Request
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.postprocess import Output
@@ -29,7 +29,7 @@ def grey(value: int, height: int = 48, width: int = 64) -> Request:
 
 
 def score(outcome: Outcome) -> float:
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     return outcome.objects[0].score
 
 
@@ -109,7 +109,7 @@ async def test_a_model_without_masks_says_what_will_be_silent() -> None:
     assert not model.segments
     assert "overlay/segmentation, distances and objects are silent" in model.remarks[0]
     (outcome,) = await model.infer([replace(grey(255), masks=True)])
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     assert [each.mask for each in outcome.objects] == [None]
 
 
@@ -126,7 +126,7 @@ async def test_tuning_counts_from_the_next_image_on() -> None:
 
 
 def _objects(outcome: Outcome) -> list[Detection]:
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     return outcome.objects
 
 

@@ -8,7 +8,7 @@ from schemas.detections import TRACK_COUNT_BITS, Box, Detection
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from services.detector.model import Found, Request
+from services.detector.model import DetectedObjects, Request
 from services.detector.tracking.tracks import GAP_NS, CameraTracks, Tracking
 from tests.schemas.frames import header
 from tests.services.detector.test_worker import frame
@@ -110,7 +110,7 @@ def request(robot: str, seq: int = 0) -> Request:
 async def test_each_camera_has_its_own_tracker_and_it_is_said_how_long_that_took(
     factory: Factory, tracking: Tracking
 ) -> None:
-    one, other = [await tracking.follow(request(robot), Found([BOX], {"model": 7})) for robot in ("r1", "r2")]
+    one, other = [await tracking.follow(request(robot), DetectedObjects([BOX], {"model": 7})) for robot in ("r1", "r2")]
     assert len(factory.made) == 2
     assert one.objects[0].track != other.objects[0].track
     assert set(one.spans) == {"model", "track"}
@@ -118,13 +118,13 @@ async def test_each_camera_has_its_own_tracker_and_it_is_said_how_long_that_took
 
 
 async def test_frames_are_taken_in_the_order_of_the_calls(factory: Factory, tracking: Tracking) -> None:
-    await asyncio.gather(*(tracking.follow(request("r1", seq), Found([BOX])) for seq in range(20)))
+    await asyncio.gather(*(tracking.follow(request("r1", seq), DetectedObjects([BOX])) for seq in range(20)))
     assert [tracker.frames for tracker in factory.made] == [20]
 
 
 async def test_trackers_of_cameras_not_seen_for_longest_are_let_go(factory: Factory, tracking: Tracking) -> None:
     for robot in ("r1", "r2", "r1", "r3", "r1", "r2"):
-        await tracking.follow(request(robot, len(factory.made)), Found([BOX]))
+        await tracking.follow(request(robot, len(factory.made)), DetectedObjects([BOX]))
     assert len(factory.made) == 4
 
 
@@ -141,7 +141,7 @@ async def test_what_cannot_be_followed_is_there_all_the_same_and_its_camera_begi
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     tracking = Tracking(Failing)
-    found = [await tracking.follow(request("r1", seq), Found([BOX])) for seq in range(3)]
+    found = [await tracking.follow(request("r1", seq), DetectedObjects([BOX])) for seq in range(3)]
     assert [numbers(each.objects) for each in found] == [[1], [None], [1]]
     assert epoch(found[0].objects) != epoch(found[2].objects)
     assert "r1/front: objects of frame 1 are not followed" in caplog.text
@@ -151,4 +151,4 @@ async def test_what_cannot_be_followed_is_there_all_the_same_and_its_camera_begi
 async def test_what_was_closed_follows_nothing_more(tracking: Tracking) -> None:
     tracking.close()
     with pytest.raises(RuntimeError):
-        await tracking.follow(request("r1"), Found([BOX]))
+        await tracking.follow(request("r1"), DetectedObjects([BOX]))

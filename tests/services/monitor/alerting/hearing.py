@@ -2,9 +2,9 @@
 
 import time
 
-from services.monitor.health import Hearing
+from services.monitor.health import Heartbeat
 
 
-def hears(lease_s: float = 1.0) -> Hearing:
+def hears(lease_s: float = 1.0) -> Heartbeat:
     """Return the hearing of a monitor that hears the fleet all the time."""
-    return Hearing(time.monotonic, lease_s)
+    return Heartbeat(time.monotonic, lease_s)

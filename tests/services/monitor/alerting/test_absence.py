@@ -1,11 +1,11 @@
 from services.monitor.alerting.absence import Absentees
-from services.monitor.health import GAP_S, Hearing
+from services.monitor.health import GAP_S, Heartbeat
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 LEASE_S = 2.0
-STALE_S = Limits().stale_ns / S
+STALE_S = TrustLimits().stale_ns / S
 SETTLE_S = 3.0 + LEASE_S
 NAMES = ("r1", "r2")
 
@@ -13,10 +13,10 @@ NAMES = ("r1", "r2")
 class Watch:
     """A monitor of two robots and a camera, on a clock that the test sets."""
 
-    def __init__(self, limits: Limits | None = None) -> None:
+    def __init__(self, limits: TrustLimits | None = None) -> None:
         self.inventory = Inventory(limits)
         self.heard_s: float | None = 0.0
-        self.hearing = Hearing(lambda: self.heard_s, LEASE_S)
+        self.hearing = Heartbeat(lambda: self.heard_s, LEASE_S)
         self.absentees = Absentees(self.inventory, self.hearing)
         self._seq = 0
         for robot in NAMES:
@@ -102,7 +102,7 @@ def test_what_a_monitor_that_cannot_hear_knew_of_robots_is_not_known_any_more() 
 
 def test_a_camera_is_silent_a_moment_after_its_lists_ended_or_once_its_link_would_be_lost() -> None:
     for stale_s, sure_s in ((3.0, GAP_S), (0.5, GAP_S + LEASE_S - 0.5)):
-        watch = Watch(Limits(stale_ns=round(stale_s * S)))
+        watch = Watch(TrustLimits(stale_ns=round(stale_s * S)))
         watch.inventory.camera_presence(FRONT, alive=True)
         for at_s in (10, 10.1):
             watch.see(at_s)

@@ -17,10 +17,10 @@ from services.monitor.alerting import alerting as module
 from services.monitor.alerting.alerting import OFFER_S, SWEEP_S, Alerting, look_at
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine, UnknownAlertError
-from services.monitor.rules.findings import Look
+from services.monitor.rules.findings import CameraState
 from services.monitor.rules.loading import load_rules
 from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known
@@ -67,7 +67,7 @@ async def rigged(
     path.write_text(text, encoding="utf-8")
     rules = RuleFile(path)
     await rules.load()
-    inventory = Inventory(Limits(Debounce(*appear, 1, 0)))
+    inventory = Inventory(TrustLimits(Debounce(*appear, 1, 0)))
     alerting = Alerting(rules, inventory, hears(), settle_s=0, offer_s=offer_s, most_subjects=most_subjects)
     network = FakeNetwork()
     async with network.open_bus() as ours, network.open_bus() as theirs:
@@ -268,7 +268,7 @@ async def test_a_camera_that_no_rule_is_about_is_looked_at_when_there_is_news(
 
 
 def test_a_look_is_of_what_is_known_now() -> None:
-    inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+    inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
     inventory.robot_presence("r1", alive=True)
     inventory.camera_presence(FRONT, alive=True)
     for seq in (1, 2):
@@ -305,7 +305,7 @@ async def test_a_camera_that_says_nothing_is_not_looked_at_again_and_again(
 ) -> None:
     looks: list[CameraKey] = []
 
-    def look(inventory: Inventory, camera: CameraView, *known: Any, **more: Any) -> Look:
+    def look(inventory: Inventory, camera: CameraView, *known: Any, **more: Any) -> CameraState:
         looks.append(camera.key)
         return look_at(inventory, camera, *known, **more)
 

@@ -14,7 +14,7 @@ from bus.fake import FakeNetwork
 from schemas.alerts import Alert, AlertState
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
@@ -26,7 +26,7 @@ class Site:
     """A monitor's rules at work. kept: what went to the store."""
 
     def __init__(self, rules: RuleFile) -> None:
-        self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+        self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
         self.alerting = Alerting(rules, self.inventory, hears(), settle_s=0)
         self.kept: list[Alert] = []
         self._seq = 0

@@ -12,7 +12,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import HistorySettings
-from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Change, Debounce
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
@@ -25,7 +25,7 @@ from tests.services.monitor.inventory.seeing import FRONT, seen
 async def monitor(rules: Path, url: str) -> AsyncIterator[tuple[Inventory, Alerting]]:
     file = RuleFile(rules)
     await file.load()
-    inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+    inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
     alerting = Alerting(file, inventory, hears(), settle_s=0)
     history = HistoryKeeper(HistorySettings(history=url), inventory, alerting.lead, owing=alerting)
     await history.restore()

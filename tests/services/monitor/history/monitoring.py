@@ -10,14 +10,14 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import Place, Presence
 from services.monitor.history.settings import HistorySettings
-from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
-from services.monitor.map.sighting_places import Places
+from services.monitor.map.sighting_places import SightingMap
 from tests.contract.waiting import until
 from tests.services.monitor.history.test_store import every, opened
 from tests.services.monitor.inventory.seeing import seen
 
-LIMITS = Limits(Debounce(1, 0, 1, 0))
+LIMITS = TrustLimits(Debounce(1, 0, 1, 0))
 
 
 class Monitor:
@@ -26,7 +26,7 @@ class Monitor:
     def __init__(self, url: str) -> None:
         self.led: list[list[Alert]] = []
         self.inventory = Inventory(LIMITS)
-        self.places = Places()
+        self.places = SightingMap()
         settings = HistorySettings(history=url)
         self.history = HistoryKeeper(settings, self.inventory, lambda of, _acts: self.led.append(list(of)), self.places)
 

@@ -7,7 +7,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history import archive as archive_module
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
 from services.monitor.history.operator_actions import Act
@@ -27,7 +27,7 @@ async def test_sightings_come_page_by_page_each_once_newest_first(url: str) -> N
     async with opened(url) as store:
         await store.write(some, [], NOW_S * S)
     archive, found, after = Archive(url), [], None
-    while page := await archive.sightings(Asked(), 4, after):
+    while page := await archive.sightings(HistoryQuery(), 4, after):
         found += page
         last = page[-1]
         after = (last.since_ns, last.key.robot, last.key.camera, last.name)
@@ -42,7 +42,7 @@ async def test_pages_of_a_long_history_are_those_of_all_of_it(url: str) -> None:
         some.append(interval(since_s, min(NOW_S, since_s + 3**long), key=key, name=name))
     async with opened(url) as store:
         await store.write(some, [], NOW_S * S)
-    for asked, limit in ((Asked(), 50), (Asked((NOW_S - 9_000) * S, (NOW_S - 99) * S, name="box"), 13)):
+    for asked, limit in ((HistoryQuery(), 50), (HistoryQuery((NOW_S - 9_000) * S, (NOW_S - 99) * S, name="box"), 13)):
         archive, found, after = Archive(url), [], None
         while page := await archive.sightings(asked, limit, after):
             found += page
@@ -68,7 +68,7 @@ async def test_the_newest_are_found_without_a_look_at_all_that_is_asked_for(
         return connection
 
     monkeypatch.setattr(archive_module, "connect", counting)
-    assert len(await Archive(url).sightings(Asked(), 20)) == 20
+    assert len(await Archive(url).sightings(HistoryQuery(), 20)) == 20
     assert len(steps) < 5_000
 
 
@@ -78,7 +78,7 @@ async def test_what_is_searched_for_is_in_one_of_the_names_of_a_sighting_in_capi
         await store.write(some, [], NOW_S * S)
     archive = Archive(url)
     for text, count in (("BOX", 3), ("g_b", 1), ("%", 0), (some[0].worker, 3), ("r1", 3), ("no such", 0)):
-        assert len(await archive.sightings(Asked(text=text), 9)) == count, text
+        assert len(await archive.sightings(HistoryQuery(text=text), 9)) == count, text
 
 
 async def test_letters_of_every_alphabet_are_found_in_capitals_or_not(url: str) -> None:
@@ -94,8 +94,8 @@ async def test_letters_of_every_alphabet_are_found_in_capitals_or_not(url: str) 
         ("BOX", {"box"}),
         ("ü%", set()),
     ):
-        assert {each.name for each in await Archive(url).sightings(Asked(text=text), 9)} == wanted, text
-        entries = [Entry(each.sighting(), available=True) for each in await Archive(url).sightings(Asked(), 9)]
+        assert {each.name for each in await Archive(url).sightings(HistoryQuery(text=text), 9)} == wanted, text
+        entries = [Entry(each.sighting(), available=True) for each in await Archive(url).sightings(HistoryQuery(), 9)]
         listed = Stock(entries).wanted(Filters(text=text, in_view=False))
         assert {entry.sighting.name for entry in listed} == wanted, "as the table of the page finds them"
 
@@ -104,10 +104,10 @@ async def test_what_goes_on_is_of_now_though_it_began_long_ago(url: str) -> None
     async with opened(url) as store:
         await store.write([interval(1, 2), interval(3, 3, is_open=True)], [], NOW_S * S)
     archive = Archive(url)
-    assert await archive.sightings(Asked(since_ns=5 * S), 9) == [interval(3, NOW_S, is_open=True)]
-    assert await archive.sightings(Asked(until_ns=2 * S), 9) == [interval(1, 2)]
-    assert await archive.sightings(Asked(name="pallet"), 9) == []
-    assert len(await archive.sightings(Asked(robot="r1", camera="front", name="box"), 9)) == 2
+    assert await archive.sightings(HistoryQuery(since_ns=5 * S), 9) == [interval(3, NOW_S, is_open=True)]
+    assert await archive.sightings(HistoryQuery(until_ns=2 * S), 9) == [interval(1, 2)]
+    assert await archive.sightings(HistoryQuery(name="pallet"), 9) == []
+    assert len(await archive.sightings(HistoryQuery(robot="r1", camera="front", name="box"), 9)) == 2
 
 
 async def test_alerts_come_by_their_last_change_and_state_with_what_was_done(url: str) -> None:
@@ -117,12 +117,12 @@ async def test_alerts_come_by_their_last_change_and_state_with_what_was_done(url
     async with opened(url) as store:
         await store.write([], [first, second], NOW_S * S, [act])
     archive = Archive(url)
-    assert await archive.alerts(Asked(), 1) == [second]
-    assert await archive.alerts(Asked(), 9, (second.changed_ns, second.id)) == [first]
-    assert await archive.alerts(Asked(), 9, states=[AlertState.RAISED]) == [first]
+    assert await archive.alerts(HistoryQuery(), 1) == [second]
+    assert await archive.alerts(HistoryQuery(), 9, (second.changed_ns, second.id)) == [first]
+    assert await archive.alerts(HistoryQuery(), 9, states=[AlertState.RAISED]) == [first]
     assert await archive.acts(["a1", "a2"]) == [act]
 
 
 async def test_without_a_history_there_is_nothing_to_read() -> None:
     with pytest.raises(HistoryError, match="--history none"):
-        await Archive(NONE).sightings(Asked(), 1)
+        await Archive(NONE).sightings(HistoryQuery(), 1)

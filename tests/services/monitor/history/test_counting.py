@@ -6,20 +6,20 @@ from hypothesis import strategies as st
 
 from schemas.keys import CameraKey
 from services.monitor.history import counting as module
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.counting import SLOTS, Counts
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import Lasting
+from services.monitor.history.ledger import StoredInterval
 from tests.services.monitor.history.lasting import there
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
 
 NOW_S = 1_700_000_000
-HOUR = Asked((NOW_S - 3_600) * S, NOW_S * S)
+HOUR = HistoryQuery((NOW_S - 3_600) * S, NOW_S * S)
 SLOT_S = 3_600 // SLOTS
 
 
-async def counts(url: str, *some: Lasting, asked: Asked = HOUR, heartbeat_s: int = NOW_S) -> Counts:
+async def counts(url: str, *some: StoredInterval, asked: HistoryQuery = HOUR, heartbeat_s: int = NOW_S) -> Counts:
     async with opened(url) as store:
         await store.write(some, [], heartbeat_s * S)
     return await Archive(url).counts(asked)
@@ -65,7 +65,7 @@ async def test_it_is_not_known_what_was_in_view_while_no_camera_was_spoken_for(u
     )
     wanted = {3_599: False, 3_005: False, 2_995: True, 1_505: True, 1_495: False, 995: True, 905: True, 1: False}
     assert {ago: at(ago) in found.known for ago in wanted} == wanted, either_way
-    only = await Archive(url).counts(Asked(HOUR.since_ns, HOUR.until_ns, robot="r2"))
+    only = await Archive(url).counts(HistoryQuery(HOUR.since_ns, HOUR.until_ns, robot="r2"))
     assert (at(2_995) in only.known, at(2_495) in only.known) == (False, True)
 
 
@@ -98,11 +98,11 @@ async def test_it_is_counted_of_what_is_asked_for(url: str, either_way: str) -> 
     await counts(url, *some)
     since_ns, until_ns = HOUR.since_ns, HOUR.until_ns
     for asked, names in (
-        (Asked(since_ns, until_ns, robot="r2"), {"box": 2, "pallet": 2}),
-        (Asked(since_ns, until_ns, name="box"), {"box": 4}),
-        (Asked(since_ns, until_ns, camera="rear"), {}),
-        (Asked(since_ns, until_ns, text="PALL"), {"pallet": 4}),
-        (Asked(since_ns, until_ns, text="r1"), {"box": 2, "pallet": 2}),
+        (HistoryQuery(since_ns, until_ns, robot="r2"), {"box": 2, "pallet": 2}),
+        (HistoryQuery(since_ns, until_ns, name="box"), {"box": 4}),
+        (HistoryQuery(since_ns, until_ns, camera="rear"), {}),
+        (HistoryQuery(since_ns, until_ns, text="PALL"), {"pallet": 4}),
+        (HistoryQuery(since_ns, until_ns, text="r1"), {"box": 2, "pallet": 2}),
     ):
         found = await Archive(url).counts(asked)
         assert {name: max(of.values()) for name, of in found.most.items()} == names, (either_way, asked)

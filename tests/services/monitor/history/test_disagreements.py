@@ -1,17 +1,17 @@
 from services.monitor.history.disagreements import Disagreement, Disagreements
 from services.monitor.history.ledger import Ledger
-from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
-STALE_S = Limits().stale_ns // S
+STALE_S = TrustLimits().stale_ns // S
 
 
 class Camera:
     """A camera of which two models count boxes, and what was entered in the ledger of it."""
 
     def __init__(self) -> None:
-        self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+        self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
         self.inventory.robot_presence("r1", alive=True)
         self.inventory.camera_presence(FRONT, alive=True)
         self.ledger = Ledger()

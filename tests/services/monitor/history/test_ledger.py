@@ -3,7 +3,7 @@ from msgspec.structs import replace
 
 from services.monitor.history import ledger as module
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import Lasting, Ledger
+from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.history.presence import Presence
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
@@ -86,7 +86,7 @@ def test_what_another_monitor_goes_on_with_is_not_written_any_more() -> None:
     ],
 )
 def test_another_monitors_intervals_go_on_or_end(
-    old: Lasting, ours: Lasting, heartbeat_s: int, written: list[tuple[int, int, bool]]
+    old: StoredInterval, ours: StoredInterval, heartbeat_s: int, written: list[tuple[int, int, bool]]
 ) -> None:
     ledger = Ledger()
     ledger.begin(ours)
@@ -119,7 +119,7 @@ def ended(since_s: int, until_s: int) -> Interval:
     ],
 )
 def test_what_another_monitor_saw_as_well_is_one_interval(
-    stored: Lasting, ends_s: int | None, written: list[tuple[int, int, bool]]
+    stored: StoredInterval, ends_s: int | None, written: list[tuple[int, int, bool]]
 ) -> None:
     """We saw it begin a second later than it did."""
     ledger = Ledger()

@@ -11,7 +11,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from schemas.alerts import AlertState
 from services.monitor.history import archive as archive_module
 from services.monitor.history import pruning
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
@@ -108,31 +108,31 @@ async def test_every_query_of_a_long_history_is_answered(url: str, monkeypatch: 
         assert len(await store.known_alerts(names)) == len(names)
         for kind, where in ((Interval, []), (Presence, [presence.c.robot != ""]), (Disagreement, [])):
             assert await store.select(kind, *where, since_ns=(NOW_S - 86_400) * S)
-        archive, day = Archive(url), Asked((NOW_S - 86_400) * S, NOW_S * S)
+        archive, day = Archive(url), HistoryQuery((NOW_S - 86_400) * S, NOW_S * S)
         for asked in (
             day,
-            Asked(),
-            Asked(text="r7"),
-            Asked(day.since_ns, day.until_ns, text="ü"),
-            Asked(name="none"),
-            Asked(robot="r1"),
-            Asked(camera="x"),
+            HistoryQuery(),
+            HistoryQuery(text="r7"),
+            HistoryQuery(day.since_ns, day.until_ns, text="ü"),
+            HistoryQuery(name="none"),
+            HistoryQuery(robot="r1"),
+            HistoryQuery(camera="x"),
         ):
             found = await archive.sightings(asked, 200)
             assert len(found) in {0, 200}, asked
-        assert len(await archive.alerts(Asked(), 10_000, states=[AlertState.RAISED])) == ROWS["alerts"] // 100
+        assert len(await archive.alerts(HistoryQuery(), 10_000, states=[AlertState.RAISED])) == ROWS["alerts"] // 100
         assert len(await archive.alerts(day, 200, states=[AlertState.RESOLVED])) == 200
-        assert len(await archive.alerts(Asked(robot="r3"), 200)) == 200
+        assert len(await archive.alerts(HistoryQuery(robot="r3"), 200)) == 200
         assert len(await archive.acts(names)) == len(names)
         for since_s in (3_600, 86_400, DAYS_S):
-            counts = await archive.counts(Asked((NOW_S - since_s) * S, NOW_S * S))
+            counts = await archive.counts(HistoryQuery((NOW_S - since_s) * S, NOW_S * S))
             assert counts.most.keys() == {"box", "pallet", "forklift"}
-            none = await archive.counts(Asked((NOW_S - since_s) * S, NOW_S * S, robot="r3", text="ü"))
+            none = await archive.counts(HistoryQuery((NOW_S - since_s) * S, NOW_S * S, robot="r3", text="ü"))
             assert none.most == {}
         before = await rows_read(url, store)
         with monkeypatch.context() as patch:
             steps = counted_steps(patch)
-            await archive.counts(Asked((NOW_S - DAYS_S) * S, NOW_S * S))
+            await archive.counts(HistoryQuery((NOW_S - DAYS_S) * S, NOW_S * S))
         read = await rows_read(url, store) - before
         assert read < ROWS["intervals"] / 4, "of PostgreSQL's rows"
         assert len(steps) * STEPS < 8 * ROWS["intervals"], "of SQLite's instructions, of which a row takes twenty"

@@ -3,19 +3,19 @@ from collections import deque
 from schemas.keys import CameraKey
 from services.monitor.history.ledger import Ledger
 from services.monitor.history.presence import Attendance, Presence
-from services.monitor.inventory.inventory import SETTLE_NS, Inventory, Limits
+from services.monitor.inventory.inventory import SETTLE_NS, Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from tests.services.monitor.history.lasting import there
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
-STALE_S = Limits().stale_ns // S
+STALE_S = TrustLimits().stale_ns // S
 
 
 class Fleet:
     """A fleet, and who was entered in the ledger as robot/camera, since, until and open."""
 
     def __init__(self) -> None:
-        self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+        self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
         self.ledger = Ledger()
         self.attendance = Attendance(self.inventory, self.ledger)
         self._seq = 0

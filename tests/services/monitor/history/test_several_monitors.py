@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from schemas.alerts import AlertState
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.engine import own_name
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import interval_of
@@ -93,7 +93,7 @@ async def test_what_people_did_while_another_monitor_had_taken_the_lead_is_kept(
         await until(lambda: not monitor.history._alerts)
         ((robot, at_ns),) = (await leader.forgotten()).items()
         assert (robot, at_ns > heeded_ns) == ("r1", True)
-        found = await Archive(url).alerts(Asked(), 9)
+        found = await Archive(url).alerts(HistoryQuery(), 9)
         assert {each.id: each.state for each in found} == {"of both": "raised", "its own": "resolved"}
         assert [act.who for act in await Archive(url).acts(["of both"])] == ["bob"]
 

@@ -15,7 +15,7 @@ from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history import pruning
 from services.monitor.history import store as module
-from services.monitor.history.archive import Archive, Asked
+from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
@@ -117,7 +117,7 @@ async def test_a_database_without_what_came_later_is_read_and_then_completed(url
         async with store._connection.begin():
             for later in (DropTable(clock_doubt), DropTable(webhook_backlog), DropIndex(open_alerts)):
                 await store._connection.execute(later)
-    assert await Archive(url).alerts(Asked(), 9, states=[AlertState.RAISED]) == [alert()]
+    assert await Archive(url).alerts(HistoryQuery(), 9, states=[AlertState.RAISED]) == [alert()]
     async with opened(url) as store:
         assert (await store.load(0)).alerts == [alert()]
         assert await store.clock_doubt() == (None, False)

@@ -2,21 +2,21 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.camera_liveness import AT_ONCE, PARTS, Speaking
-from services.monitor.inventory.inventory import Inventory, Limits
+from services.monitor.inventory.camera_liveness import AT_ONCE, PARTS, SpeakingCameras
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
-STALE_NS = Limits().stale_ns
+STALE_NS = TrustLimits().stale_ns
 
 
 class Watched:
     """An inventory, and which of its cameras speak. looks: how often one was looked at."""
 
     def __init__(self, *, speaks: bool = False) -> None:
-        self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0)))
+        self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
         self.looks = 0
-        self.speaking = Speaking(self.inventory, self._rule, speaks=speaks)
+        self.speaking = SpeakingCameras(self.inventory, self._rule, speaks=speaks)
         self._seq = 0
 
     def _rule(self, camera: CameraView, now_ns: int) -> bool:
@@ -60,7 +60,7 @@ def test_one_that_goes_on_is_looked_at_once_in_a_while() -> None:
 def test_whoever_is_told_of_is_looked_at_at_once() -> None:
     inventory = Inventory()
     gone: set[CameraKey] = set()
-    speaking = Speaking(inventory, lambda camera, _: camera.key not in gone, speaks=False)
+    speaking = SpeakingCameras(inventory, lambda camera, _: camera.key not in gone, speaks=False)
     inventory.see(seen(1, {}), S)
     view = inventory.camera(FRONT)
     assert view
@@ -94,7 +94,7 @@ def test_of_many_whose_time_is_over_some_are_looked_at_and_the_rest_next_time(ca
     inventory = Inventory()
     for number in range(cameras):
         inventory.see(seen(1, {}, key=CameraKey("r1", f"c{number}")), S)
-    speaking = Speaking(inventory, lambda camera, now_ns: camera.last_ns >= now_ns - STALE_NS, speaks=True)
+    speaking = SpeakingCameras(inventory, lambda camera, now_ns: camera.last_ns >= now_ns - STALE_NS, speaks=True)
     assert speaking.advance(2 * S, inventory.cameras()) == []
     silent = [len(speaking.advance(9 * S)) for _ in range(PARTS + 1)]
     assert (silent[0], sum(silent)) == (at_once, cameras)
@@ -105,7 +105,7 @@ def test_when_the_clock_was_set_back_all_are_looked_at() -> None:
     for number in range(AT_ONCE + 1):
         inventory.see(seen(1, {}, key=CameraKey("r1", f"c{number}")), S)
     silent = False
-    speaking = Speaking(inventory, lambda *_: not silent, speaks=True)
+    speaking = SpeakingCameras(inventory, lambda *_: not silent, speaks=True)
     speaking.advance(9 * S, inventory.cameras())
     silent = True
     assert len(speaking.advance(8 * S)) == AT_ONCE + 1

@@ -3,7 +3,7 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory import inventory as module
-from services.monitor.inventory.inventory import Inventory, InventoryFullError, Limits
+from services.monitor.inventory.inventory import Inventory, InventoryFullError, TrustLimits
 from services.monitor.inventory.sighting import ChangeKind, Debounce, Sighting
 from services.monitor.inventory.view import MAX_CLASSES
 from services.monitor.settings import InventorySettings
@@ -14,7 +14,7 @@ REAR = CameraKey("r1", "rear")
 
 
 def quick() -> Inventory:
-    return Inventory(Limits(Debounce(1, 0, 1, 0), stale_ns=3 * S, lost_ns=60 * S))
+    return Inventory(TrustLimits(Debounce(1, 0, 1, 0), stale_ns=3 * S, lost_ns=60 * S))
 
 
 def online(inventory: Inventory, key: CameraKey = FRONT) -> None:
@@ -224,7 +224,7 @@ def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPat
 
 def test_settings_are_seconds() -> None:
     limits = InventorySettings(appear_lists=3, vanish_s=0.5, stale_s=2, lost_s=10).limits()
-    assert limits == Limits(Debounce(3, 0, 2, S // 2), stale_ns=2 * S, lost_ns=10 * S)
+    assert limits == TrustLimits(Debounce(3, 0, 2, S // 2), stale_ns=2 * S, lost_ns=10 * S)
 
 
 def test_cameras_are_in_order_by_robot_and_name_and_those_of_one_robot_are_found() -> None:

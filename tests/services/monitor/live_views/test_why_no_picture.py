@@ -4,7 +4,7 @@ import pytest
 
 from schemas.keys import CameraKey, Stream
 from schemas.status import CameraLoad, WorkerStatus
-from services.monitor.live_views.why_no_picture import LATE, PATIENCE_S, WAITING, Facts, serving, why_nothing
+from services.monitor.live_views.why_no_picture import FIRST_FRAME_TIMEOUT_S, LATE, WAITING, Facts, serving, why_nothing
 
 FRONT = CameraKey("r1", "front")
 LOAD = CameraLoad(robot="r1", camera="front", inferred=1, serving=True)
@@ -35,8 +35,12 @@ GOOD = Facts(known=True, robot_online=True, camera_online=True, serving=(WORKER,
         (replace(GOOD, serving=()), "No detector serves r1/front", "There is w1"),
         (replace(GOOD, serving=(BOXES_ONLY,)), "This model cannot do that", "has no masks"),
         (GOOD, WAITING, "some seconds"),
-        (replace(GOOD, waited_s=PATIENCE_S), WAITING, "Look at Health: is there a detector that serves r1/front"),
-        (replace(GOOD, waited_s=PATIENCE_S), WAITING, "w1 says that it does"),
+        (
+            replace(GOOD, waited_s=FIRST_FRAME_TIMEOUT_S),
+            WAITING,
+            "Look at Health: is there a detector that serves r1/front",
+        ),
+        (replace(GOOD, waited_s=FIRST_FRAME_TIMEOUT_S), WAITING, "w1 says that it does"),
         (replace(GOOD, came=True), LATE, "too much to do"),
     ],
 )

@@ -3,7 +3,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from services.monitor.map.drawing import FRESH_NS, MOST_SHOWN, Bounds, Robot, colour_of, is_fresh, svg_of
+from services.monitor.map.drawing import FRESH_NS, MOST_SHOWN, Bounds, DrawnRobot, colour_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.pose import Pose
 from services.monitor.map.sighting_places import Mark
@@ -61,7 +61,7 @@ def test_the_floor_plan_lies_under_everything_where_its_corner_is_and_turned_abo
 
 def test_a_robot_points_where_it_looks_and_its_name_is_text() -> None:
     name = "<script>alert(1)</script>"
-    robot = Robot(name, Pose(1, 1, 0.5, NOW), live=False)
+    robot = DrawnRobot(name, Pose(1, 1, 0.5, NOW), live=False)
     text = svg_of(BOUNDS, [mark(name=name)], [robot], NOW)
     assert "<script>" not in text
     (group,) = drawn(text).findall("g")
@@ -73,7 +73,7 @@ def test_a_robot_points_where_it_looks_and_its_name_is_text() -> None:
 
 def test_only_of_a_robot_that_is_not_live_it_is_said_when_it_was_seen() -> None:
     poses = [Pose(1, 1, 0, NOW), Pose(2, 2, 0, NOW - 90_999_999_999)]
-    robots = [Robot("here", poses[0], live=True), Robot("gone", poses[1], live=False)]
+    robots = [DrawnRobot("here", poses[0], live=True), DrawnRobot("gone", poses[1], live=False)]
     groups = drawn(svg_of(BOUNDS, [], robots, NOW)).findall("g")
     assert [(group.get("class"), group[1].text) for group in groups] == [
         ("robot live", "here"),
@@ -82,7 +82,7 @@ def test_only_of_a_robot_that_is_not_live_it_is_said_when_it_was_seen() -> None:
 
 
 def test_the_picture_is_bounded() -> None:
-    far = Robot("far", Pose(1e8, 0, 0, NOW), live=True)
+    far = DrawnRobot("far", Pose(1e8, 0, 0, NOW), live=True)
     text = svg_of(BOUNDS, [mark(x=number % 7) for number in range(3 * MOST_SHOWN)], [far], NOW)
     assert len(re.findall("<circle", text)) == MOST_SHOWN
     assert "far" not in text

@@ -3,7 +3,7 @@ import pytest
 
 from schemas.distances import Distances, ObjectDistance, Place
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import FORGET_NS, MOST, RENEW_NS, SAME_M, Mark, Places
+from services.monitor.map.sighting_places import FORGET_NS, MOST, RENEW_NS, SAME_M, Mark, SightingMap
 from tests.schemas.frames import header
 from tests.schemas.results import known, unknown
 
@@ -27,19 +27,19 @@ def xy(marks: list[Mark]) -> list[tuple[float, float]]:
 
 @pytest.mark.parametrize("frame", ["map", "/map"])
 def test_an_object_is_where_it_was_seen_last(frame: str) -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1.0, 2.0, frame=frame)), NOW)
     assert places.marks(NOW) == [Mark("box", 1.0, 2.0, "r1", "front", NOW)]
 
 
 def test_what_is_not_known_in_the_map_is_left_out() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(known("box", 2.0), unknown("pallet"), at(1, 1, frame="odom")), NOW)
     assert places.marks(NOW) == []
 
 
 def test_a_tracked_object_moves() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1, track=7)), NOW)
     places.take(seen(at(5, 5, track=7)), NOW + 1)
     assert xy(places.marks(NOW + 1)) == [(5, 5)]
@@ -47,7 +47,7 @@ def test_a_tracked_object_moves() -> None:
 
 @pytest.mark.parametrize(("apart_m", "count"), [(SAME_M - 0.01, 1), (SAME_M + 0.01, 2)])
 def test_what_several_saw_at_one_place_is_one_object(apart_m: float, count: int) -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1, track=1)), NOW)
     places.take(seen(at(1 + apart_m, 1, track=2), robot="r2"), NOW + 1)
     places.take(seen(at(1, 1, name="pallet")), NOW)
@@ -58,7 +58,7 @@ def test_what_several_saw_at_one_place_is_one_object(apart_m: float, count: int)
 
 
 def test_an_object_that_is_followed_anew_takes_no_room_twice() -> None:
-    places = Places()
+    places = SightingMap()
     for number in range(MOST + 1):
         places.take(seen(at(1, 1, track=number), at(1.1, 1, track=number + MOST)), NOW + number)
     places.take(seen(at(9, 9)), NOW + MOST + 1)
@@ -66,7 +66,7 @@ def test_an_object_that_is_followed_anew_takes_no_room_twice() -> None:
 
 
 def test_what_moved_to_where_something_else_was_leaves_nothing_behind() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1, track=1), at(5, 5, track=2)), NOW)
     places.take(seen(at(5, 5, track=1), at(1, 1, track=2)), NOW + 1)
     places.take(seen(at(9, 9, track=1)), NOW + 2)
@@ -74,7 +74,7 @@ def test_what_moved_to_where_something_else_was_leaves_nothing_behind() -> None:
 
 
 def test_what_moves_far_takes_no_room_from_what_stands() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1)), NOW)
     for number in range(MOST):
         places.take(seen(at(10 + number, 5, track=1)), NOW + 1 + number)
@@ -82,13 +82,13 @@ def test_what_moves_far_takes_no_room_from_what_stands() -> None:
 
 
 def test_two_objects_of_one_image_are_two() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1, track=1), at(1.1, 1, track=2)), NOW)
     assert len(places.marks(NOW)) == 2
 
 
 def test_what_nobody_saw_for_long_is_forgotten_and_there_is_an_end_to_it() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1)), NOW)
     assert len(places.marks(NOW + FORGET_NS)) == 1
     assert places.marks(NOW + FORGET_NS + 1) == []
@@ -109,7 +109,7 @@ def stands(x: float) -> Distances:
 
 
 def test_robots_are_where_two_objects_say_they_are_looked_for_now_and_then() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1)), NOW)
     assert places.poses == {}
     places.take(stands(3.0), NOW + 1)
@@ -120,7 +120,7 @@ def test_robots_are_where_two_objects_say_they_are_looked_for_now_and_then() -> 
 
 
 def test_where_robots_are_said_to_be_is_taken_unless_it_is_older() -> None:
-    places = Places()
+    places = SightingMap()
     places.stand({"r1": Pose(1.0, 2.0, 0.5, 7)})
     places.stand({"r1": Pose(9.0, 2.0, 0.5, 7), "r2": Pose(3.0, 2.0, 0.5, 1)})
     assert places.poses == {"r1": Pose(1.0, 2.0, 0.5, 7), "r2": Pose(3.0, 2.0, 0.5, 1)}
@@ -129,7 +129,7 @@ def test_where_robots_are_said_to_be_is_taken_unless_it_is_older() -> None:
 
 
 def test_when_the_clock_is_set_back_what_is_known_is_as_old_as_before_and_what_is_newer_counts() -> None:
-    places = Places()
+    places = SightingMap()
     places.take(seen(at(1, 1)), NOW)
     places.take(stands(3.0), NOW)
     places.tick(NOW + RENEW_NS)

@@ -6,7 +6,7 @@ from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
 from services.monitor.fleet import Age, Row
-from services.monitor.page.rows.robots import Robot, standing
+from services.monitor.page.rows.robots import RobotRow, standing
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 
 S = 1_000_000_000
@@ -69,6 +69,6 @@ def worker(
     return WorkerLine(status, online, NOW)
 
 
-def shown(line: RobotLine, *cameras: CameraLine) -> Robot:
+def shown(line: RobotLine, *cameras: CameraLine) -> RobotRow:
     """Return a robot as it is shown at NOW."""
-    return Robot(line, cameras, *standing(line, cameras, NOW))
+    return RobotRow(line, cameras, *standing(line, cameras, NOW))

@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 from nicegui import Client, core, events, ui
 
-from services.monitor.page.live_table import ROWS, Column, LiveTable, Loaded, Window
+from services.monitor.page.live_table import ROWS, Column, LiveTable, Loaded, RowWindow
 
 COUNT = 3 * ROWS
 
@@ -20,7 +20,7 @@ class Shown:
         self.held: list[asyncio.Future[None]] = []
         self.live = LiveTable([Column("id", "Number")], self._load, row_key="id", sort="id", body="", card="")
 
-    async def _load(self, window: Window) -> Loaded:
+    async def _load(self, window: RowWindow) -> Loaded:
         text, count = self.text, self.count
         if self.held:
             await self.held.pop(0)

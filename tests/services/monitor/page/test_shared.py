@@ -1,5 +1,5 @@
 from bus.fake import FakeNetwork
-from services.monitor.page.rows.robots import Wanted
+from services.monitor.page.rows.robots import RobotFilter
 from services.monitor.page.shared import Shared
 from tests.services.monitor.web.serving import monitor_on
 
@@ -11,5 +11,5 @@ async def test_all_who_look_at_once_share_what_they_see() -> None:
         shared = Shared(monitor)
         survey = await shared.survey()
         assert await shared.survey() is survey
-        assert await survey.robots(Wanted()) == ["r1"]
+        assert await survey.robots(RobotFilter()) == ["r1"]
         assert (await shared.stock()).entries == ()

@@ -6,7 +6,7 @@ from typing import Any
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
-from services.monitor.rules.findings import Look
+from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import RuleBook
 from tests.services.monitor.inventory.seeing import FRONT, S
 
@@ -31,7 +31,7 @@ class Ruling:
         return self.due(at_s)
 
     def look(self, at_s: float, *, key: CameraKey = FRONT, speaks: bool = True, **known: Any) -> list[str]:
-        self.engine.look(Look(key, speaks, **known), round(at_s * S))
+        self.engine.look(CameraState(key, speaks, **known), round(at_s * S))
         return self.due(at_s)
 
     def due(self, at_s: float) -> list[str]:

@@ -7,7 +7,7 @@ from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import ChangeKind
 from services.monitor.rules.engine import UnknownAlertError
-from services.monitor.rules.findings import Look
+from services.monitor.rules.findings import CameraState
 from tests.schemas.results import alert
 from tests.services.monitor.inventory.seeing import FRONT, S
 from tests.services.monitor.rules.ruling import Ruling, book
@@ -271,8 +271,8 @@ def test_whether_an_alert_had_escalated_is_known_to_its_end() -> None:
     def escalated(at_s: float) -> list[tuple[str, bool]]:
         return [(each.alert.state, each.escalated) for each in ruling.engine.due(round(at_s * S))]
 
-    ruling.engine.look(Look(FRONT, speaks=True, counts={"box": 3}), 0)
-    ruling.engine.look(Look(REAR, speaks=True, counts={"box": 3}), 0)
+    ruling.engine.look(CameraState(FRONT, speaks=True, counts={"box": 3}), 0)
+    ruling.engine.look(CameraState(REAR, speaks=True, counts={"box": 3}), 0)
     assert escalated(0) == [("raised", False), ("raised", False)]
     ruling.engine.acknowledge("2", S)
     assert escalated(10) == [("acknowledged", False), ("escalated", True)]

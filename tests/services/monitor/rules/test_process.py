@@ -14,10 +14,10 @@ from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.keeper import HistoryKeeper
-from services.monitor.history.ledger import Lasting
+from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.store import Store
-from services.monitor.inventory.inventory import SETTLE_NS, Inventory, Limits
+from services.monitor.inventory.inventory import SETTLE_NS, Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from services.monitor.rules.loading import RuleFileError
 from services.monitor.rules.process import run
@@ -37,7 +37,7 @@ MORE = """,
 """
 
 
-async def written(url: str, some: list[Lasting], heartbeat_s: int) -> None:
+async def written(url: str, some: list[StoredInterval], heartbeat_s: int) -> None:
     store = await Store.open(url)
     try:
         await store.write(some, [], heartbeat_s * S)
@@ -123,7 +123,7 @@ class Live:
     """A monitor's inventory, history and alerts. Two models look at r1's camera."""
 
     def __init__(self, url: str, rules: RuleFile) -> None:
-        self.inventory = Inventory(Limits(Debounce(1, 0, 1, 0), stale_ns=S))
+        self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0), stale_ns=S))
         self.alerting = Alerting(rules, self.inventory, hears())
         self.history = HistoryKeeper(HistorySettings(history=url), self.inventory, self.alerting.lead)
         self.alerts: list[Alert] = []

@@ -6,11 +6,11 @@ from msgspec.structs import replace
 from schemas.keys import CameraKey
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import Lasting
+from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.rules.model import RuleBook
 from services.monitor.rules.replay import caveats, replay
-from services.monitor.rules.timeline import Past
+from services.monitor.rules.timeline import Timeline
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import S
@@ -30,14 +30,14 @@ HISTORY = [
 ]
 
 
-def tried(rule: dict[str, Any], *past: Lasting) -> list[tuple[int, str]]:
+def tried(rule: dict[str, Any], *past: StoredInterval) -> list[tuple[int, str]]:
     """Return when what became of the alerts that one rule raises over a past; over that of one box if none is given."""
     effects = replay(book(rule), past_of(*(past or HISTORY)))
     return [(effect.alert.changed_ns // S, effect.alert.state.value) for effect in effects]
 
 
-def past_of(*some: Lasting) -> Past:
-    return Past(
+def past_of(*some: StoredInterval) -> Timeline:
+    return Timeline(
         [each for each in some if isinstance(each, Interval)],
         [each for each in some if isinstance(each, Presence)],
         [each for each in some if isinstance(each, Disagreement)],
@@ -126,7 +126,7 @@ DAY = 86_400
     ],
 )
 def test_a_robot_is_silent_when_a_monitor_was_there_and_it_was_not(
-    past: list[Lasting], alerts: list[tuple[int, str]]
+    past: list[StoredInterval], alerts: list[tuple[int, str]]
 ) -> None:
     assert tried({"when": "silent", "robots": ["r1"]}, *past) == alerts
 
@@ -159,7 +159,9 @@ def test_what_must_hold_for_a_while_is_not_waited_for_while_no_monitor_runs() ->
     ],
     ids=["silent", "silent twice", "others", "never known to speak"],
 )
-def test_a_camera_is_silent_when_nobody_speaks_for_it(past: list[Lasting], alerts: list[tuple[int, str]]) -> None:
+def test_a_camera_is_silent_when_nobody_speaks_for_it(
+    past: list[StoredInterval], alerts: list[tuple[int, str]]
+) -> None:
     assert tried({"when": "silent", "cameras": ["front"]}, *past) == alerts
 
 
@@ -178,7 +180,7 @@ SPOKEN = [there(2, 99, camera="front", is_open=True), count(2, 99, 2, open=True)
     ],
     ids=["and then agree", "otherwise", "about another class", "at another camera", "until silence", "not told"],
 )
-def test_models_disagree_as_long_as_they_do(past: list[Lasting], alerts: list[tuple[int, str]]) -> None:
+def test_models_disagree_as_long_as_they_do(past: list[StoredInterval], alerts: list[tuple[int, str]]) -> None:
     assert tried({"when": "disagree", "class": "box", "cameras": ["front"]}, *past) == alerts
 
 
@@ -273,4 +275,4 @@ def test_history_of_before_anybody_kept_who_was_there_is_tried_as_well() -> None
 def test_what_cannot_be_tried_is_said() -> None:
     rules = book({"when": "silent"}, {"when": "disagree"}, {"when": "nearer", "class": "box", "than_m": 1})
     assert [note.split(": ")[1][:12] for note in caveats(rules)] == ["is tried wit"]
-    assert list(replay(rules, Past())) == []
+    assert list(replay(rules, Timeline())) == []

@@ -19,7 +19,7 @@ from fleetsight import asking
 from schemas import worker_keys
 from schemas.detections import Box, Detection, Detections, Mask
 from schemas.worker_keys import WorkerAlive
-from services.detector.model import Failed, Found, Outcome, Request
+from services.detector.model import DetectedObjects, Failed, Outcome, Request
 from services.detector.requests import answering
 from services.toolbox.demo.children import free_ports
 from services.toolbox.detect import process
@@ -71,12 +71,13 @@ class DamagingModel(FakeModel):
         """See `Model.infer`."""
         found = await super().infer(batch)
         return [
-            Found([msgspec.structs.replace(box, mask=Mask((40, 60), "1")) for box in _objects(each)]) for each in found
+            DetectedObjects([msgspec.structs.replace(box, mask=Mask((40, 60), "1")) for box in _objects(each)])
+            for each in found
         ]
 
 
 def _objects(outcome: Outcome) -> Sequence[Detection]:
-    assert isinstance(outcome, Found)
+    assert isinstance(outcome, DetectedObjects)
     return outcome.objects
 
 

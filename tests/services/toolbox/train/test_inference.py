@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 from ultralytics.models import YOLO
 
-from services.detector.model import Found, ModelError
+from services.detector.model import DetectedObjects, ModelError
 from services.detector.pixels import to_bgr
 from services.detector.runtime.loading import load
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
@@ -38,7 +38,7 @@ def test_the_weights_see_what_a_detector_sees(tmp_path: Path) -> None:
     found = opened(SHIPPED_MODEL, tmp_path)(np.ascontiguousarray(bgr[..., ::-1]))
     assert found
     model = load(DetectorSettings(device="cpu", threads=1, runtime="torch"), tmp_path)
-    assert model.run([request(bgr, masks=True)]) == [Found(list(found), ANY)]
+    assert model.run([request(bgr, masks=True)]) == [DetectedObjects(list(found), ANY)]
     assert {each.mask.size for each in found if each.mask is not None} == {(480, 640)}
 
 

@@ -1,13 +1,20 @@
 import numpy as np
 
 from services.simulator.world import Camera, Drive, generate, render, truth_of
-from services.training.evaluation.near_objects import NEAR_AREA, NEAR_METRES, Found, is_invented, match, near_objects
+from services.training.evaluation.near_objects import (
+    NEAR_AREA,
+    NEAR_METRES,
+    LabelledBox,
+    is_invented,
+    match,
+    near_objects,
+)
 
-TRUTH = Found("box", np.array([10.0, 10, 30, 30]))
+TRUTH = LabelledBox("box", np.array([10.0, 10, 30, 30]))
 
 
-def at(name: str, *box: float) -> Found:
-    return Found(name, np.array(box))
+def at(name: str, *box: float) -> LabelledBox:
+    return LabelledBox(name, np.array(box))
 
 
 def test_the_right_name_on_the_same_place_is_right() -> None:

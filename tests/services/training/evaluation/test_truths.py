@@ -3,7 +3,7 @@ from pycocotools import mask as coco
 
 from services.simulator.world import Camera, Drive, generate, render
 from services.training.evaluation.truths import truths_of
-from services.training.viewpoints import View
+from services.training.viewpoints import CameraView
 from tests.services.training.evaluation.pictures import truth
 
 
@@ -19,7 +19,7 @@ def test_every_object_in_view_is_there_with_its_pixels() -> None:
     scene, camera = generate(702), Camera()
     pose = Drive.plan(scene).pose(0.5)
     rendering = render(scene, pose, camera)
-    truths = truths_of(scene, View(pose, camera, rendering))
+    truths = truths_of(scene, CameraView(pose, camera, rendering))
     instances = sorted(set(np.unique(rendering.instances)) - {0})
     assert [each.name for each in truths] == [scene.class_name(instance) for instance in instances]
     for each, instance in zip(truths, instances, strict=True):

@@ -10,7 +10,7 @@ from services.detector.runtime.refinement.refiner import SIDE, stretched
 from services.simulator.world import CLASSES, Camera, Drive, SeenObject, generate, render, truth_of
 from services.training.dataset import VIEWS, holdout_seed, pictures_of, training_seed
 from services.training.files import TrainingError
-from services.training.refining.refinement import Look, Looks, Refinement
+from services.training.refining.refinement import Looks, Refinement, RefinerLook
 from services.training.refining.samples import Samples, matched, refining_seeds, write_samples
 
 Picture = NDArray[np.uint8]
@@ -85,7 +85,7 @@ def test_the_object_is_the_one_that_the_coarse_mask_is_of(truths: tuple[SeenObje
         assert np.array_equal(target > 127, found(truth).masks[0])
 
 
-def open_corner(_weights: Path, device: str, folder: Path) -> Look:
+def open_corner(_weights: Path, device: str, folder: Path) -> RefinerLook:
     """Look at the upper left corner of every picture, and note that."""
     assert device == "cpu"
 
@@ -124,7 +124,7 @@ def test_each_scene_is_looked_at_once(write: Callable[[list[int]], list[Path]], 
     assert len((tmp_path / "looks").read_text().splitlines()) == 3 * VIEWS
 
 
-def open_bright(_weights: Path, _device: str, _folder: Path) -> Look:
+def open_bright(_weights: Path, _device: str, _folder: Path) -> RefinerLook:
     """See everything in a picture that is brighter than most, else nothing of any shape."""
 
     def look(image: Picture) -> Looks:

@@ -3,8 +3,8 @@ import msgspec
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet
-from services.monitor.page.rows.robots import RobotState, Survey, Wanted, robot_of, standings_of
-from services.monitor.snapshot import Glance, Workers
+from services.monitor.page.rows.robots import RobotFilter, RobotState, Survey, robot_of, standings_of
+from services.monitor.snapshot import FleetView, Workers
 from tests.services.monitor.inventory.seeing import seen as class_list
 from tests.services.monitor.page.shown import NOW
 
@@ -37,41 +37,41 @@ def fleet() -> Fleet:
 
 def survey() -> Survey:
     made = fleet()
-    glance = Glance(made, Workers(made, NOW), NOW, NOW_S)
+    glance = FleetView(made, Workers(made, NOW), NOW, NOW_S)
     return Survey(glance, list(standings_of(glance)))
 
 
-async def names(wanted: Wanted) -> list[str]:
+async def names(wanted: RobotFilter) -> list[str]:
     return list(await survey().robots(wanted))
 
 
 async def test_the_worst_come_first_then_by_name() -> None:
-    assert await names(Wanted()) == ["r2", "Dock-1", "r1", "r10"]
-    assert await names(Wanted(descending=True)) == ["r1", "r10", "Dock-1", "r2"]
+    assert await names(RobotFilter()) == ["r2", "Dock-1", "r1", "r10"]
+    assert await names(RobotFilter(descending=True)) == ["r1", "r10", "Dock-1", "r2"]
 
 
 async def test_robots_are_sorted_by_what_is_asked_for() -> None:
-    assert await names(Wanted(sort="robot")) == ["Dock-1", "r1", "r2", "r10"]
-    assert (await names(Wanted(sort="seen")))[0] == "r2"
-    assert (await names(Wanted(sort="age")))[-1] == "r10"
-    assert (await names(Wanted(sort="dropped")))[-1] == "Dock-1"
-    assert (await names(Wanted(sort="dropped", descending=True)))[0] == "Dock-1"
-    assert await names(Wanted(sort="nothing of ours")) == await names(Wanted())
+    assert await names(RobotFilter(sort="robot")) == ["Dock-1", "r1", "r2", "r10"]
+    assert (await names(RobotFilter(sort="seen")))[0] == "r2"
+    assert (await names(RobotFilter(sort="age")))[-1] == "r10"
+    assert (await names(RobotFilter(sort="dropped")))[-1] == "Dock-1"
+    assert (await names(RobotFilter(sort="dropped", descending=True)))[0] == "Dock-1"
+    assert await names(RobotFilter(sort="nothing of ours")) == await names(RobotFilter())
 
 
 async def test_robots_are_found_by_their_own_name_a_cameras_or_a_class() -> None:
-    assert await names(Wanted(text=" dock ")) == ["Dock-1"]
-    assert await names(Wanted(text="LEFT")) == ["Dock-1"]
-    assert await names(Wanted(text="pallet")) == ["r10"]
-    assert await names(Wanted(text="box", state=RobotState.OFFLINE)) == ["r2"]
-    assert await names(Wanted(text="nobody")) == []
+    assert await names(RobotFilter(text=" dock ")) == ["Dock-1"]
+    assert await names(RobotFilter(text="LEFT")) == ["Dock-1"]
+    assert await names(RobotFilter(text="pallet")) == ["r10"]
+    assert await names(RobotFilter(text="box", state=RobotState.OFFLINE)) == ["r2"]
+    assert await names(RobotFilter(text="nobody")) == []
 
 
 async def test_a_survey_counts() -> None:
     found = survey()
     assert found.counts == {RobotState.ONLINE: 2, RobotState.OFFLINE: 1, RobotState.TROUBLE: 1}
     assert (found.size, found.cameras, found.live_cameras, found.rate_hz) == (4, 5, 3, 6.0)
-    assert await found.robots(Wanted()) is await found.robots(Wanted())
+    assert await found.robots(RobotFilter()) is await found.robots(RobotFilter())
 
 
 async def test_cameras_that_are_there_without_a_detector_are_named() -> None:
@@ -79,13 +79,13 @@ async def test_cameras_that_are_there_without_a_detector_are_named() -> None:
     for service, name in (("detector", "r1"), ("distance", "r10"), ("opinion", "r10")):
         load = CameraLoad(robot=name, camera="front", inferred=1, serving=True)
         made.worker_status(WorkerStatus(service=service, worker="w", model="m", sent_ns=0, cameras=[load]), NOW)
-    found = Survey(Glance(made, Workers(made, NOW), NOW, NOW_S), [])
+    found = Survey(FleetView(made, Workers(made, NOW), NOW, NOW_S), [])
     assert list(map(str, await found.unserved())) == ["Dock-1/Left", "r1/rear", "r10/front"]
 
 
 def test_a_robot_is_counted_as_what_it_is_shown_as() -> None:
     made = fleet()
-    glance = Glance(made, Workers(made, NOW), NOW, NOW_S)
+    glance = FleetView(made, Workers(made, NOW), NOW, NOW_S)
     for each in standings_of(glance):
         shown = robot_of(glance, each)
         assert (shown.state, shown.line.last_ns, shown.line.rate_hz) == (each.state, each.last_ns, each.rate_hz)
@@ -94,7 +94,7 @@ def test_a_robot_is_counted_as_what_it_is_shown_as() -> None:
 
 def test_what_is_counted_is_what_is_shown_whatever_happens_meanwhile() -> None:
     made = fleet()
-    glance = Glance(made, Workers(made, NOW), NOW, NOW_S)
+    glance = FleetView(made, Workers(made, NOW), NOW, NOW_S)
     found = Survey(glance, list(standings_of(glance)))
     made.robot_presence("r1", alive=False)
     made.robot_presence("r2", alive=True)

@@ -6,7 +6,7 @@ from pydantic import BaseModel
 
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.snapshot import Glance, Workers
+from services.monitor.snapshot import FleetView, Workers
 from services.monitor.web.api.bodies import Body, camera_body, encoded, page_response, robot_body, sighting_body
 from services.monitor.web.api.models import CameraAnswer, Page, RobotAnswer, SightingAnswer
 from tests.services.monitor.web.api.seeing import fill
@@ -20,7 +20,7 @@ def bodies() -> list[tuple[type[BaseModel], Body]]:
     fleet = Fleet("clock")
     fill(fleet)
     now_ns = time.time_ns()
-    glance = Glance(fleet, Workers(fleet, now_ns), now_ns, time.monotonic())
+    glance = FleetView(fleet, Workers(fleet, now_ns), now_ns, time.monotonic())
     (entry,) = fleet.inventory.entries(now_ns)
     return [
         *((RobotAnswer, robot_body(glance.robot(name))) for name in glance.robots),

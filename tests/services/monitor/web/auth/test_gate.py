@@ -1,6 +1,6 @@
 import pytest
 
-from services.monitor.web.auth.gate import Asking, Place, Verdict, body_limit, judge, local_path
+from services.monitor.web.auth.gate import RequestInfo, ServedAt, Verdict, body_limit, judge, local_path
 from services.monitor.web.auth.users import Kind, Role, Visitor
 
 OURS = {"host": "monitor:1", "origin": "http://monitor:1"}
@@ -17,8 +17,8 @@ def verdict(
     own: str = "",
     open_metrics: bool = False,
 ) -> Verdict:
-    asking = Asking(method, path, headers)
-    return judge(asking, visitor, by=Kind.SESSION, place=Place(own, open_metrics=open_metrics))
+    asking = RequestInfo(method, path, headers)
+    return judge(asking, visitor, by=Kind.SESSION, place=ServedAt(own, open_metrics=open_metrics))
 
 
 def test_a_socket_is_opened_from_our_own_page_alone() -> None:
@@ -31,8 +31,8 @@ def test_a_socket_is_opened_from_our_own_page_alone() -> None:
         for nobody in (None, GONE):
             assert verdict(method, path, nobody, {"host": "monitor:1"}) is Verdict.UNKNOWN, "its token may be missing"
     assert verdict("POST", "/login", None, {"host": "monitor:1"}) is Verdict.FOREIGN
-    token = Asking("", "/api/v1/live", {"host": "monitor:1"})
-    assert judge(token, VIEWER, by=Kind.TOKEN, place=Place()) is Verdict.PASS
+    token = RequestInfo("", "/api/v1/live", {"host": "monitor:1"})
+    assert judge(token, VIEWER, by=Kind.TOKEN, place=ServedAt()) is Verdict.PASS
 
 
 def test_behind_a_proxy_its_origin_is_ours_and_no_other() -> None:
@@ -53,12 +53,12 @@ def test_another_origin_does_not_even_read() -> None:
 
 
 def test_on_loopback_somebody_elses_name_for_it_is_not_ours() -> None:
-    place = Place(hosts=frozenset({"localhost", "127.0.0.1", "[::1]"}))
+    place = ServedAt(hosts=frozenset({"localhost", "127.0.0.1", "[::1]"}))
     for host in ("localhost", "LOCALHOST:8080", "127.0.0.1:8080", "[::1]", "[::1]:8080"):
-        asking = Asking("GET", "/login", {"host": host})
+        asking = RequestInfo("GET", "/login", {"host": host})
         assert judge(asking, None, by=None, place=place) is Verdict.PASS, host
     for host in ("evil.test:8080", "", "localhost.evil.test", "[::1].evil.test", "127.0.0.1.evil.test:80", ":80"):
-        asking = Asking("POST", "/login", {"host": host, "origin": f"http://{host}"})
+        asking = RequestInfo("POST", "/login", {"host": host, "origin": f"http://{host}"})
         assert judge(asking, None, by=None, place=place) is Verdict.MISDIRECTED, host
 
 

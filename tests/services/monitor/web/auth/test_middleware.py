@@ -7,7 +7,7 @@ from fastapi.routing import iter_route_contexts
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from services.monitor.web.application import cookie_of
-from services.monitor.web.auth.gate import OPEN, Place
+from services.monitor.web.auth.gate import OPEN, ServedAt
 from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.asking import ORIGIN, Web
@@ -126,7 +126,7 @@ async def test_too_much_is_refused_before_and_while_it_comes(web: Web) -> None:
 
 def guarding(web: Web, app: ASGIApp) -> AccessMiddleware:
     cookie = cookie_of(web.monitor.settings)
-    return AccessMiddleware(app, web.access, cookie=cookie, place=Place(), body_s=0.05, gone_s=0.05)
+    return AccessMiddleware(app, web.access, cookie=cookie, place=ServedAt(), body_s=0.05, gone_s=0.05)
 
 
 async def test_who_never_ends_a_request_gets_no_place_for_it(web: Web) -> None:
