@@ -1,4 +1,4 @@
-"""What BusSettings mean to Zenoh."""
+"""What BusSettings mean to Zenoh. Pure."""
 
 from math import ceil
 from typing import Any, Final

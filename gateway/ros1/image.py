@@ -1,4 +1,4 @@
-"""sensor_msgs/Image without copying its pixels: the gateway's hot path."""
+"""sensor_msgs/Image without copying its pixels: the gateway's hot path. Pure."""
 
 from __future__ import annotations
 

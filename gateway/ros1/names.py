@@ -1,4 +1,4 @@
-"""Graph resource names: what is legal, and what a name means from where it is used."""
+"""Graph resource names: what is legal, and what a name means from where it is used. Pure."""
 
 from __future__ import annotations
 

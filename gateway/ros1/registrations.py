@@ -1,4 +1,7 @@
-"""What a node wants to be registered as, and what must be called so that the master agrees: decided without I/O."""
+"""What a node wants to be registered as, and what must be called so that the master agrees: decided without I/O.
+
+Pure.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Results of the fleet as ROS messages: topic names, and class lists, distances, overlays, object clouds and alerts."""
+"""Results of the fleet as ROS messages: topic names, and class lists, distances, overlays, object clouds and alerts.
+
+Pure.
+"""
 
 import re
 from collections.abc import Callable, Collection, Mapping

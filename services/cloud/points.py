@@ -1,4 +1,4 @@
-"""A PointCloud's bytes as coordinates and colours, whatever its layout: only what is asked for is copied."""
+"""A PointCloud's bytes as coordinates and colours, whatever its layout: only what is asked for is copied. Pure."""
 
 from dataclasses import dataclass
 from typing import Any, Final, Self

@@ -45,7 +45,7 @@ class FrameQueue:
         return int(self._frames.pop(camera, None) is not None)
 
     def expire(self, now_ns: int, limit_ns: int, excused_ns: int = 0) -> list[CameraKey]:
-        """Take down what is older than `limit_ns`, see `QueuedFrame.age_ns`; return the cameras, who keep their turns."""
+        """Remove frames older than `limit_ns` (`QueuedFrame.age_ns`); return their cameras, which keep their turn."""
         expired = [camera for camera, waiting in self._frames.items() if waiting.age_ns(now_ns, excused_ns) > limit_ns]
         for camera in expired:
             del self._frames[camera]

@@ -1,4 +1,4 @@
-"""ROS image encodings to the arrays that models expect."""
+"""ROS image encodings to the arrays that models expect. Pure."""
 
 from io import BytesIO
 from typing import Any, Final

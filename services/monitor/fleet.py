@@ -1,4 +1,4 @@
-"""How the fleet is doing and what it sees: pure state that messages, presence and time move on."""
+"""How the fleet is doing and what it sees: pure state that messages, presence and time move on. Pure."""
 
 from collections import Counter, deque
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""A robot's drive as a loop of measurements, each made when it is first needed and kept while there is room."""
+"""A robot's drive as a loop of measurements, each made when it is first needed and kept while there is room. Pure."""
 
 import sys
 from collections.abc import Collection, Hashable

@@ -1,4 +1,4 @@
-"""What is wrong with how a command was called."""
+"""What is wrong with how a command was called. Pure."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

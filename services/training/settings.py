@@ -5,7 +5,7 @@ from typing import Final
 
 from pydantic import BaseModel, Field, PositiveInt, field_validator
 
-WEIGHTS_FOLDER = Path(__file__).parents[2] / "detector" / "weights"
+WEIGHTS_FOLDER = Path(__file__).parents[1] / "detector" / "weights"
 DECISIVE: Final = {
     "seed",
     "images",

@@ -1,4 +1,4 @@
-"""What is kept as rows, and back. Pure."""
+"""What is kept as rows, and back."""
 
 from collections.abc import Mapping
 from typing import Any, Final, TypeVar

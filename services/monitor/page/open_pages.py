@@ -1,4 +1,4 @@
-"""What is answered instead of a page: what is wrong, and what to do."""
+"""What is answered instead of a page: what is wrong, and what to do. Pure."""
 
 from collections import defaultdict
 from dataclasses import dataclass

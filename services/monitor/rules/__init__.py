@@ -1,1 +1,1 @@
-"""Rules that turn what the fleet sees into alerts and actions. Pure, but for what reads and sends."""
+"""Rules that turn what the fleet sees into alerts and actions."""

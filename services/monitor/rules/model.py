@@ -1,4 +1,4 @@
-"""What a rule file may say."""
+"""What a rule file may say. Pure."""
 
 from datetime import datetime, time
 from fnmatch import fnmatchcase

@@ -1,4 +1,4 @@
-"""The master's book of nodes and their registrations: decided without I/O."""
+"""The master's book of nodes and their registrations: decided without I/O. Pure."""
 
 from __future__ import annotations
 

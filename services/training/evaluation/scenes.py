@@ -69,7 +69,7 @@ def held_out_views(folder: Path, seeds: Sequence[int], workers: int, progress: P
 def generator_digest() -> str:
     """The SHA-256 of the sources that decide what the scenes look like."""
     sources = sorted(Path(str(world.__file__)).parent.rglob("*.py"))
-    own = [Path(str(module.__file__)) for module in (viewpoints, viewpoints)]
+    own = [Path(str(viewpoints.__file__))]
     digest = hashlib.sha256()
     for source in (*sources, *own, Path(__file__), Path(__file__).with_name("truths.py")):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())

@@ -86,10 +86,10 @@ def test_what_has_an_end_of_its_own_was_interrupted_before_it(number: signal.Sig
 def test_so_was_what_is_interrupted_while_it_starts(command: str, code: int) -> None:
     starts = f"""
         import os, signal, sys
-        from services.toolbox import __main__, streams
+        from services.toolbox import __main__, stdio
 
         sys.argv[1:] = ["{command}"]
-        streams.prepare = lambda: os.kill(os.getpid(), signal.SIGINT)
+        stdio.prepare = lambda: os.kill(os.getpid(), signal.SIGINT)
         __main__.console()
     """
     assert subprocess.run([sys.executable, "-c", textwrap.dedent(starts)], check=False).returncode == code

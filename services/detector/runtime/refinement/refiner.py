@@ -1,4 +1,4 @@
-"""What refines masks, whichever library it is."""
+"""What refines masks, whichever library it is. Pure."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

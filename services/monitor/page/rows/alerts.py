@@ -1,4 +1,4 @@
-"""Vue templates of alerts."""
+"""Vue templates of alerts. Pure."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence

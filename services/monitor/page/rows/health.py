@@ -1,4 +1,4 @@
-"""Vue templates of workers and gateways."""
+"""Vue templates of workers and gateways. Pure."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,7 @@
-"""Answers that are long lists, as they are sent: what `models` says of each item, most of it without making models."""
+"""Answers that are long lists, as they are sent: what `models` says of each item, most of it without making models.
+
+Pure.
+"""
 
 from collections.abc import Sequence
 from typing import Any

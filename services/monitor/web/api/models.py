@@ -1,4 +1,4 @@
-"""What the API answers with. Times are UTC; None where there is none yet."""
+"""What the API answers with. Times are UTC; None where there is none yet. Pure."""
 
 from collections.abc import Mapping
 from datetime import datetime

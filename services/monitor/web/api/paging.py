@@ -1,4 +1,4 @@
-"""Pages of long lists, and the marks that say where one ended. Pure."""
+"""Pages of long lists, and the marks that say where one ended."""
 
 import base64
 import binascii

@@ -1,4 +1,4 @@
-"""Users, and the sessions and tokens by which they are known. Pure."""
+"""Users, and the sessions and tokens by which they are known."""
 
 import hashlib
 import re

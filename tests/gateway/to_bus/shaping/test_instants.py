@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.to_bus.shaping.frame_rates import ALONE, SAME_NS, SECOND_NS, Instants, StreamRate
+from gateway.to_bus.shaping.frame_rates import ALONE, SAME_NS, Instants, StreamRate
+from gateway.to_bus.shaping.token_bucket import SECOND_NS
 
 MS = 1_000_000
 BEGIN = 1_700_000_000_000 * MS

@@ -17,7 +17,7 @@ async def test_links_are_counted_against_how_many_there_can_be() -> None:
             await until(lambda: bus.links.count == 2)
             said = (await metrics_of(monitor)).decode().splitlines()
             assert "fleetsight_links 2.0" in said
-            assert f"fleetsight_links_limit {float(bus.session.links.limit)}" in said
+            assert f"fleetsight_links_limit {float(bus.links.limit)}" in said
         await until(lambda: bus.links.count == 0)
         assert monitor.problems() == []
 
