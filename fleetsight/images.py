@@ -5,7 +5,8 @@ from contextlib import asynccontextmanager
 
 from bus import Bus, Latest, Queue, Subscription
 from bus.clocks import clock_id
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.consumer_keys import Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 
 
 @asynccontextmanager

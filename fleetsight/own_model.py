@@ -18,10 +18,11 @@ from bus.sharing.sharing import say_unwanted
 from bus.sharing.tally import Tallies, Tally
 from fleetsight.own_results import Results, publishing
 from schemas import codec, worker_keys
+from schemas.consumer_keys import Wanted
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.status import WorkerStatus
 
 Find = Callable[[ImageFrame], Awaitable[Sequence[Detection]]]

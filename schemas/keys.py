@@ -5,11 +5,10 @@ chunk is a name (see `schemas.header.Name`).
 """
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 from typing import Final
-from uuid import uuid4
 
 import msgspec
 
@@ -176,29 +175,6 @@ def monitor_pulse(monitor: str) -> str:
     return f"services/monitor/{monitor}/pulse"
 
 
-def budget(camera: CameraKey) -> str:
-    """Return the key of the RateBudgets of a camera's consumers."""
-    return f"fleet/{camera}/{BUDGET}"
-
-
-def every_budget(robot: str) -> str:
-    """Return the key expression of the RateBudgets of a robot's cameras."""
-    check_name("robot", robot)
-    return f"fleet/{robot}/*/{BUDGET}"
-
-
-def parse_budget(key: str) -> CameraKey:
-    """Return the camera of a key of RateBudgets.
-
-    Raises:
-        SchemaError: the key is none.
-    """
-    match key.split("/"):
-        case ["fleet", robot, camera, what] if what == BUDGET:
-            return CameraKey(robot, camera)
-    raise SchemaError(f"not the key of a camera's budgets: {key[:200]!r}")
-
-
 EVERY_ROBOT_ALIVE: Final = f"fleet/*/{ALIVE}"
 EVERY_GATEWAY_STATUS: Final = "fleet/*/status"
 
@@ -225,54 +201,6 @@ class StreamKey:
     def alive(self) -> str:
         """The key of the presence token that says this stream can be had."""
         return self.camera.alive(self.stream)
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """A consumer's word that it subscribes to a camera's stream or to one of ROBOT_STREAMS, and where it runs.
-
-    clock_id: of its machine. consumer: has one token of a stream on a machine; by default a name that nobody else has.
-
-    Raises:
-        SchemaError: a name that cannot be a chunk of a key.
-    """
-
-    key: "SensorKey"
-    clock_id: str
-    consumer: str = field(default_factory=lambda: uuid4().hex)
-
-    def __post_init__(self) -> None:
-        check_name("clock", self.clock_id)
-        check_name("consumer", self.consumer)
-
-    def __str__(self) -> str:
-        return f"{self.key}/{WANTED}/{self.clock_id}/{self.consumer}"
-
-
-def every_wanted(robot: str) -> str:
-    """Return the key expression of the presence tokens of those who subscribe to a robot's streams."""
-    check_name("robot", robot)
-    return f"fleet/{robot}/*/**/{WANTED}/*/*"
-
-
-def parse_wanted(key: str) -> Wanted:
-    """Parse a presence token of somebody who subscribes.
-
-    Raises:
-        SchemaError: the key is none.
-    """
-    stream, _, consumer = key.partition(f"/{WANTED}/")
-    match consumer.split("/"):
-        case [clock_id, name]:
-            return Wanted(_parse_wanted_stream(stream), clock_id, name)
-    raise SchemaError(f"not the key of somebody who subscribes: {key[:200]!r}")
-
-
-def _parse_wanted_stream(key: str) -> "SensorKey":
-    match key.split("/"):
-        case ["fleet", robot, stream] if stream in ROBOT_STREAMS:
-            return RobotStreamKey(robot, stream)
-    return parse_stream(key)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,12 @@ from bus import QUEUE, Bus, BusSettings, Sample, open_bus
 from bus.clocks import clock_id
 from bus.errors import BusError
 from schemas import codec, keys
+from schemas.consumer_keys import Wanted
 from schemas.detections import ClassList, Detections
 from schemas.distances import Distances
 from schemas.image import ImageFrame
 from schemas.inventory import InventoryAnswer, InventoryRequest
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 
 CAMERA: Final = CameraKey("r1", "camera")

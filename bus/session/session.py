@@ -4,14 +4,13 @@ import contextlib
 import json
 import logging
 import queue
-import re
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
 from random import uniform
-from typing import Final, Protocol
+from typing import Final
 
 import zenoh
 from zenoh.handlers import Callback
@@ -22,31 +21,18 @@ from bus.requests.queries import send_query
 from bus.requests.serving import serves
 from bus.session.certificates import check_certificates
 from bus.session.config import session_config
+from bus.session.declaration import Declaration, close_session, endpoint_names, log_failure, reason_of, take_back
 from bus.session.known_keys import Numbers
 from bus.session.link_use import LinkUse, LinkWarning
 from bus.session.links import Links, why_unreached
 from bus.session.panics import panics_are_errors
 from bus.session.tcp_options import Tuning
+from bus.session.timing import BRIEF_S, LOOK_S, REST_S, RETRY_S, SETTLING_S
 from bus.settings import BusSettings
-
-RETRY_S: Final = 0.5
-"""Between attempts, and up to as long again: a fleet does not try in step."""
-
-BRIEF_S: Final = 5.0
-"""A session that lived no longer is followed by another one only after RETRY_S."""
-
-REST_S: Final = 0.2
-"""How long nothing follows the end of a session.
-
-Letting go of one holds the interpreter lock until a thread of Zenoh's has time, which may wait for that lock itself to
-call back (1.10), for ten seconds. By then nothing calls back any more.
-"""
 
 IN_A_ROW: Final = 8
 """How many declarations a router is given to work off before it gets more."""
 
-SETTLING_S: Final = 1.0
-"""Longest wait for that; short of the deadline for closing."""
 
 TELL_AFTER_S: Final = 3.0
 """How long a router or peer may take to link before it is said that it waits."""
@@ -57,8 +43,6 @@ RENEWED_AFTER: Final = 10_000
 OTHERS_RENEWED_AFTER: Final = 50_000
 """Of a router or peer, with which all links end, as many that took another number."""
 
-LOOK_S: Final = 0.1
-"""How often it is looked meanwhile whether there is still anything to wait for."""
 
 NEVER: Final = 0
 
@@ -66,24 +50,6 @@ _NOBODY: Final = "nobody"
 """A presence that is not there."""
 
 _log: Final = logging.getLogger(__name__)
-
-
-class Declaration(Protocol):
-    """Something declared on a session. Both methods are called on the session's thread only."""
-
-    @property
-    def number_of(self) -> str:
-        """The key whose number it takes (see bus.session.known_keys), or empty."""
-
-    @property
-    def takes_another(self) -> bool:
-        """Whether it takes another number whenever it is declared."""
-
-    def declare(self, session: zenoh.Session) -> None:
-        """Declare; may raise zenoh.ZError, and is then undeclared."""
-
-    def undeclare(self) -> None:
-        """Undo whatever `declare` got done; nothing if it was never called."""
 
 
 class SessionThread:
@@ -182,7 +148,7 @@ class SessionThread:
 
     def do(self, act: Callable[[], None]) -> None:
         """Have something done that nobody waits for. Any thread."""
-        self.submit(act).add_done_callback(_log_failure)
+        self.submit(act).add_done_callback(log_failure)
 
     def _run(self) -> None:
         while not self._stopped:
@@ -222,13 +188,13 @@ class SessionThread:
                 named = [endpoint for endpoint in listen if endpoint.partition("/")[2] in str(error)]
                 raise BusError(
                     f"cannot open the bus as a {self._settings.mode} (listen {', '.join(named or listen)}): "
-                    f"{_reason(error)}"
+                    f"{reason_of(error)}"
                 ) from error
             if self._settings.mode == "client" and first:
                 self._warn_of(self._settings.connect)
             elif self._settings.mode != "client" and not self._refused:
                 self._refused = True
-                _log.warning("cannot open the bus again yet: %s", _reason(error))
+                _log.warning("cannot open the bus again yet: %s", reason_of(error))
             self._retry_after(RETRY_S)
             return
         if self._settings.mode != "client" and self._settings.connect:
@@ -242,7 +208,7 @@ class SessionThread:
             self._warn_of(missing)
 
     def _warn_of(self, endpoints: Sequence[str]) -> None:
-        _log.warning("waiting for a link to %s: %s", _named(endpoints), why_unreached(endpoints))
+        _log.warning("waiting for a link to %s: %s", endpoint_names(endpoints), why_unreached(endpoints))
 
     def _opened(self) -> zenoh.Session:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings, self._most_links))))
@@ -268,7 +234,7 @@ class SessionThread:
                     self._declare_on(session, declaration)
             except Exception:  # noqa: BLE001 - the others are declared, and this one on the next session
                 _log.exception("a declaration was refused")
-                _take_back(declaration)
+                take_back(declaration)
 
     def _declare_on(self, session: zenoh.Session, declaration: Declaration) -> None:
         self._numbers.keep(session, declaration.number_of)
@@ -297,9 +263,9 @@ class SessionThread:
         self._session, self._ended = None, session
         self._turn += 1
         self._links.clear()
-        _close(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
+        close_session(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
         for declaration in self._kept:
-            _take_back(declaration)
+            take_back(declaration)
         self._numbers.forget()
         self._retry_after(REST_S if time.monotonic() > self._opened_at + BRIEF_S else RETRY_S)
 
@@ -308,7 +274,7 @@ class SessionThread:
 
     @property
     def _where(self) -> str:
-        return _named(self._settings.connect)
+        return endpoint_names(self._settings.connect)
 
     def _on_link(self, turn: int, event: zenoh.LinkEvent) -> None:
         """Have the session's thread act on it; this one is Zenoh's."""
@@ -341,7 +307,7 @@ class SessionThread:
             self._declare_on(self._session, declaration)
         except zenoh.ZError as error:
             self._undeclare(declaration)
-            raise BusError(f"cannot declare: {_reason(error)}") from error
+            raise BusError(f"cannot declare: {reason_of(error)}") from error
         is_client = self._settings.mode == "client"
         self._declared += is_client or declaration.takes_another
         if self._declared >= (RENEWED_AFTER if is_client else OTHERS_RENEWED_AFTER):
@@ -352,7 +318,7 @@ class SessionThread:
         if declaration not in self._kept:
             return
         del self._kept[declaration]
-        _take_back(declaration)
+        take_back(declaration)
 
     def _ask(self, asking: PendingRequest) -> None:
         if self._session is None:
@@ -361,46 +327,14 @@ class SessionThread:
         try:
             send_query(self._session, asking, served_here=serves(asking.key, self._kept))
         except zenoh.ZError as error:
-            asking.settle(BusError(f"cannot ask: {_reason(error)}"))
+            asking.settle(BusError(f"cannot ask: {reason_of(error)}"))
 
     def _stop(self, then: Callable[[], None]) -> None:
         self._stopped = True
         for declaration in list(self._kept):
             self._undeclare(declaration)
         if self._session is not None:
-            _close(self._session)
+            close_session(self._session)
             self._session = None
             self._numbers.forget()
         then()
-
-
-def _named(endpoints: Sequence[str]) -> str:
-    return ", ".join(endpoints) or "any address found by scouting"
-
-
-def _take_back(declaration: Declaration) -> None:
-    try:
-        with panics_are_errors():
-            declaration.undeclare()
-    except Exception as error:  # noqa: BLE001 - the session may be gone already, or a thread stuck in the publisher
-        _log.debug("undeclaring failed: %s", error)
-
-
-def _close(session: zenoh.Session) -> None:
-    try:
-        with panics_are_errors():
-            session.close()
-    except (zenoh.ZError, BusError) as error:
-        _log.warning("the session did not close cleanly: %s", _reason(error))
-
-
-def _log_failure(done: Future[None]) -> None:
-    if not done.cancelled() and (error := done.exception()) is not None:
-        _log.error("the bus met an error: %s", error)
-
-
-def _reason(error: zenoh.ZError | BusError) -> str:
-    """Return what the system said, or Zenoh's message without the places in its own sources."""
-    text = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
-    said = re.search(r"([^:\[]+) \(os error \d+\)", text)
-    return said[1].strip() if said else text

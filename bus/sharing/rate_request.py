@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import Final
 
 from bus.api import Bus, QoS
-from schemas import codec, keys
+from schemas import codec, consumer_keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.keys import StreamKey
 
@@ -40,7 +40,7 @@ class RateRequest:
         if self.hz is None:
             self._changed.clear()
             await self._changed.wait()
-        key = keys.budget(frames.camera)
+        key = consumer_keys.budget(frames.camera)
         async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
             while True:
                 self._changed.clear()

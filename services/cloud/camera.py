@@ -17,9 +17,10 @@ from bus.sharing.tally import Tally
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.codec import Message
+from schemas.consumer_keys import Wanted
 from schemas.detections import Detections
 from schemas.errors import SchemaError
-from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.status import UNWANTED

@@ -13,10 +13,11 @@ from bus.clocks import clock_id
 from bus.demand import SharedDemand, while_wanted
 from bus.sharing.rate_request import RateRequest
 from schemas import codec
+from schemas.consumer_keys import Wanted
 from schemas.detections import KEPT_LISTS, ClassList, Detections, class_list
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.status import UNWANTED
 from services.detector.frame_counts import DEPTH, REPLACED, SPARED, FrameCounts
 from services.detector.frame_queue import FrameQueue, QueuedFrame

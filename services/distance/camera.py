@@ -12,10 +12,11 @@ from typing import Final
 from bus import LATEST, Bus, Publisher, Sample
 from bus.clocks import clock_id
 from schemas import codec
+from schemas.consumer_keys import Wanted
 from schemas.detections import Detections
 from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
-from schemas.keys import TF, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.keys import TF, RobotStreamKey, Stream, StreamKey
 from schemas.status import UNWANTED
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, measure_apart, unknown

@@ -11,17 +11,9 @@ from gateway.ros1.addresses import parse_rosrpc, validate_host, validate_master_
 from gateway.ros1.errors import InvalidNameError, MessageError
 from gateway.ros1.msg.definition import parse
 from gateway.ros1.names import resolve, validate_global, validate_type
+from schemas.consumer_keys import parse_budget, parse_wanted
 from schemas.errors import SchemaError
-from schemas.keys import (
-    CameraKey,
-    RobotStreamKey,
-    parse_budget,
-    parse_robot,
-    parse_service,
-    parse_stream,
-    parse_wanted,
-    sensor_key,
-)
+from schemas.keys import CameraKey, RobotStreamKey, parse_robot, parse_service, parse_stream, sensor_key
 from schemas.worker_keys import parse_serves, parse_worker, parse_worker_alive
 from tests.fuzz.target import Target
 

@@ -20,7 +20,8 @@ from gateway.to_bus.shaping.outlet import Outlet
 from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_bus.shaping.shaping import Shaping
 from gateway.to_bus.stream import MALFORMED
-from schemas.keys import CameraKey, SensorKey, Stream, StreamKey, Wanted
+from schemas.consumer_keys import Wanted
+from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, StreamStatus
 from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.waiting import until

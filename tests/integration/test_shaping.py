@@ -10,9 +10,10 @@ from backports import zstd
 from bus import Subscription
 from gateway.to_bus.shaping.token_bucket import BURST_S
 from schemas.compression import picture_of
+from schemas.consumer_keys import Wanted
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.status import THINNED
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.ros import RosEnvironment

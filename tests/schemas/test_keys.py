@@ -3,9 +3,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.keys import matches
-from schemas import keys
+from schemas import consumer_keys, keys
+from schemas.consumer_keys import Wanted
 from schemas.errors import SchemaError
-from schemas.keys import TF, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.keys import TF, CameraKey, RobotStreamKey, Stream, StreamKey
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
@@ -26,14 +27,14 @@ def test_robot_keys_parse_back(name: str) -> None:
 @given(names, names.filter(lambda name: name not in keys.RESERVED))
 def test_what_consumers_can_use_parses_back(robot: str, camera: str) -> None:
     key = CameraKey(robot, camera)
-    assert keys.parse_budget(keys.budget(key)) == key
-    assert matches(keys.budget(key), keys.every_budget(robot))
+    assert consumer_keys.parse_budget(consumer_keys.budget(key)) == key
+    assert matches(consumer_keys.budget(key), consumer_keys.every_budget(robot))
 
 
 @pytest.mark.parametrize("key", ["workers/detector/w1/1/alive", "fleet/r1/ros/budget", "fleet/r1/front/color/budget"])
 def test_other_keys_are_no_budgets(key: str) -> None:
     with pytest.raises(SchemaError):
-        keys.parse_budget(key)
+        consumer_keys.parse_budget(key)
 
 
 @given(
@@ -48,8 +49,8 @@ def test_a_consumers_token_says_what_it_wants_and_where(
 ) -> None:
     token = Wanted(StreamKey(CameraKey(robot, camera), stream), clock_id, consumer)
     assert str(token) == f"fleet/{robot}/{camera}/{stream}/wanted/{clock_id}/{consumer}"
-    assert keys.parse_wanted(str(token)) == token
-    assert matches(str(token), keys.every_wanted(robot))
+    assert consumer_keys.parse_wanted(str(token)) == token
+    assert matches(str(token), consumer_keys.every_wanted(robot))
 
 
 @given(names, st.sampled_from(sorted(keys.ROBOT_STREAMS)), names, names)
@@ -58,8 +59,8 @@ def test_so_does_the_token_of_who_wants_a_whole_robots_stream(
 ) -> None:
     token = Wanted(RobotStreamKey(robot, stream), clock_id, consumer)
     assert str(token) == f"fleet/{robot}/{stream}/wanted/{clock_id}/{consumer}"
-    assert keys.parse_wanted(str(token)) == token
-    assert matches(str(token), keys.every_wanted(robot))
+    assert consumer_keys.parse_wanted(str(token)) == token
+    assert matches(str(token), consumer_keys.every_wanted(robot))
 
 
 def test_consumers_that_have_no_name_are_told_apart() -> None:
@@ -80,7 +81,7 @@ def test_consumers_that_have_no_name_are_told_apart() -> None:
 )
 def test_other_keys_are_no_consumers_tokens(key: str) -> None:
     with pytest.raises(SchemaError):
-        keys.parse_wanted(key)
+        consumer_keys.parse_wanted(key)
 
 
 @given(st.text(max_size=80))
@@ -88,8 +89,8 @@ def test_whatever_the_key_parsing_raises_schema_errors_only(key: str) -> None:
     for parse in (
         keys.parse_stream,
         keys.parse_robot,
-        keys.parse_budget,
-        keys.parse_wanted,
+        consumer_keys.parse_budget,
+        consumer_keys.parse_wanted,
         keys.parse_service,
     ):
         try:
@@ -181,7 +182,7 @@ def test_named_streams_are_one_each(stream: str) -> None:
 
 @pytest.mark.parametrize("kind", sorted(keys.NAMED_STREAMS))
 def test_no_named_stream_has_the_key_of_a_cameras_budgets(kind: str) -> None:
-    assert matches(f"fleet/r1/{kind}/budget", keys.every_budget("r1"))
+    assert matches(f"fleet/r1/{kind}/budget", consumer_keys.every_budget("r1"))
     with pytest.raises(SchemaError, match="'budget' is reserved"):
         RobotStreamKey("r1", f"{kind}/budget")
     assert RobotStreamKey("r1", f"{kind}/arm/budget").name == f"{kind}/arm/budget"

@@ -9,10 +9,11 @@ from collections.abc import Iterable
 from typing import Final
 
 from bus import QUEUE, Bus, BusSettings, Presence, Sample
-from schemas import codec, keys
+from schemas import codec, consumer_keys
 from schemas.budget import RateBudget
+from schemas.consumer_keys import Wanted
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, SensorKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 
 MAX_BUDGETS: Final = 10_000
 
@@ -129,7 +130,7 @@ class Consumers:
     def note(self, presence: Presence) -> None:
         """Take in that a token appeared or vanished."""
         try:
-            wanted = keys.parse_wanted(presence.key)
+            wanted = consumer_keys.parse_wanted(presence.key)
         except SchemaError as error:
             log.warning("%s: consumer left out: %s", presence.key[:200], error)
             return
@@ -148,7 +149,7 @@ class Consumers:
         """Take in how much a consumer can use."""
         try:
             budget = codec.decode(RateBudget, sample.payload, sample.encoding)
-            self._budgets.say(keys.parse_budget(sample.key), budget, sample.received_ns)
+            self._budgets.say(consumer_keys.parse_budget(sample.key), budget, sample.received_ns)
         except SchemaError as error:
             log.warning("%s: budget left out: %s", sample.key[:200], error)
 
@@ -159,12 +160,12 @@ class Consumers:
             group.create_task(self._follow_budgets(bus))
 
     async def _follow_tokens(self, bus: Bus) -> None:
-        async with bus.watch(keys.every_wanted(self._robot), few=True) as watch:
+        async with bus.watch(consumer_keys.every_wanted(self._robot), few=True) as watch:
             async for presence in watch:
                 self.note(presence)
 
     async def _follow_budgets(self, bus: Bus) -> None:
-        async with bus.subscribe(keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING), few=True) as budgets:
+        async with bus.subscribe(consumer_keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING), few=True) as budgets:
             async for sample in budgets:
                 self.note_budget(sample)
 

@@ -22,9 +22,10 @@ from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.rules.engine import MAX_SUBJECTS, Effect, RuleEngine, UnknownAlertError
+from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import PLACEHOLDERS, RobotAction
+from services.monitor.rules.subjects import Effect, UnknownAlertError
 
 TICK_S: Final = 0.1
 SWEEP_S: Final = 0.2

@@ -10,8 +10,9 @@ from typing import Final, Self
 from bus import QUEUE, Bus
 from bus.clocks import clock_id
 from schemas import codec, keys
+from schemas.consumer_keys import Wanted
 from schemas.errors import SchemaError
-from schemas.keys import RobotStreamKey, Wanted
+from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
 from services.monitor.live_views.shared import CrowdedError, Shared
 from services.monitor.map.pose import Whereabouts

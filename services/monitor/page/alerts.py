@@ -35,7 +35,7 @@ from services.monitor.page.rows.alerts import (
     wanted_alerts,
 )
 from services.monitor.recent import CachedValue
-from services.monitor.rules.engine import UnknownAlertError
+from services.monitor.rules.subjects import UnknownAlertError
 from services.monitor.web.auth.users import Visitor
 
 MAX_KEPT: Final = 200

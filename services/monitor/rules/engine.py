@@ -1,10 +1,7 @@
 """Rules over time: what must hold for how long, and what becomes of the alerts. Pure."""
 
 from collections.abc import Callable, Container, Iterable, Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Final
-from zoneinfo import ZoneInfo
 
 import msgspec
 
@@ -14,39 +11,11 @@ from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules.alert_times import had_escalated, set_back
 from services.monitor.rules.findings import CameraState, Finding, findings, found_in
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
+from services.monitor.rules.subjects import Effect, Subject, UnknownAlertError, local_time
 from services.monitor.rules.waiting import PendingPlaces, Place
 
 MAX_SUBJECTS: Final = 100_000
 """How many robots, cameras and classes are followed over all rules together."""
-
-
-class UnknownAlertError(Exception):
-    """No such alert, or it is resolved already."""
-
-
-@dataclass(frozen=True, slots=True)
-class Effect:
-    """An alert changed. rule: the one that raised it; None if it is gone. raised: it is new, so act.
-
-    escalated: it escalates, or had escalated before.
-    """
-
-    alert: Alert
-    rule: AnyRule | None
-    raised: bool
-    escalated: bool = False
-
-
-@dataclass(slots=True, eq=False)
-class _Subject:
-    """What one rule is about in one place. known: it is known whether it holds, or held at least when it was last."""
-
-    holds: bool = False
-    known: bool = True
-    since_ns: int = 0
-    text: str = ""
-    raised_ns: int | None = None
-    alert: Alert | None = None
 
 
 class RuleEngine:
@@ -60,7 +29,7 @@ class RuleEngine:
         self._new_id = new_id
         self._most = most
         self._book = book
-        self._subjects: dict[str, dict[Place, _Subject]] = {rule.name: {} for rule in book.rules}
+        self._subjects: dict[str, dict[Place, Subject]] = {rule.name: {} for rule in book.rules}
         self._waiting = PendingPlaces()
         self._alerts: dict[str, tuple[Alert, Place]] = {}
         self._escalated: set[str] = set()
@@ -205,7 +174,7 @@ class RuleEngine:
         self._waiting.ripen(now_ns)
         if not self._waiting.ripe:
             return
-        local = _local(now_ns, self._book.timezone)
+        local = local_time(now_ns, self._book.timezone)
         applying = [rule for rule in self._book.rules if rule.name in self._waiting.ripe and rule.applies_at(local)]
         for rule in applying:
             for place in [place for place in self._waiting.ripe[rule.name] if self._is_known(rule, place)]:
@@ -293,12 +262,12 @@ class RuleEngine:
         if found.holds:
             subject.text = found.text
 
-    def _subject(self, rule: str, place: Place) -> _Subject | None:
+    def _subject(self, rule: str, place: Place) -> Subject | None:
         if place not in self._subjects[rule]:
             if not self._has_room():
                 self._refused = True
                 return None
-            self._subjects[rule][place] = _Subject()
+            self._subjects[rule][place] = Subject()
         return self._subjects[rule][place]
 
     def _has_room(self) -> bool:
@@ -312,13 +281,13 @@ class RuleEngine:
         self._full = sum(map(len, self._subjects.values())) >= self._most
         return not self._full
 
-    def _due_ns(self, rule: AnyRule, subject: _Subject) -> int:
+    def _due_ns(self, rule: AnyRule, subject: Subject) -> int:
         held_ns = subject.since_ns + round(rule.for_s * NS)
         if subject.raised_ns is None:
             return held_ns
         return max(held_ns, subject.raised_ns + round(rule.cooldown_s * NS))
 
-    def _raise(self, rule: AnyRule, place: Place, subject: _Subject, now_ns: int) -> None:
+    def _raise(self, rule: AnyRule, place: Place, subject: Subject, now_ns: int) -> None:
         robot, camera, name = place
         alert = Alert(
             id=self._new_id(),
@@ -355,8 +324,3 @@ class RuleEngine:
         if over:
             self._escalated.discard(alert.id)
         return changed
-
-
-def _local(now_ns: int, timezone: str | None) -> datetime:
-    utc = datetime.fromtimestamp(now_ns / NS, UTC)
-    return utc.astimezone(ZoneInfo(timezone) if timezone else None)

@@ -13,9 +13,10 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import RESTORED_NS, Presence
 from services.monitor.inventory.inventory import SETTLE_NS
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
-from services.monitor.rules.engine import Effect, RuleEngine
+from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import NearerRule, RuleBook
+from services.monitor.rules.subjects import Effect
 from services.monitor.rules.timeline import Run, Step, Timeline
 
 AT_MOST: Final = "is tried with the nearest distance of each interval, so it may have been raised less often"

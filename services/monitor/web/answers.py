@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 
 from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import RobotThereError, UnknownRobotError
-from services.monitor.rules.engine import UnknownAlertError
+from services.monitor.rules.subjects import UnknownAlertError
 
 RETRY_S: Final = 2
 

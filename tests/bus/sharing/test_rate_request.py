@@ -9,7 +9,7 @@ from bus import QUEUE, Subscription
 from bus.fake import FakeNetwork
 from bus.sharing import rate_request
 from bus.sharing.rate_request import RateRequest
-from schemas import codec, keys
+from schemas import codec, consumer_keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.keys import CameraKey, Stream, StreamKey
 from tests.contract.waiting import next_of
@@ -23,7 +23,7 @@ async def telling(asked: RateRequest) -> AsyncIterator[Subscription]:
     async with (
         network.open_bus() as ours,
         network.open_bus() as theirs,
-        theirs.subscribe(keys.every_budget("r1"), QUEUE(9)) as budgets,
+        theirs.subscribe(consumer_keys.every_budget("r1"), QUEUE(9)) as budgets,
         asyncio.TaskGroup() as group,
     ):
         task = group.create_task(asked.tell(ours, StreamKey(FRONT, Stream.COLOR), "w1"))
@@ -34,7 +34,7 @@ async def telling(asked: RateRequest) -> AsyncIterator[Subscription]:
 
 async def told(budgets: Subscription) -> RateBudget:
     sample = await next_of(budgets)
-    assert keys.parse_budget(sample.key) == FRONT
+    assert consumer_keys.parse_budget(sample.key) == FRONT
     return codec.decode(RateBudget, sample.payload, sample.encoding)
 
 

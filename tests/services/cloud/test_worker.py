@@ -14,11 +14,12 @@ from bus import QUEUE, Bus, Publisher, QoS
 from bus.clocks import clock_id
 from bus.fake import FakeNetwork
 from bus.reporting import VERSION
-from schemas import codec, keys, worker_keys
+from schemas import codec, consumer_keys, keys, worker_keys
 from schemas.camera_info import CameraInfo
+from schemas.consumer_keys import Wanted
 from schemas.detections import Detections
 from schemas.header import Header
-from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, RobotStreamKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.status import CameraLoad, WorkerStatus
@@ -129,11 +130,11 @@ async def test_nobody_wants_objects_so_nothing_is_asked_of_detector_or_gateway(r
 async def test_registered_points_become_objects_while_somebody_wants_them(rig: Rig) -> None:
     front = await rig.camera(FRONT, Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)
     await rig.transforms(placed("base_link", OPTICAL, z=1.5, optical=True))
-    async with rig.bus.watch(keys.every_wanted("r1")) as tokens:
+    async with rig.bus.watch(consumer_keys.every_wanted("r1")) as tokens:
         async with rig.bus.subscribe(FRONT.stream(Stream.OBJECTS), QUEUE(9)) as objects:
             await until(lambda: front[Stream.POINTS].wanted and front[Stream.DETECTIONS].wanted)
             assert not front[Stream.COLOR].wanted
-            points, moving = sorted([keys.parse_wanted((await anext(tokens)).key) for _ in range(2)], key=str)
+            points, moving = sorted([consumer_keys.parse_wanted((await anext(tokens)).key) for _ in range(2)], key=str)
             assert points == Wanted(StreamKey(FRONT, Stream.POINTS), clock_id(), "w1")
             assert (moving.key, moving.clock_id) == (RobotStreamKey("r1", "tf"), clock_id())
             front[Stream.POINTS].put(codec.encode(registered(3)))

@@ -11,7 +11,7 @@ import pytest
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from bus.fake import FakeNetwork
 from bus.sharing.rendezvous import owner
-from schemas import codec, keys
+from schemas import codec, consumer_keys, keys
 from schemas.budget import RateBudget
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
@@ -125,7 +125,7 @@ async def test_a_model_that_hangs_does_not_keep_a_worker_from_ending(rig: Rig) -
 async def test_a_worker_that_cannot_keep_up_says_what_it_can_use(rig: Rig) -> None:
     model = ToldModel()
     async with (
-        rig.bus.subscribe(keys.every_budget("r1"), QUEUE(99)) as budgets,
+        rig.bus.subscribe(consumer_keys.every_budget("r1"), QUEUE(99)) as budgets,
         rig.worker(A, model),
         asyncio.TaskGroup() as group,
     ):

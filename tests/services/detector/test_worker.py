@@ -11,10 +11,11 @@ from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from bus.clocks import clock_id
 from bus.fake import FakeNetwork
 from bus.reporting import VERSION
-from schemas import codec, keys, worker_keys
+from schemas import codec, consumer_keys, keys, worker_keys
+from schemas.consumer_keys import Wanted
 from schemas.detections import ClassCount, ClassList, Detections
 from schemas.image import ImageFrame
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.status import UNWANTED, CameraLoad, WorkerStatus
 from schemas.worker_keys import WorkerAlive
 from services.detector.frame_counts import DEPTH, FAILED, MALFORMED, REPLACED
@@ -289,12 +290,12 @@ async def test_it_says_its_version(rig: Rig) -> None:
 async def test_it_says_where_a_cameras_frames_go_while_it_wants_them(rig: Rig) -> None:
     async with (
         rig.camera(FRONT) as camera,
-        rig.bus.watch(keys.every_wanted("r1")) as watch,
+        rig.bus.watch(consumer_keys.every_wanted("r1")) as watch,
         asyncio.timeout(PATIENCE_S),
     ):
         async with rig.bus.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)):
             token = await anext(watch)
-            assert keys.parse_wanted(token.key) == Wanted(StreamKey(FRONT, Stream.COLOR), clock_id(), "w1")
+            assert consumer_keys.parse_wanted(token.key) == Wanted(StreamKey(FRONT, Stream.COLOR), clock_id(), "w1")
             await until(lambda: camera.wanted)
         assert (await anext(watch)).alive is False
 

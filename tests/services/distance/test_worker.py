@@ -12,9 +12,10 @@ from bus import QUEUE, Bus, Subscription
 from bus.clocks import clock_id
 from bus.fake import FakeNetwork
 from bus.reporting import VERSION
-from schemas import keys, worker_keys
+from schemas import consumer_keys, worker_keys
+from schemas.consumer_keys import Wanted
 from schemas.distances import Distances
-from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey, Wanted
+from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey
 from schemas.status import WorkerStatus
 from services.distance.camera import WAITED
 from services.distance.sensor_input import DOUBLE
@@ -113,9 +114,9 @@ async def test_where_a_robot_is_is_not_guessed_from_where_it_was_when_somebody_l
 
 
 async def test_the_gateway_is_told_where_its_depth_and_transforms_go(rig: Rig) -> None:
-    async with rig.bus.watch(keys.every_wanted("r1")) as watch, rig.wanted():
+    async with rig.bus.watch(consumer_keys.every_wanted("r1")) as watch, rig.wanted():
         async with asyncio.timeout(60):
-            depth, moving = sorted([keys.parse_wanted((await anext(watch)).key) for _ in range(2)], key=str)
+            depth, moving = sorted([consumer_keys.parse_wanted((await anext(watch)).key) for _ in range(2)], key=str)
     assert depth == Wanted(StreamKey(FRONT, Stream.DEPTH), clock_id(), "w1")
     assert (moving.key, moving.clock_id) == (RobotStreamKey("r1", TF), clock_id())
 

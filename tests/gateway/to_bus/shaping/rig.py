@@ -12,8 +12,9 @@ from gateway.to_bus.shaping.outlet import Outlet, unshaped
 from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_bus.shaping.shaping import Shaping
 from gateway.to_bus.translators import kind_of
+from schemas.consumer_keys import Wanted
 from schemas.image import ImageFrame
-from schemas.keys import SensorKey, Wanted
+from schemas.keys import SensorKey
 from tests.gateway.to_bus.shaping.frames import frame, picture
 from tests.schemas.frames import header
 

@@ -4,8 +4,9 @@ import pytest
 
 from gateway.to_bus.shaping.consumers import MAX_BUDGETS, Budgets
 from schemas.budget import RateBudget
+from schemas.consumer_keys import Wanted
 from schemas.errors import SchemaError
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 
 FRONT = CameraKey("r1", "front")
 COLOR = StreamKey(FRONT, Stream.COLOR)

@@ -9,7 +9,8 @@ from bus.fake import FakeNetwork
 from gateway.to_bus.shaping.consumers import MAX_CONSUMERS, Consumers, stays_near
 from schemas import codec
 from schemas.budget import RateBudget
-from schemas.keys import CameraKey, Stream, StreamKey, Wanted
+from schemas.consumer_keys import Wanted
+from schemas.keys import CameraKey, Stream, StreamKey
 from tests.gateway.ros1.waiting import until
 
 COLOR = StreamKey(CameraKey("r1", "front"), Stream.COLOR)

@@ -19,9 +19,10 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
-from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine, UnknownAlertError
+from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.loading import load_rules
+from services.monitor.rules.subjects import UnknownAlertError
 from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known
 from tests.services.monitor.alerting.hearing import hears

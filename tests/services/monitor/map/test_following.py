@@ -4,7 +4,7 @@ from collections.abc import Callable
 from bus import QoS
 from bus.clocks import clock_id
 from bus.fake import FakeNetwork
-from schemas import codec, keys
+from schemas import codec, consumer_keys
 from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
 from services.monitor.live_views.shared import Shared
@@ -28,7 +28,7 @@ async def test_transforms_are_wanted_while_somebody_looks_at_the_map() -> None:
         network.open_bus() as theirs,
         theirs.publisher(str(RobotStreamKey("r1", "tf")), QoS.STATUS, encoding=ENCODING) as moving,
         theirs.publisher(str(RobotStreamKey("r1", "tf_static")), QoS.LATCHED, encoding=ENCODING) as still,
-        theirs.watch(keys.every_wanted("r1")) as tokens,
+        theirs.watch(consumer_keys.every_wanted("r1")) as tokens,
     ):
         still.put(codec.encode(message(transform("map", "odom", 0))))
         assert not moving.wanted
@@ -40,7 +40,7 @@ async def test_transforms_are_wanted_while_somebody_looks_at_the_map() -> None:
             pose = where.pose()
             assert isinstance(pose, Pose)
             assert (pose.x, pose.y) == (2.0, 2.0)
-            wanted = keys.parse_wanted((await anext(tokens)).key)
+            wanted = consumer_keys.parse_wanted((await anext(tokens)).key)
             assert (wanted.key, wanted.clock_id) == (RobotStreamKey("r1", "tf"), clock_id())
         await until(lambda: not moving.wanted)
 

@@ -6,8 +6,8 @@ import pytest
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import ChangeKind
-from services.monitor.rules.engine import UnknownAlertError
 from services.monitor.rules.findings import CameraState
+from services.monitor.rules.subjects import UnknownAlertError
 from tests.schemas.results import alert
 from tests.services.monitor.inventory.seeing import FRONT, S
 from tests.services.monitor.rules.ruling import Ruling, book

@@ -1,0 +1,78 @@
+"""Keys by which consumers of a robot's streams say what they subscribe to, and how much of it they can use."""
+
+from dataclasses import dataclass, field
+from uuid import uuid4
+
+from schemas.errors import SchemaError
+from schemas.keys import BUDGET, ROBOT_STREAMS, WANTED, CameraKey, RobotStreamKey, SensorKey, check_name, parse_stream
+
+
+def budget(camera: CameraKey) -> str:
+    """Return the key of the RateBudgets of a camera's consumers."""
+    return f"fleet/{camera}/{BUDGET}"
+
+
+def every_budget(robot: str) -> str:
+    """Return the key expression of the RateBudgets of a robot's cameras."""
+    check_name("robot", robot)
+    return f"fleet/{robot}/*/{BUDGET}"
+
+
+def parse_budget(key: str) -> CameraKey:
+    """Return the camera of a key of RateBudgets.
+
+    Raises:
+        SchemaError: the key is none.
+    """
+    match key.split("/"):
+        case ["fleet", robot, camera, what] if what == BUDGET:
+            return CameraKey(robot, camera)
+    raise SchemaError(f"not the key of a camera's budgets: {key[:200]!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A consumer's word that it subscribes to a camera's stream or to one of ROBOT_STREAMS, and where it runs.
+
+    clock_id: of its machine. consumer: has one token of a stream on a machine; by default a name that nobody else has.
+
+    Raises:
+        SchemaError: a name that cannot be a chunk of a key.
+    """
+
+    key: "SensorKey"
+    clock_id: str
+    consumer: str = field(default_factory=lambda: uuid4().hex)
+
+    def __post_init__(self) -> None:
+        check_name("clock", self.clock_id)
+        check_name("consumer", self.consumer)
+
+    def __str__(self) -> str:
+        return f"{self.key}/{WANTED}/{self.clock_id}/{self.consumer}"
+
+
+def every_wanted(robot: str) -> str:
+    """Return the key expression of the presence tokens of those who subscribe to a robot's streams."""
+    check_name("robot", robot)
+    return f"fleet/{robot}/*/**/{WANTED}/*/*"
+
+
+def parse_wanted(key: str) -> Wanted:
+    """Parse a presence token of somebody who subscribes.
+
+    Raises:
+        SchemaError: the key is none.
+    """
+    stream, _, consumer = key.partition(f"/{WANTED}/")
+    match consumer.split("/"):
+        case [clock_id, name]:
+            return Wanted(_parse_wanted_stream(stream), clock_id, name)
+    raise SchemaError(f"not the key of somebody who subscribes: {key[:200]!r}")
+
+
+def _parse_wanted_stream(key: str) -> "SensorKey":
+    match key.split("/"):
+        case ["fleet", robot, stream] if stream in ROBOT_STREAMS:
+            return RobotStreamKey(robot, stream)
+    return parse_stream(key)
