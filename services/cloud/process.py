@@ -2,29 +2,24 @@
 
 import asyncio
 import logging
-import time
 from collections import defaultdict
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from typing import Final
 
-from bus import Bus, QoS, open_bus
-from bus.demand import SharedDemand, while_wanted
-from bus.reporting import VERSION, report
-from bus.sharing import Sharing
-from bus.sharing.sharing import JOIN_S, say_unwanted
+from bus import Bus, Publisher, QoS, open_bus
+from bus.sharing.sharing import JOIN_S
 from bus.sharing.tally import Tallies, Tally
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
-from schemas.status import WorkerStatus
-from schemas.worker_keys import worker_status
 from services.cloud.camera import CloudCamera
 from services.cloud.settings import CloudSettings
 from services.geometry.memory_budget import MIB, MemoryBudget
 from services.worker.thread import worker_thread
+from services.worker.worker import Worker, publish_while_wanted
 
 
 class Sensors:
@@ -72,18 +67,14 @@ class CloudWorker:
         self._sensors = Sensors(settings.points)
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._budget = MemoryBudget(settings.memory_mib * MIB)
-        self._accounts = Tallies(Tally)
         tokens = settings.tokens(SERVICE)
-        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s)
+        self._worker = Worker(
+            bus, tokens, Tallies(Tally), self._serve, details=lambda: {"model": METHOD}, join_s=join_s
+        )
 
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
-        async with asyncio.TaskGroup() as group:
-            key = worker_status(SERVICE, self._settings.worker)
-            group.create_task(report(self._bus, key, WorkerStatus, self._status))
-            for stream in (Stream.COLOR, Stream.POINTS):
-                group.create_task(self._watch(stream))
-            await self._sharing.run()
+        await self._worker.run(self._watch(Stream.COLOR), self._watch(Stream.POINTS))
 
     async def _watch(self, stream: Stream) -> None:
         async with self._bus.watch(keys.every_stream_alive(stream)) as watch:
@@ -93,26 +84,19 @@ class CloudWorker:
                     self._sensors.note(sensor, alive=presence.alive)
                     self._changed.pop(sensor.camera.robot, asyncio.Event()).set()
 
-    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
-        demand = SharedDemand()
-        with self._accounts.serving(key) as account:
-            async with (
-                self._bus.publisher(
-                    key.stream(Stream.OBJECTS),
-                    QoS.IMAGE,
-                    encoding=codec.encoding(ObjectClouds),
-                    on_demand=demand.of(Stream.OBJECTS),
-                ) as publisher,
-                asyncio.TaskGroup() as group,
-            ):
+    async def _serve(self, key: CameraKey, account: Tally, took_over: Callable[[], None]) -> None:
+        camera = self._camera(key, account)
 
-                def publish(clouds: ObjectClouds) -> None:
-                    publisher.put(codec.encode(clouds))
-                    took_over()
+        async def work(publisher: Publisher) -> None:
+            def publish(clouds: ObjectClouds) -> None:
+                publisher.put(codec.encode(clouds))
+                took_over()
 
-                group.create_task(say_unwanted(demand, took_over))
-                camera = self._camera(key, account)
-                await while_wanted(demand, lambda: self._follow_points(key, lambda points: camera.run(points, publish)))
+            await self._follow_points(key, lambda points: camera.run(points, publish))
+
+        await publish_while_wanted(
+            self._bus, key.stream(Stream.OBJECTS), schema=ObjectClouds, qos=QoS.IMAGE, work=work, took_over=took_over
+        )
 
     def _camera(self, key: CameraKey, account: Tally) -> CloudCamera:
         return CloudCamera(
@@ -137,16 +121,6 @@ class CloudWorker:
                     await self._changed[key.robot].wait()
                 if working is not None:
                     working.cancel()
-
-    def _status(self) -> WorkerStatus:
-        return WorkerStatus(
-            service=SERVICE,
-            worker=self._settings.worker,
-            model=METHOD,
-            sent_ns=time.time_ns(),
-            cameras=self._accounts.loads(),
-            version=VERSION,
-        )
 
 
 async def run(settings: CloudSettings) -> None:

@@ -9,18 +9,17 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from bus import Bus, open_bus
-from bus.reporting import VERSION, report
-from bus.sharing import Pace, Sharing
+from bus.sharing import Pace
 from bus.sharing.rate_request import RateRequest
 from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies
 from schemas.header import MAX_LABEL
-from schemas.keys import CameraKey, Stream
-from schemas.status import MAX_CLASSES, WorkerStatus
-from schemas.worker_keys import WorkerAlive, worker_status
+from schemas.keys import CameraKey
+from schemas.status import MAX_CLASSES
+from schemas.worker_keys import WorkerAlive
 from services.detector.camera import CameraOutputs, feed, serving
 from services.detector.frame_counts import REPLACED, SPARED, FrameCounts
 from services.detector.frame_queue import FrameQueue
@@ -32,6 +31,7 @@ from services.detector.settings import DetectorSettings
 from services.detector.tracking.tracks import Tracking
 from services.detector.worker_role import DETECTOR, OPINION, WorkerRole
 from services.worker.thread import worker_thread
+from services.worker.worker import Worker
 
 PACE_PERIOD_S: Final = 0.25
 
@@ -82,7 +82,9 @@ class DetectorWorker:
             keeps_up=lambda: self._pace.limit_hz is None,
             on_result=self._has_result,
         )
-        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s, leaves=self._leaving.begin)
+        self._worker = Worker(
+            bus, tokens, self._accounts, self._serve, details=self._details, join_s=join_s, leaves=self._leaving.begin
+        )
 
     async def run(self) -> None:
         """Work until cancelled; then hand over, publish what has begun, and end.
@@ -91,32 +93,26 @@ class DetectorWorker:
             ModelError: the model is of no more use.
         """
         try:
-            async with asyncio.TaskGroup() as group:
-                key = worker_status(self._role.service, self._name)
-                group.create_task(report(self._bus, key, WorkerStatus, self._status))
-                group.create_task(self._keep_pace())
-                group.create_task(self._inference.run())
-                await self._sharing.run()
+            await self._worker.run(self._keep_pace(), self._inference.run())
         finally:
             self._painters.shutdown(wait=False, cancel_futures=True)
 
-    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
+    async def _serve(self, key: CameraKey, account: FrameCounts, took_over: Callable[[], None]) -> None:
         asked = self._asked[key] = RateRequest()
         asked.ask(self._role.most_hz)
         self._took_over[key] = took_over
         segments, painters = self._model.segments, self._painters
         try:
-            with self._accounts.serving(key) as account:
-                async with (
-                    serving(self._bus, key, account, role=self._role, segments=segments, painters=painters) as camera,
-                    asyncio.TaskGroup() as group,
-                ):
-                    self._cameras[key] = camera
-                    group.create_task(say_unwanted(camera.demand, took_over))
-                    try:
-                        await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
-                    finally:
-                        await self._finish(camera)
+            async with (
+                serving(self._bus, key, account, role=self._role, segments=segments, painters=painters) as camera,
+                asyncio.TaskGroup() as group,
+            ):
+                self._cameras[key] = camera
+                group.create_task(say_unwanted(camera.demand, took_over))
+                try:
+                    await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
+                finally:
+                    await self._finish(camera)
         finally:
             del self._asked[key], self._took_over[key]
             self._cameras.pop(key, None)
@@ -154,17 +150,13 @@ class DetectorWorker:
             elif self._asked[key].hz != most:
                 self._asked[key].ask(most)
 
-    def _status(self) -> WorkerStatus:
-        return WorkerStatus(
-            service=self._role.service,
-            worker=self._name,
-            model=self._model.name,
-            sent_ns=time.time_ns(),
-            remarks=[remark[:MAX_LABEL] for remark in self._model.remarks],
-            classes=list(self._model.classes[:MAX_CLASSES]),
-            cameras=self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
-            version=VERSION,
-        )
+    def _details(self) -> dict[str, Any]:
+        return {
+            "model": self._model.name,
+            "remarks": [remark[:MAX_LABEL] for remark in self._model.remarks],
+            "classes": list(self._model.classes[:MAX_CLASSES]),
+            "cameras": self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
+        }
 
 
 log = logging.getLogger(__name__)

@@ -1,0 +1,100 @@
+"""The skeleton of every worker: it shares cameras with others of its service, serves its own and reports its status."""
+
+import time
+from asyncio import TaskGroup
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from bus.api import Bus, Publisher, QoS
+from bus.demand import SharedDemand, while_wanted
+from bus.reporting import VERSION, report
+from bus.sharing.sharing import JOIN_S, Sharing, say_unwanted
+from bus.sharing.tally import Tallies, Tally
+from schemas import codec
+from schemas.keys import CameraKey, Stream
+from schemas.status import WorkerStatus
+from schemas.worker_keys import WorkerAlive, worker_status
+
+T = TypeVar("T", bound=Tally)
+
+ServeCamera = Callable[[CameraKey, T, Callable[[], None]], Awaitable[None]]
+"""Serves a camera until cancelled. Counts its frames in the tally; calls the function once results come."""
+
+
+def _no_details() -> Mapping[str, Any]:
+    return {}
+
+
+class Worker(Generic[T]):
+    """One worker of a service.
+
+    tokens: how it announces itself, see `SharingSettings.tokens`. tallies: one for each camera it serves. details:
+    returns the fields of its status beside those that every worker fills in. join_s: see `Sharing`. leaves: called
+    when it begins to hand over.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        tokens: Sequence[WorkerAlive],
+        tallies: Tallies[T],
+        serve: ServeCamera[T],
+        *,
+        details: Callable[[], Mapping[str, Any]] = _no_details,
+        join_s: float = JOIN_S,
+        leaves: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._bus = bus
+        self._service, self._name = tokens[0].service, tokens[0].worker
+        self._tallies = tallies
+        self._serve_camera = serve
+        self._details = details
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s, leaves=leaves)
+
+    async def run(self, *alongside: Coroutine[None, None, None]) -> None:
+        """Work until cancelled; then hand over and end. alongside: what else runs as long as the worker does."""
+        async with TaskGroup() as group:
+            for coroutine in alongside:
+                group.create_task(coroutine)
+            key = worker_status(self._service, self._name)
+            group.create_task(report(self._bus, key, WorkerStatus, self._status))
+            await self._sharing.run()
+
+    async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
+        with self._tallies.serving(key) as tally:
+            await self._serve_camera(key, tally, took_over)
+
+    def _status(self) -> WorkerStatus:
+        status = WorkerStatus(
+            service=self._service,
+            worker=self._name,
+            model="",
+            sent_ns=time.time_ns(),
+            cameras=self._tallies.loads(),
+            version=VERSION,
+        )
+        return msgspec.structs.replace(status, **self._details())
+
+
+async def publish_while_wanted(
+    bus: Bus,
+    key: str,
+    *,
+    schema: type[msgspec.Struct],
+    qos: QoS,
+    work: Callable[[Publisher], Coroutine[None, None, None]],
+    took_over: Callable[[], None],
+) -> None:
+    """Offer a stream of results until cancelled; `work` runs, with its publisher, while somebody wants them.
+
+    took_over: called, too, when nobody wants results for a while, since then none come that could show who serves.
+    """
+    demand = SharedDemand()
+    async with (
+        bus.publisher(key, qos, encoding=codec.encoding(schema), on_demand=demand.of(key)) as publisher,
+        TaskGroup() as group,
+    ):
+        group.create_task(say_unwanted(demand, took_over))
+        await while_wanted(demand, lambda: work(publisher))
