@@ -1,4 +1,4 @@
-"""What rules say about what is known of a camera now. Pure."""
+"""Findings: whether a rule holds for a camera or a change, by what is known now. Pure."""
 
 from collections.abc import Iterator, Mapping
 from typing import assert_never
@@ -7,6 +7,7 @@ import msgspec
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind
+from services.monitor.rules import alert_texts
 from services.monitor.rules.model import (
     AnyRule,
     AppearsRule,
@@ -67,12 +68,14 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
             if rule.of_cameras:
                 yield _silent(look)
         case OverRule() if look.speaks:
-            over = look.counts.get(rule.of, 0) > rule.count
-            text = _counted(rule.of, look, f"over {rule.count}") if over else ""
+            count = look.counts.get(rule.of, 0)
+            over = count > rule.count
+            text = alert_texts.over(rule.of, look.key, count, rule.count) if over else ""
             yield Finding(rule.of, over if over or look.settled else None, text)
         case UnderRule() if look.speaks:
-            under = look.counts.get(rule.of, 0) < rule.count
-            text = _counted(rule.of, look, f"under {rule.count}") if under else ""
+            count = look.counts.get(rule.of, 0)
+            under = count < rule.count
+            text = alert_texts.under(rule.of, look.key, count, rule.count) if under else ""
             yield Finding(rule.of, under if look.settled or not under else None, text)
         case NearerRule() if look.speaks:
             yield _nearer(rule, look)
@@ -92,18 +95,14 @@ def found_in(change: Change, rule: AnyRule) -> Finding | None:
     match change.kind:
         case ChangeKind.APPEARED:
             appears = isinstance(rule, AppearsRule)
-            text = f"{of.name} appeared in view of {of.key}"
+            text = alert_texts.appeared(of.name, of.key)
             return None if appears and change.first_look else Finding(of.name, appears, text)
         case ChangeKind.VANISHED:
-            return Finding(of.name, isinstance(rule, DisappearsRule), f"{of.name} disappeared from view of {of.key}")
+            return Finding(of.name, isinstance(rule, DisappearsRule), alert_texts.disappeared(of.name, of.key))
         case ChangeKind.COUNTED | ChangeKind.LOST:
             return None
         case _:
             assert_never(change.kind)
-
-
-def _counted(name: str, look: CameraState, bound: str) -> str:
-    return f"{look.counts.get(name, 0)} {name} in view of {look.key}, {bound}"
 
 
 def _silent(look: CameraState) -> Finding:
@@ -111,7 +110,7 @@ def _silent(look: CameraState) -> Finding:
         return Finding("", holds=False)
     if look.silent_ns is None:
         return Finding("", holds=None)
-    return Finding("", holds=True, text=f"{look.key} is silent", since_ns=look.silent_ns)
+    return Finding("", holds=True, text=alert_texts.silent(look.key), since_ns=look.silent_ns)
 
 
 def _nearer(rule: NearerRule, look: CameraState) -> Finding:
@@ -122,7 +121,7 @@ def _nearer(rule: NearerRule, look: CameraState) -> Finding:
         return Finding(rule.of, holds=None)
     if nearest is None or nearest >= rule.than_m:
         return Finding(rule.of, holds=False)
-    text = f"{rule.of} {nearest:.2f} m from {look.key}, nearer than {rule.than_m:g} m"
+    text = alert_texts.nearer(rule.of, look.key, nearest, rule.than_m)
     return Finding(rule.of, holds=True, text=text)
 
 
@@ -132,5 +131,5 @@ def _disagreements(rule: DisagreeRule, look: CameraState) -> Iterator[Finding]:
         if counts is None:
             yield Finding(name, holds=False if look.complete and look.settled else None)
         else:
-            text = f"two models count {counts[0]} and {counts[1]} {name} in view of {look.key}"
+            text = alert_texts.disagree(name, look.key, counts)
             yield Finding(name, holds=True, text=text)
