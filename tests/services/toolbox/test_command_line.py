@@ -105,7 +105,7 @@ def _printing(argv: list[str], to: int, unbuffered: str = "") -> subprocess.Comp
         (["--help"], ">&-", 0, ""),
         (["distance", "--help"], ">&-", 0, ""),
         (["users", "list", "--history", "sqlite:////nowhere"], ">&-", 2, "fleetsight users: /nowhere: "),
-        (["doctor"], ">&-", 2, "fleetsight doctor: --robot is required"),
+        (["gateway"], ">&-", 2, "fleetsight gateway: --robot is required"),
         (["users", "add", "bob", "--history", "sqlite:////nowhere"], "<&-", 2, "fleetsight users: a password has 10"),
         (["nix"], "2>&-", 2, ""),
     ],
