@@ -124,9 +124,9 @@ from pathlib import Path
 
 if __name__ == "__main__":  # where the command is a module, the processes it begins do not import that one either
     import fleetsight.spawned_process
-    from services.training import pool
+    from services.training import parallel
 
-    pool.run(os.mkdir, [Path(sys.argv[1], str(number)) for number in range(4)], 2, lambda done: None)
+    parallel.run(os.mkdir, [Path(sys.argv[1], str(number)) for number in range(4)], 2, lambda done: None)
 """
 
 

@@ -45,11 +45,11 @@ def test_after_an_interruption_nothing_more_begins(tmp_path: Path, workers: int)
 SCRIPT = """
 import sys
 from pathlib import Path
-from services.training import pool
+from services.training import parallel
 from tests.services.training.test_pool import jobs, work
 
 if __name__ == "__main__":
-    pool.run(work, jobs(Path(sys.argv[1])), 2, lambda done: None)
+    parallel.run(work, jobs(Path(sys.argv[1])), 2, lambda done: None)
 """
 
 
