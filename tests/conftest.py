@@ -3,8 +3,9 @@ from __future__ import annotations
 import logging
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -39,3 +40,22 @@ def model_folder() -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="fleetsight-tests-", ignore_cleanup_errors=True) as folder:
         os.environ["FLEETSIGHT_CACHE"] = str(Path(folder) / "cache")
         yield Path(folder)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_report_to_serializable() -> Generator[None, Any, Any]:
+    """Escape lone surrogates in reports: captured logs have them, and no process can send them to another one."""
+    return escaped((yield))
+
+
+def escaped(data: Any) -> Any:
+    """Return plain data with escapes in place of what UTF-8 cannot hold."""
+    match data:
+        case str():
+            return data.encode(errors="backslashreplace").decode()
+        case dict():
+            return {escaped(key): escaped(value) for key, value in data.items()}
+        case list() | tuple():
+            return type(data)(map(escaped, data))
+        case _:
+            return data
